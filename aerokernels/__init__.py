@@ -8,11 +8,7 @@ callable_module.py.
 from importlib import import_module
 from typing import TYPE_CHECKING
 
-from .process.forks import make_forks_safe as _make_forks_safe
-
 __version__ = "0.1.0"
-
-_make_forks_safe()
 
 # Public names by module; "" lists the public modules.
 _NAMES_IN = {

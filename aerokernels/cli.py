@@ -16,6 +16,7 @@ import traceback
 import warnings
 from collections.abc import Sequence
 from contextlib import suppress
+from pathlib import Path
 from typing import Annotated, Any, NoReturn
 
 import typer
@@ -98,10 +99,12 @@ def one_line(error: BaseException) -> str:
 
 def _is_named(file: object, line: Sequence[str]) -> bool:
     """Whether the command line names a file or one of its folders: a fault of any other file is not bad input."""
-    place = os.path.abspath(os.fsdecode(file)) if isinstance(file, (str, bytes, os.PathLike)) else ""
+    if not isinstance(file, (str, bytes, os.PathLike)) or not file:
+        return False
+    place = Path(os.path.abspath(os.fsdecode(file)))
     values = (argument.rpartition("=")[2] for argument in line if "=" in argument or not argument.startswith("-"))
-    named = map(os.path.abspath, filter(None, values))
-    return bool(place) and any(place.startswith(one) or one.startswith(place) for one in named)
+    named = [Path(os.path.abspath(value)) for value in values if value]
+    return any(place.is_relative_to(one) or one.is_relative_to(place) for one in named)
 
 
 def _remedy(error: BaseException, text: str) -> str:

@@ -60,7 +60,7 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
         // deflect the ray.
         const real derating =
             AT_FACES && obliquity * lever_arm * greatest(cell_rate) > R(1.0) ? R(0.0) : to_stop.derating;
-        const real first_momentum = size3(momentum);
+        real greatest_momentum = size3(momentum);
         const real arc_left = (real)(bounds.length - interval.t_enter);
         real aside = R(0.0);  // sideways deviation within which the ray meets no body
         const real near = WALL_ASIDE / greatest(cell_rate);
@@ -254,6 +254,7 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
                         q += (R(0.5) * h) * projecting;  // the error grew linearly over the step
                     }
                 }
+                greatest_momentum = greater(greatest_momentum, size3(momentum));
 
                 if (CONTROLLED && IS_STRAIGHT) {
                     real turn;
@@ -315,7 +316,7 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
                 gain = R(0.0);
             }
             used = stop_error(
-                used, &bounds, &control, d0, ambient, momentum, first_momentum, max_deflection, &to_stop, displacement);
+                used, &bounds, &control, d0, ambient, greatest_momentum, max_deflection, &to_stop, displacement);
             obliquity_first = obliquity;
             opd_rate = (fabs(pot) + size3(force) * (obliquity + max_deflection) * lever_arm) / ambient;
         }

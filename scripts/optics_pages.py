@@ -21,7 +21,7 @@ def cone_displacement(spacing: float, rows: int) -> dict[str, np.ndarray]:
     and traced through the Taylor-Maccoll flow (validation/cone_rays.py).
     """
     gas = flow.cone(MACH, HALF_ANGLE, length=LENGTH)
-    field = gas.index_field(wavelength=WAVELENGTH, spacing=spacing)
+    field = gas.index_field(WAVELENGTH, "paper", spacing=spacing)
     pupil = Disc(1e-3, center=(-1.0, 0.0, STATION), normal=(1.0, 0.0, 0.0))
     camera = Camera(pupil, 0.1, 3.6e-3 / rows, (rows, 3), distance=2.0)
     found = background_displacement(field, camera, aperture_rays=1)
@@ -114,7 +114,7 @@ def main() -> None:
     left.legend(title="from the focus")
     figure.savefig(options.out / "fldi.png", dpi=110)
 
-    field = flow.cone(MACH, HALF_ANGLE, length=LENGTH).index_field(wavelength=WAVELENGTH, spacing=LENGTH / 200)
+    field = flow.cone(MACH, HALF_ANGLE, length=LENGTH).index_field(WAVELENGTH, "paper", spacing=LENGTH / 200)
     pupil = Disc(2e-3, center=(-1.0, 0.0, STATION), normal=(1.0, 0.0, 0.0))
     camera = Camera(pupil, 0.1, 8e-6, 64 if options.quick else 512, distance=2.0)
     pictures = bos(field, camera, aperture_rays=4)

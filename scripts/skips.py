@@ -66,7 +66,7 @@ def rows(ray_count: int, repeats: int, backend: str) -> list[list[str]]:
     far = Plane((0.0, 0.0, 0.02), (0.0, 0.0, 1.0))
     rays = partial(trace, field, bundle, until=far, **engine)
     density = flow.shipped("mach3")
-    whole = partial(density.index_field(scene.flow.wavelength).resample, 4.0 * scene.grid.spacing)
+    whole = partial(density.index_field(scene.flow.wavelength, scene.flow.relation).resample, 4.0 * scene.grid.spacing)
     part = partial(whole, region=prepared.region)
     cases = [
         (

@@ -212,6 +212,52 @@ def test_the_reader_of_caches_sees_every_form(source: str):
     )
 
 
+# A library that raises one class for everything, without a code: Warp's errors of memory, NumPy's of its numbers.
+BY_WORDS = {"tracing/engines/device_memory.py", "inputs/arguments.py"}
+FAULT = re.compile(r"e|err|exc|error|fault|failure|refusal|refused")
+
+
+def decided_by_words(tree: ast.AST) -> list[int]:
+    """Lines that compare or search the message of an error."""
+    found = []
+    for one in ast.walk(tree):
+        if isinstance(one, ast.Compare):
+            parts = [one.left, *one.comparators]
+        elif isinstance(one, ast.Call) and getattr(one.func, "attr", "") in (
+            "startswith",
+            "endswith",
+            "search",
+            "match",
+        ):
+            parts = [one.func, *one.args]
+        else:
+            continue
+        inside = [each for part in parts for each in ast.walk(part)]
+        texts = [
+            each.args[0] for each in inside if isinstance(each, ast.Call) and getattr(each.func, "id", "") == "str"
+        ]
+        texts += [each.value for each in inside if isinstance(each, ast.Attribute) and each.attr == "args"]
+        if any(isinstance(text, ast.Name) and FAULT.fullmatch(text.id) for text in texts):
+            found.append(one.lineno)
+    return found
+
+
+def test_no_branch_is_taken_by_the_words_of_a_message():
+    """An error is told by its class, its code or its attributes: a message may be written anew at any time."""
+    for source in sorted(PACKAGE.rglob("*.py")):
+        if source.relative_to(PACKAGE).as_posix() not in BY_WORDS:
+            lines = decided_by_words(ast.parse(source.read_text(encoding="utf-8")))
+            assert not lines, f"{source}: lines {lines} look into the message of an error"
+    for words in (
+        "if 'meets' in str(fault): pass",
+        "found = error.args[0] == 'full'",
+        "if str(error).startswith(name): pass",
+        "if re.search('locked|busy', str(error)): pass",
+    ):
+        assert decided_by_words(ast.parse(words)), words
+    assert not decided_by_words(ast.parse("if any(letter in str(path) for letter in x): raise ValueError(str(fault))"))
+
+
 def test_the_import_reader_sees_every_form(tmp_path: Path):
     """The guard above is only as good as its reader: each way of writing an import is seen."""
     module = PACKAGE / "flow" / "imaginary_module.py"

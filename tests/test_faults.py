@@ -57,7 +57,7 @@ def test_without_room_a_result_is_refused_in_words_and_leaves_nothing(tmp_path: 
     assert done.returncode == 0, done.stderr[-2000:]
     *told, left = done.stdout.splitlines()
     assert len(told) == 12 and left == "[]"
-    assert all(line.startswith(f"--out {tmp_path}") and line.endswith("make room, or choose another place")
+    assert all(line.startswith(f"out={tmp_path}") and line.endswith("make room, or choose another place")
                for line in told)  # fmt: skip
     assert (tmp_path / "run" / "result.nc").stat().st_size > 120_000
 
@@ -87,7 +87,7 @@ def test_what_was_computed_is_written_elsewhere_where_the_disk_is_full(tmp_path:
     assert done.returncode == 0, done.stderr[-2000:]
     kept, refused = done.stdout.splitlines()
     (only,) = spare.iterdir()  # nothing of the second attempt
-    assert kept.startswith(f"--out {tmp_path / 'out'}: ") and f"the results are in {only / 'out'} instead" in kept
+    assert kept.startswith(f"out={tmp_path / 'out'}: ") and f"the results are in {only / 'out'} instead" in kept
     assert sorted(path.name for path in (only / "out").iterdir()) == ["result.nc", "summary.json"]
     assert refused.endswith("make room, or choose another place") and not (tmp_path / "out").exists()
 
@@ -120,9 +120,7 @@ def test_a_sweep_on_a_full_disk_keeps_what_is_done_and_goes_on(tmp_path: Path):
     assert done.returncode == 0, done.stderr[-2000:]
     none, told, first, one, all_ = done.stdout.splitlines()
     assert (none, first, one, all_) == ("[]", "1 b'\\n'", "[0]", "3 b'\\n'")
-    assert told.startswith(f"--out {tmp_path / 'cases.jsonl'}: ") and told.endswith(
-        "make room, or choose another place"
-    )
+    assert told.startswith(f"out={tmp_path / 'cases.jsonl'}: ") and told.endswith("make room, or choose another place")
 
 
 @unix
@@ -171,7 +169,7 @@ def test_a_result_is_replaced_whole_by_one_process_at_a_time(tmp_path: Path):
     (out / "mine").write_text("old")
     with subprocess.Popen([sys.executable, "-c", code, out], stdin=subprocess.PIPE, stdout=subprocess.PIPE) as child:
         assert child.stdout and child.stdout.readline() == b"held\n"
-        with pytest.raises(ValueError, match=rf"^--out {out}: another process is at work there; wait") as refused:
+        with pytest.raises(ValueError, match=rf"^out={out}: another process is at work there; wait") as refused:
             with staged_folder(out):
                 pass
         assert "\n" not in str(refused.value)

@@ -33,5 +33,5 @@ def strehl_scene(flow: str = "mach3", ambient_density: float | None = None) -> P
     density = shipped(flow)
     if ambient_density is not None:
         density = density.scaled(ambient_density)
-    field = density.index_field(WAVELENGTH).resample(STREHL_SPACING, region=STREHL_REGION)
+    field = density.index_field(WAVELENGTH, "paper").resample(STREHL_SPACING, region=STREHL_REGION)
     return PupilScene(field, STREHL_PUPIL)

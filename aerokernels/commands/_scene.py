@@ -75,6 +75,4 @@ def naming_scene(scene: str) -> Iterator[None]:
     try:
         yield
     except ValueError as error:
-        if str(error).startswith(f"{scene}: "):
-            raise
         raise ValueError(f"{scene}: {error}") from error

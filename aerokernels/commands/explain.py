@@ -17,8 +17,10 @@ def explain(
     """
     from aerokernels.commands._table import print_table
     from aerokernels.jobs.explain import explanation
+    from aerokernels.scene import warn_of_unused
 
     loaded = load_scene(scene, backend, device, precision, rays, settings)
+    warn_of_unused(loaded, "run")
     with naming_scene(scene):
         rows = explanation(loaded)
     print_table(f"What `aerokernels run {scene}` would do", ("what", "how"), rows)

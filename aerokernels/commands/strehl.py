@@ -21,8 +21,10 @@ def strehl(
     from aerokernels.commands._verdict import leave_with
     from aerokernels.jobs.run import scene_strehl
     from aerokernels.prepare import prepare_field
+    from aerokernels.scene import warn_of_unused
 
     loaded = load_scene(scene, backend, device, precision, rays, settings)
+    warn_of_unused(loaded, "strehl")
     with naming_scene(scene):
         estimate = scene_strehl(loaded, prepare_field(loaded).field)
     found = estimate.quantities

@@ -11,7 +11,8 @@ r"""Compute the errors of an echo's numbers.
     range          systematic: the change of the reading with the error of the peak, read off the waveform scaled by
                    1 +- the relative error (range walk of a fixed threshold; every method if the peak is cut off); the
                    change of the reading with the position of the samples; the change by rounding this waveform to the
-                   digitiser's codes if there is no noise to dither them; and e as a length.
+                   digitiser's codes if there is no noise to dither them; e as a length; and the refractivity model's
+                   uncertainty of the group path, as a mean over the beam.
                    random: the standard deviation of the range over noisy records
 
 The error of a number is the root sum of squares of its parts. The return factors "bucket" and "none" do not depend on
@@ -66,6 +67,7 @@ class EchoProbe:
         power: Received power at the times `fine` [W], shape (n,).
         clean: Voltage of the samples without noise [V].
         rangefinder: Reads ranges.
+        air_error: Error of the group path due to the refractivity model, mean over the beam [m].
     """
 
     field: IndexField
@@ -77,6 +79,7 @@ class EchoProbe:
     power: np.ndarray
     clean: np.ndarray
     rangefinder: Rangefinder
+    air_error: float = 0.0
 
     @cached_property
     def vacuum_peaks(self) -> tuple[float, float]:
@@ -195,8 +198,9 @@ def echo_errors(result: EchoResult, probe: EchoProbe) -> EchoErrors:
                 walk = math.inf
         place = max(abs(found.get(method, math.nan)) for _, found in moved)
         path = 0.5 * probe.scene.flow.wavelength * phase / math.pi
-        systematic = root_sum_square((walk, place, path, codes.get(method, 0.0)))
-        ranges[method] = RangeUncertainty(systematic, random.get(method, math.nan) if noise > 0.0 else 0.0)
+        systematic = root_sum_square((walk, place, path, codes.get(method, 0.0), probe.air_error))
+        spread = random.get(method, math.nan) if noise > 0.0 else 0.0
+        ranges[method] = RangeUncertainty(systematic, spread, probe.air_error)
     return EchoErrors(strehl, power, voltage, ranges)
 
 

@@ -2,10 +2,12 @@
 
 One ray per target point leaves the exit aperture and ends on the tilted target. R_L = integral of n ds inside the
 traced field plus the ambient index times the straight remainder (eq 9, with lengths and optical lengths distinguished).
-The path ends on the tilted plane, so R_L includes the effect of the tilt. The incidence is cos = -d . N in three
-dimensions.
+The path ends on the tilted plane, so R_L includes the effect of the tilt. The pulse takes the time of the group path
+along the same ray, the integral of the group index: n_g - 1 of air is 1.4 % more than n - 1 at 905 nm. The incidence is
+cos = -d . N in three dimensions.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,18 +29,22 @@ class TransmitPaths:
         direction: Unit tangent there, shape (m, 3).
         deflection: Deflection by the flow, toward x and y [rad], shape (m, 2).
         path: Optical path R_L from the exit aperture to the target [m], shape (m,).
+        group_path: The same with the group index, which is what a pulse travels [m], shape (m,).
         incidence_cosine: Cosine of the angle between ray and target normal, shape (m,).
         arrived: Whether the ray reached the target, shape (m,).
         trace: The trace, or None in vacuum.
+        air_error: Error of each group path due to the refractivity model [m], shape (m,).
     """
 
     intersection: np.ndarray
     direction: np.ndarray
     deflection: np.ndarray
     path: np.ndarray
+    group_path: np.ndarray
     incidence_cosine: np.ndarray
     arrived: np.ndarray
     trace: TraceResult | None = None
+    air_error: np.ndarray | float = 0.0
 
 
 def target_plane(scene: Scene) -> Plane:
@@ -70,24 +76,44 @@ def vacuum_paths(points: TargetPoints, plane: Plane) -> TransmitPaths:
     path = ((plane.point - points.start) @ plane.normal) / cosine
     intersection = points.start + path[:, None] * direction
     deflection = np.zeros((len(path), 2))
-    return TransmitPaths(intersection, direction, deflection, path, cosine, np.ones(len(path), dtype=bool))
+    return TransmitPaths(intersection, direction, deflection, path, path, cosine, np.ones(len(path), dtype=bool))
 
 
 def transmit_paths(scene: Scene, field: IndexField, points: TargetPoints) -> TransmitPaths:
-    """Trace the outward paths through the flow; path and intersection are NaN for rays that do not arrive."""
+    """Trace the outward paths through the flow; paths and intersection are NaN for rays that do not arrive."""
     plane = target_plane(scene)
     rays = RayBundle(points.start, points.aim - points.start)
-    wanted = ("position", "direction", "optical_path", "evaluation_count")
+    wanted = ("position", "direction", "group_path", "evaluation_count")
     result = trace(field, rays, until=plane, outputs=wanted, **trace_options(scene))
-    position, direction, path = result.position, result.direction, result.optical_path
-    assert position is not None and direction is not None and path is not None  # requested outputs
+    position, direction, path, group_path = result.position, result.direction, result.optical_path, result.group_path
+    assert position is not None and direction is not None  # requested outputs
+    assert path is not None and group_path is not None
     intersection, direction = (np.where(result.ok[:, None], values, np.nan) for values in (position, direction))
     return TransmitPaths(
         intersection=intersection,
         direction=direction,
         deflection=(direction - rays.direction)[:, :2],
         path=np.where(result.ok, path, np.nan),
+        group_path=np.where(result.ok, group_path, np.nan),
         incidence_cosine=direction @ plane.normal,
         arrived=result.ok,
         trace=result,
+        air_error=_uncertainty(field) * np.abs(group_path - result.arc_length),
     )
+
+
+def still_air(field: IndexField, distance: float) -> tuple[float, float]:
+    """Return the excess of the group path over a distance [m] through the ambient air alone, and its error [m].
+
+    The error is NaN, not known, for raw contrast.
+    """
+    made = field.upstream
+    index = field.ambient_index if made is None or made.group is None else made.group.ambient_index
+    excess = (index - 1.0) * distance
+    return excess, math.nan if made is None else _uncertainty(field) * abs(excess)
+
+
+def _uncertainty(field: IndexField) -> float:
+    """Return the relative uncertainty of n_g - 1; 0 for raw contrast, of which none is known."""
+    made = field.upstream
+    return 0.0 if made is None else made.refractivity if made.group is None else made.group.uncertainty

@@ -31,6 +31,7 @@ class EchoResult:
         noise_rms: Standard deviation of the noise between echoes [V]; 0 if the scene has no noise.
         target_point: Where each ray of the beam meets the target [m], shape (m, 3); NaN for rays that do not.
         path: Optical path R_L of each ray from the exit aperture to the target [m], shape (m,).
+        group_path: Group path of each ray, by which the pulse travels [m], shape (m,).
         deflection: Deflection of each ray by the flow, toward x and y [rad], shape (m, 2).
         incidence: Angle between each ray and the target's normal [rad], shape (m,).
         strehl: Strehl ratio of each point's return path over the receiver's pupil, shape (m,); NaN if the scene's
@@ -39,6 +40,8 @@ class EchoResult:
         beam_share: Fraction of the beam's power that each ray represents, shape (m,).
         point_power: Peak of each point's own pulse at the receiver [W], shape (m,); `power` is the sum of the pulses.
         distance: True distance of the target [m].
+        still_air: Part of `range_error` that the air at rest causes [m], with its error: n_g - 1 of the ambient air
+            times the distance. The flow has no part in it.
         ranging: The scene's ranging method.
         ranges: Range by method [m], calibrated; NaN if a method finds no echo, or cannot be calibrated.
         reasons: The reason for each method whose range is NaN.
@@ -61,6 +64,7 @@ class EchoResult:
     noise_rms: float
     target_point: np.ndarray
     path: np.ndarray
+    group_path: np.ndarray
     deflection: np.ndarray
     incidence: np.ndarray
     strehl: np.ndarray
@@ -68,6 +72,7 @@ class EchoResult:
     beam_share: np.ndarray
     point_power: np.ndarray
     distance: float
+    still_air: Quantity
     ranging: str
     ranges: Mapping[str, float]
     reasons: Mapping[str, str]
@@ -85,7 +90,7 @@ class EchoResult:
 
     @cached_property
     def quantities(self) -> dict[str, Quantity]:
-        """Numbers with errors: "strehl", "peak_power" [W], "peak_voltage" [V], "range" and "range_error" [m].
+        """Numbers with errors: "strehl", "peak_power" [W], "peak_voltage" [V], "range", "range_error", "still_air" [m].
 
         The error of "range" combines its systematic and its random error; `errors.ranges` has them separately.
         """
@@ -97,6 +102,7 @@ class EchoResult:
             "peak_voltage": Quantity(self.peak_voltage, errors.peak_voltage, "V"),
             "range": Quantity(self.range, within, "m"),
             "range_error": Quantity(self.range_error, within, "m"),
+            "still_air": self.still_air,
         }
 
     def plot(self, axes=None):
@@ -116,6 +122,7 @@ class EchoResult:
             f"EchoResult, target at {self.distance:g} m, {len(self.beam_share)} points, {len(self.time)} samples",
             f"  peak {found['peak_power'].scaled(1e6, 'uW')}, {found['peak_voltage']}, Strehl ratio {found['strehl']}",
             f"  range by {self.ranging} {found['range']}, error {found['range_error'].scaled(1e3, 'mm').text(True)}",
+            f"  of the error the air at rest, without flow: {found['still_air'].scaled(1e3, 'mm').text(True)}",
         ]
         return "\n".join([*lines, f"  no range: {self.reason}"] if self.reason else lines)
 
@@ -178,6 +185,7 @@ class EchoResult:
                 ("point", "axis"), self.target_point, "m", "where the beam's rays land on the target"
             ),
             "path": point(self.path, "m", "optical path from the exit aperture to the target"),
+            "group_path": point(self.group_path, "m", "group path from the exit aperture to the target"),
             "deflection": variable(
                 ("point", "transverse"), self.deflection, "rad", "deflection by the flow on the way out"
             ),

@@ -1,31 +1,34 @@
 """Simulate the echo of a scene: eq 9-12 of the paper as a sum over the beam in two dimensions.
 
-    P(t) = sum over the rays i of  w_i P0 f_r cos(phi_i) (pi D^2 / 4) / R_i^2 eta_a^2 eta_s F_i s(t - 2 R_i / c)
+    P(t) = sum over the rays i of  w_i P0 f_r cos(phi_i) (pi D^2 / 4) / R_i^2 eta_a^2 eta_s F_i s(t - 2 G_i / c)
 
-w_i is the fraction of the beam's power in ray i, R_i its optical path to the tilted target, phi_i its incidence there,
+w_i is the fraction of the beam's power in ray i, R_i its optical path to the tilted target and G_i the group path along
+the same ray, by which the pulse travels (the paper has R_i for both), phi_i its incidence there,
 f_r the reflectance toward the receiver (reflectors.py), s the pulse's shape (pulses.py), and F_i the return factor of
 the point where the ray meets the target: the Strehl ratio of its return path, as in the paper, or another
-(return_paths.py). The return path has the same optical length as the outward path. R_i in R_i^2 is an optical path too,
+(return_paths.py). The return path has the same lengths as the outward path. R_i in R_i^2 is an optical path too,
 as in eq 10: 5e-4 of the power at sea level. Path, incidence and return factor are those of the point where the
 refracted ray meets the target. Which rays meet the reflector is decided without the flow: the flow displaces rays by
 0.1 mm, which matters at the edges only.
 
 Like a real rangefinder, each method is calibrated on a known echo, the same scene's echo in vacuum: the error of the
 reading of this echo is subtracted. The remaining error is due to air and flow: mainly the range walk of a fixed
-threshold with the amplitude, and the air's optical path (0.4 mm over 1.5 m at sea level).
+threshold with the amplitude, and the group path of the air at rest between aperture and target (0.4 mm over 1.5 m at
+sea level), which is no effect of the flow.
 """
 
 from functools import partial
 
 import numpy as np
 
+from ..display.quantities import Quantity
 from ..inputs.arguments import checked
 from ..medium import IndexField
 from ..prepare import prepare_field
 from ..scene import Scene
 from ..strehl import StrehlEstimate
 from .echo_errors import EchoProbe, echo_errors
-from .paths import TransmitPaths, transmit_paths
+from .paths import TransmitPaths, still_air, transmit_paths
 from .pulse_curve import PulseCurve, peak_height
 from .rangefinder import Rangefinder
 from .received_power import point_power
@@ -89,11 +92,11 @@ def echo_through(
         )
     node_count = scene.receiver.strehl_node_count if strehl_node_count is None else strehl_node_count
     back = return_paths(scene, flow, out.intersection, vacuum.plane, node_count, symmetry)
-    time, fine, stride = vacuum.times(out.path)
+    time, fine, stride = vacuum.times(out.group_path)
 
     reference = vacuum.power(fine)
     peak = np.where(out.arrived, point_power(scene, points.weight, out, back.factor), 0.0)
-    power = sum_of_pulses(fine, 2.0 * np.where(out.arrived, out.path, 0.0) / SPEED_OF_LIGHT, peak, pulse)
+    power = sum_of_pulses(fine, 2.0 * np.where(out.arrived, out.group_path, 0.0) / SPEED_OF_LIGHT, peak, pulse)
     fine_voltage = chain.voltage(fine, reference)
     reference_voltage = fine_voltage[::stride]
     clean = chain.voltage(fine, power)[::stride]
@@ -117,6 +120,7 @@ def echo_through(
         power=power,
         clean=clean,
         rangefinder=rangefinder,
+        air_error=float(share @ np.where(out.arrived, out.air_error, 0.0) / share.sum()),
     )
     return EchoResult(
         time=time,
@@ -126,6 +130,7 @@ def echo_through(
         noise_rms=chain.noise_rms(0.0, scene.detector.sample_rate) if noisy else 0.0,
         target_point=out.intersection,
         path=out.path,
+        group_path=out.group_path,
         deflection=out.deflection,
         incidence=np.arccos(np.clip(out.incidence_cosine, -1.0, 1.0)),
         strehl=back.strehl,
@@ -133,6 +138,7 @@ def echo_through(
         beam_share=share,
         point_power=peak,
         distance=float(scene.target.distance),
+        still_air=Quantity(*still_air(flow, scene.target.distance), "m"),
         ranging=scene.detector.ranging,
         ranges=ranges,
         reasons=reasons,

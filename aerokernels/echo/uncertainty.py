@@ -12,10 +12,12 @@ class RangeUncertainty:
     Attributes:
         systematic: Error common to all records of the scene [m].
         random: Standard deviation between records [m]; 0 if the scene has no noise.
+        refractivity: Part of `systematic` due to the refractivity model: its uncertainty of the whole group path [m].
     """
 
     systematic: float
     random: float
+    refractivity: float = 0.0
 
     @property
     def total(self) -> float:

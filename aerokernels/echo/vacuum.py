@@ -71,8 +71,7 @@ class VacuumEcho:
         They follow from the paths in vacuum alone, unless air over kilometres, or glass, delays the light noticeably.
 
         Args:
-            path: Optical path of each ray to the target [m], shape (m,), NaN for one that does not arrive; None:
-                vacuum.
+            path: Group path of each ray to the target [m], shape (m,), NaN for one that does not arrive; None: vacuum.
 
         Raises:
             ValueError: A record of millions of samples.

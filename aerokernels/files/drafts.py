@@ -19,7 +19,7 @@ FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 class OutputError(OSError):
     """There is no space for results; the message names the place and the remedy."""
 
-    def __init__(self, place: Path, fault: OSError, name: str = "--out ", kept: Path | None = None):
+    def __init__(self, place: Path, fault: OSError, name: str = "out=", kept: Path | None = None):
         """Make a message of one line.
 
         Args:
@@ -56,7 +56,7 @@ def replacing(*paths: Path, name: str = "") -> Iterator[tuple[Path, ...]]:
 
     Args:
         *paths: The files.
-        name: Precedes a path in messages, such as "--out ".
+        name: Precedes a path in messages, such as "out=".
 
     Raises:
         ValueError: A path is a folder, or its folder does not exist.

@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ..process.fault_text import fault_text
-from ..process.fragile import DAMAGED, LibraryEndedError
-from ..process.room import NoRoomError
+from ..process.fault_text import FileFault, fault_text
+from ..process.fragile import DAMAGED
 
 if TYPE_CHECKING:
     import xarray
@@ -50,9 +49,9 @@ def _check_state(path: Path, state: tuple[int, int]) -> None:
     try:
         now = file_state(path)
     except OSError as fault:
-        raise ValueError(f"{path}: it was opened, but no longer exists ({fault.strerror})") from None
+        raise FileFault(f"{path}: it was opened, but no longer exists ({fault.strerror})") from None
     if now != state:
-        raise ValueError(f"{path}: it has changed since it was opened: open it again, once it is written")
+        raise FileFault(f"{path}: it has changed since it was opened: open it again, once it is written")
 
 
 @contextmanager
@@ -60,12 +59,10 @@ def errors_naming(path: Path) -> Iterator[None]:
     """Convert the various errors that libraries raise for a damaged file to a ValueError that names the file."""
     try:
         yield
-    except (LibraryEndedError, NoRoomError):
+    except FileFault:
         raise
     except Exception as fault:
-        if isinstance(fault, ValueError) and str(path) in str(fault):
-            raise
-        raise ValueError(f"{path}: cannot be read as NetCDF ({fault_text(fault)}): {DAMAGED}") from fault
+        raise FileFault(f"{path}: cannot be read as NetCDF ({fault_text(fault)}): {DAMAGED}") from fault
 
 
 def dataset_of(
@@ -92,10 +89,10 @@ def dataset_of(
             assert read is not None
             try:
                 return read(self.name, key)
+            except FileFault:
+                raise
             except Exception as fault:
-                if isinstance(fault, ValueError) and str(fault).startswith(str(path)):
-                    raise
-                raise ValueError(f"{path}: {self.name} cannot be read ({fault_text(fault)}): {DAMAGED}") from fault
+                raise FileFault(f"{path}: {self.name} cannot be read ({fault_text(fault)}): {DAMAGED}") from fault
 
     class OpenFile(AbstractDataStore):
         def get_variables(self) -> dict[str, Any]:

@@ -17,7 +17,7 @@ NO_FILES = (errno.ENOENT, errno.EACCES, errno.EPERM, errno.EROFS, errno.ENAMETOO
 
 
 @contextmanager
-def only_writer(path: Path, name: str = "--out") -> Iterator[None]:
+def only_writer(path: Path) -> Iterator[None]:
     """Lock a place against other processes and threads that would write there.
 
     The holder may lock it again. Missing parent folders are made; they and the lock are removed at the end, unless the
@@ -26,7 +26,6 @@ def only_writer(path: Path, name: str = "--out") -> Iterator[None]:
 
     Args:
         path: The file or folder that is written; it need not exist.
-        name: The name of the place in the message.
 
     Raises:
         ValueError: Another process is writing there.
@@ -38,7 +37,7 @@ def only_writer(path: Path, name: str = "--out") -> Iterator[None]:
         return
     new_folders = [parent for parent in place.parents if not parent.exists()]
     try:
-        lock = _locked(place, f"{name}{'=' if name.isidentifier() else ' '}{path}")
+        lock = _locked(place, f"out={path}")
         OPENED.once(key, lambda: True)
         try:
             yield

@@ -9,6 +9,7 @@ import numpy as np
 from ..inputs.warned import warn_caller
 from ..medium import IndexField
 from ..rays import RayBundle
+from ..tracing.beyond import ways_through
 from ..tracing.error_budget.known_air import may_be_lost
 from ..tracing.lines import box_size
 from ..tracing.pupil.air import GREATEST_SHARE, TruncationWarning, meets_wall
@@ -32,10 +33,7 @@ def truncated_share(
         reach: Radii up to which a beam is traced.
     """
     if ends is None:
-        low, high = field.box
-        there = np.isfinite(low)
-        middle = np.where(there, 0.5 * (np.where(there, low, 0.0) + np.where(there, high, 0.0)), focus)
-        along, size = float((middle - focus) @ instrument.axis), box_size(field)
+        along, size = float(ways_through(field.box, focus, instrument.axis)[0]), box_size(field)
         ends = along - size, along + size
     first, second = instrument.direction, instrument.normal
     assert first is not None

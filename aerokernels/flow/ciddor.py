@@ -12,8 +12,11 @@ Temperature and pressure enter only through the two densities, rho = p M / (Z R 
 air (BIPM 1981/91). For a gas of fixed composition the refractivity is therefore proportional to the density;
 `ciddor_constant` returns the constant of proportionality. A flow field supplies the density itself and needs no Z.
 
-Reference: P. E. Ciddor, Refractive index of air: new equations for the visible and near infrared, Applied Optics 35
-(1996) 1566-1573, eq 1-5 and appendices A and B. Uncertainty there: 2e-8 to 5e-8 in n near room conditions.
+The group index n + 2 s dn/ds follows from the derivatives of the two standard refractivities.
+
+References: P. E. Ciddor, Refractive index of air: new equations for the visible and near infrared, Applied Optics 35
+(1996) 1566-1573, eq 1-5 and appendices A and B. Uncertainty there: 2e-8 to 5e-8 in n near room conditions. P. E. Ciddor
+and R. J. Hill, Refractive index of air. 2. Group index, Applied Optics 38 (1999) 1663-1667.
 """
 
 import math
@@ -37,20 +40,21 @@ UNCERTAINTY = 1.5e-4
 
 
 @checked
-def ciddor_constant(wavelength: float, *, water: float = 0.0, co2: float = STANDARD_CO2) -> float:
+def ciddor_constant(wavelength: float, *, water: float = 0.0, co2: float = STANDARD_CO2, group: bool = False) -> float:
     """Return refractivity over density of moist air [m3/kg]; temperature and pressure do not affect it.
 
     Args:
         wavelength: Vacuum wavelength [m], 0.3 to 1.69 um.
         water: Mole fraction of water vapour in the moist air, 0 to 1: see `water_fraction`.
         co2: Mole fraction of carbon dioxide in the dry air, up to 2000 ppm.
+        group: Return the group constant (n_g - 1) / density, by which a pulse travels.
 
     Raises:
         TypeError: The wavelength is not one number.
         ValueError: A wavelength or a fraction outside its range.
     """
     _check(water, co2)
-    dry, vapour = _standard_refractivities(_wavenumber_square(wavelength), co2)
+    dry, vapour = _standard_refractivities(_wavenumber_square(wavelength), co2, group)
     dry_share, vapour_share = (1.0 - water) * _molar_mass(co2), water * WATER_MOLAR_MASS
     per_mass = dry_share * dry / _standard_air_density(co2) + vapour_share * vapour / _standard_vapour_density()
     return per_mass / (dry_share + vapour_share)
@@ -150,10 +154,14 @@ def _wavenumber_square(wavelength: float) -> float:
     return 1.0 / (wavelength * 1e6) ** 2
 
 
-def _standard_refractivities(square: float, co2: float) -> tuple[float, float]:
-    """Return n - 1 of standard dry air and of standard water vapour at a squared wavenumber [1/um2]."""
-    dry = 1e-8 * (5792105.0 / (238.0185 - square) + 167917.0 / (57.362 - square))
+def _standard_refractivities(square: float, co2: float, group: bool = False) -> tuple[float, float]:
+    """Return n - 1, or n_g - 1, of standard dry air and of standard water vapour at a squared wavenumber [1/um2]."""
+    first, second = 238.0185 - square, 57.362 - square
+    dry = 1e-8 * (5792105.0 / first + 167917.0 / second)
     vapour = 1.022e-8 * (295.235 + square * (2.6422 + square * (-0.032380 + square * 0.004028)))
+    if group:
+        dry += 2e-8 * square * (5792105.0 / first**2 + 167917.0 / second**2)
+        vapour += 2.044e-8 * square * (2.6422 + square * (-0.064760 + square * 0.012084))
     return dry * (1.0 + 0.534 * (co2 - STANDARD_CO2)), vapour
 
 

@@ -6,7 +6,7 @@ the wall is zero, so an interpolant sees a smooth field across the wall.
 
 import math
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -98,13 +98,14 @@ class ConicalFlow(DensityField):
     def index_field(
         self,
         wavelength: float = DEFAULT_WAVELENGTH,
-        relation: str = "gladstone-dale",
+        relation: str | None = None,
         *,
         constant: float | None = None,
         composition=None,
         gladstone_dale: float | None = None,
         spacing=None,
         interpolation: str = "cubic",
+        group: bool = False,
     ) -> IndexField:
         """Return the refractive index on a uniform (r, z) grid: see `cone` for the errors of the grid.
 
@@ -114,11 +115,12 @@ class ConicalFlow(DensityField):
         Args:
             wavelength: Vacuum wavelength [m], for K; stored with the field.
             relation: "paper", "ciddor", "gladstone-dale" or "lorentz-lorenz": see `refractivity_model`.
-            constant: K [m3/kg] to use instead of the paper's K(wavelength).
+            constant: K [m3/kg].
             composition: A `Composition` or fractions of species, the same everywhere, from which K is computed.
             gladstone_dale: Another name for `constant`.
             spacing: Greatest node spacing [m], one number, or two for r and z; None takes 1/400 of the length.
             interpolation: As in IndexField.from_samples.
+            group: Make the field of the group index, by which a pulse travels.
 
         Raises:
             TypeError: The wavelength is not one number.
@@ -142,18 +144,19 @@ class ConicalFlow(DensityField):
 
         def contrast(angle: np.ndarray) -> np.ndarray:
             density = self.ambient_density * self.shock.density_ratio_at(self._mirrored(angle))
-            return model.contrast(density, self.ambient_density, wavelength)
+            return model.contrast(density, self.ambient_density, wavelength, group=group)
 
+        again = partial(self.index_field, wavelength, relation, composition=composition, spacing=spacing)
         return IndexField.from_samples(
             self._node_values(contrast, (r_count, z_count), step, sharpen=interpolation == "cubic"),
             origin=(0.0, -self.length),
             spacing=step,
             geometry="axisymmetric",
-            ambient_index=model.ambient_index(self.ambient_density, wavelength),
             interpolation=interpolation,
             body=self.body,
-            wavelength=wavelength,
-            upstream=model.upstream(wavelength),
+            **model.field_arguments(
+                self.ambient_density, wavelength, 0.0, group, partial(again, interpolation=interpolation)
+            ),
         )
 
     def _node_values(self, contrast, shape: tuple[int, int], step: np.ndarray, *, sharpen: bool) -> np.ndarray:

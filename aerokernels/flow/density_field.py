@@ -2,6 +2,7 @@
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field, replace
+from functools import partial
 from importlib import import_module
 from typing import TYPE_CHECKING, NoReturn
 
@@ -94,11 +95,12 @@ class DensityField(ReadOnly, ABC):
     def index_field(
         self,
         wavelength: float = DEFAULT_WAVELENGTH,
-        relation: str = "gladstone-dale",
+        relation: str | None = None,
         *,
         constant: float | None = None,
         composition=None,
         gladstone_dale: float | None = None,
+        group: bool = False,
     ) -> IndexField:
         """Return the refractive index of the flow at a vacuum wavelength [m], which the index field stores.
 
@@ -155,12 +157,13 @@ class SampledDensity(DensityField):
     def index_field(
         self,
         wavelength: float = DEFAULT_WAVELENGTH,
-        relation: str = "gladstone-dale",
+        relation: str | None = None,
         *,
         constant: float | None = None,
         composition=None,
         gladstone_dale: float | None = None,
         interpolation: str | None = None,
+        group: bool = False,
     ) -> IndexField:
         """Return the contrast n - n_ambient on the same mesh or grid as the densities.
 
@@ -171,7 +174,7 @@ class SampledDensity(DensityField):
             wavelength: Vacuum wavelength [m], for K; stored with the index field.
             relation: "paper", "ciddor", "gladstone-dale" or "lorentz-lorenz": see `refractivity_model`. The last two
                 take the paper's K(wavelength) unless `constant` or a composition is given, or the field has a
-                composition.
+                composition. None is "ciddor", or "gladstone-dale" where one of these is given.
             constant: K [m3/kg].
             composition: A `Composition` or fractions of species from which K is computed; fractions may be arrays with
                 one entry for each density, in the same order. None takes the field's composition.
@@ -180,6 +183,8 @@ class SampledDensity(DensityField):
                 their own) or IndexField.from_samples (None: "cubic"). Along rows of cells across a shock the integral
                 of the "bilinear" interpolant differs from the cell averages', at worst by about a per cent of the
                 range of densities; the index field's `averages_lacking` reports by how much.
+            group: Make the field of the group index, by which a pulse travels; `trace` needs it only where the gas
+                varies.
 
         Raises:
             TypeError: The wavelength is not one number.
@@ -194,19 +199,18 @@ class SampledDensity(DensityField):
                 raise ValueError(f"relation {relation!r} is for air, and the flow is a mixture of {gas}: {remedy}")
             composition = self.composition
         model = refractivity_model(relation, constant=given, composition=composition)
-        contrast = np.asarray(model.contrast(self.density, self.ambient_density, wavelength))
+        contrast = np.asarray(model.contrast(self.density, self.ambient_density, wavelength, group=group))
         contrast.setflags(write=False)  # an index field does not copy a read-only array
+        again = partial(self.index_field, wavelength, relation, composition=composition, interpolation=interpolation)
         walls = {}
         if self.wall is not None and not composition:
-            at_walls = model.contrast(self.wall.density, self.ambient_density, wavelength)
+            at_walls = model.contrast(self.wall.density, self.ambient_density, wavelength, group=group)
             walls["walls"] = self.wall.points, at_walls
         return self._index(
             contrast,
             interpolation,
-            ambient_index=model.ambient_index(self.ambient_density, wavelength),
             body=self.body,
-            wavelength=wavelength,
-            upstream=model.upstream(wavelength, self._column_error),
+            **model.field_arguments(self.ambient_density, wavelength, self._column_error, group, again),
             **walls,
         )
 

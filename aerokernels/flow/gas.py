@@ -13,6 +13,7 @@ import numpy as np
 
 from ..inputs.arguments import checked
 from ..inputs.checks import check_positive
+from ..inputs.warned import warn_caller
 
 GAMMA_AIR = 1.4
 # Universal gas constant over the molar mass of dry air, 8314.4626 / 28.9644 [J/(kg K)].
@@ -24,6 +25,18 @@ GREATEST_DENSITY = 1000.0  # [kg/m3], that of a liquid: greater values are mostl
 LEAST_DENSITY = 1e-6  # [kg/m3], that of air 95 km up: smaller values are mostly other units, or damaged data
 # Least stagnation values of a tunnel [K, Pa]: smaller ones are mostly degrees Celsius or megapascals.
 LEAST_STAGNATION_TEMPERATURE, LEAST_STAGNATION_PRESSURE = 45.0, 10.0
+# What the source paper's tunnel reaches, its Table 1: least and greatest value.
+TUNNEL_ENVELOPE = {
+    "Mach number": (0.4, 4.5),
+    "stagnation pressure [Pa]": (0.95e5, 7.2e5),
+    "total temperature [K]": (280.0, 290.0),
+    "dynamic pressure [Pa]": (0.056e5, 0.69e5),
+    "Reynolds number [1/m]": (9.87e6, 28.7e6),
+}
+
+
+class OutsideTunnelWarning(UserWarning):
+    """Conditions that the source paper's wind tunnel does not reach (its Table 1)."""
 
 
 @dataclass(frozen=True)
@@ -71,6 +84,20 @@ class FreeStream:
     gamma: float = GAMMA_AIR
     gas_constant: float = GAS_CONSTANT_AIR
 
+    @property
+    def dynamic_pressure(self) -> float:
+        """Half the density times the velocity squared [Pa]."""
+        return 0.5 * self.density * self.velocity**2
+
+    @property
+    def reynolds_per_metre(self) -> float:
+        """Reynolds number of a length of one metre, in air [1/m].
+
+        The viscosity is Sutherland's, 1.458e-6 T^1.5 / (T + 110.4) Pa s (U.S. Standard Atmosphere 1976, eq 51).
+        """
+        viscosity = 1.458e-6 * self.temperature**1.5 / (self.temperature + 110.4)
+        return self.density * self.velocity / viscosity
+
     @checked
     def at_density(self, density: float) -> "FreeStream":
         """Return the stream of the same Mach number and temperature at another density [kg/m3]; pressures scale too."""
@@ -109,6 +136,10 @@ def tunnel_conditions(
 ) -> FreeStream:
     """Return the free stream of a wind tunnel that expands gas at rest to a Mach number without losses.
 
+    Conditions of air that the source paper's tunnel (its Table 1) does not reach are computed with an
+    OutsideTunnelWarning. The paper's own Mach 4 (its Table 2) is one of them: its Reynolds number per metre is 30.3e6,
+    where its tunnel ends at 28.7e6.
+
     Args:
         mach: Mach number of the test section, above 0.
         stagnation_pressure: Pressure of the gas at rest [Pa].
@@ -126,6 +157,17 @@ def tunnel_conditions(
         >>> round(tunnel_conditions(3.0, 0.36e6, 288.0).density, 4)
         0.3319
     """
+    stream = expanded(mach, stagnation_pressure, stagnation_temperature, gamma, gas_constant)
+    stream = stream if density is None else stream.at_density(density)
+    if gamma == GAMMA_AIR and gas_constant == GAS_CONSTANT_AIR:
+        _warn_outside_tunnel(stream)
+    return stream
+
+
+def expanded(
+    mach: float, stagnation_pressure: float, stagnation_temperature: float, gamma: float, gas_constant: float
+) -> FreeStream:
+    """Return the stream of `tunnel_conditions`, of any tunnel; it raises as that does."""
     check_positive(mach, "mach")
     check_positive(stagnation_pressure, "stagnation_pressure")
     check_positive(stagnation_temperature, "stagnation_temperature")
@@ -145,8 +187,24 @@ def tunnel_conditions(
     pressure = stagnation_pressure * ratio.pressure_ratio
     isentropic_density = pressure / (gas_constant * temperature)
     static = (isentropic_density, pressure, temperature)
-    stream = _stream(mach, static, (stagnation_pressure, stagnation_temperature), gamma, gas_constant)
-    return stream if density is None else stream.at_density(density)
+    return _stream(mach, static, (stagnation_pressure, stagnation_temperature), gamma, gas_constant)
+
+
+def _warn_outside_tunnel(stream: FreeStream) -> None:
+    """Warn of what the source paper's tunnel does not reach."""
+    state = stream.mach, stream.stagnation_pressure, stream.stagnation_temperature
+    values = (*state, stream.dynamic_pressure, stream.reynolds_per_metre)
+    outside = [
+        f"{name} {value:.4g} (it has {low:g} to {high:g})"
+        for (name, (low, high)), value in zip(TUNNEL_ENVELOPE.items(), values, strict=True)
+        if not low <= value <= high
+    ]
+    if outside:
+        warn_caller(
+            f"the source paper's wind tunnel does not reach {', '.join(outside)}; the conditions are those of an ideal "
+            "tunnel",
+            OutsideTunnelWarning,
+        )
 
 
 @checked

@@ -4,6 +4,12 @@
     Gladstone-Dale (eq 3):              n = 1 + K rho                     the linear limit, lower by (K rho)^2 / 6
     K (eq 2):                           K = 2.23e-4 (1 + 7.52e-3 / lambda^2) m3/kg, lambda in um
 
+A pulse travels by the group index n_g = n - lambda dn/dlambda. Dispersion formulas are functions of s = 1 / lambda^2:
+
+    n_g = n + 2 s dn/ds,    K_g = K + 2 s dK/ds
+
+K_g is called the group constant. In the linear form n_g = 1 + K_g rho.
+
 Results are refractivities n - 1 or contrasts n - n_ambient, and no step subtracts numbers near 1: at 1 kg/m3 the index
 differs from 1 by only 2e-4.
 """
@@ -22,10 +28,14 @@ LEAST_CONSTANT, GREATEST_CONSTANT = 1e-5, 1e-2
 
 
 @checked
-def gladstone_dale_constant(wavelength: float) -> float:
+def gladstone_dale_constant(wavelength: float, *, group: bool = False) -> float:
     """Return the Gladstone-Dale constant of air [m3/kg] at a vacuum wavelength [m], the paper's eq 2.
 
     At 905 nm it is 2.250475e-4, 0.46 % above Ciddor's dry air.
+
+    Args:
+        wavelength: [m].
+        group: Return the group constant.
 
     Raises:
         TypeError: The wavelength is not one number.
@@ -38,7 +48,7 @@ def gladstone_dale_constant(wavelength: float) -> float:
             "Gladstone-Dale constant's formula holds: give metres, 905e-9 for 905 nm, or the constant itself"
         )
     micrometres = wavelength * 1e6
-    return 2.23e-4 * (1.0 + 7.52e-3 / micrometres**2)
+    return 2.23e-4 * (1.0 + (3.0 if group else 1.0) * 7.52e-3 / micrometres**2)
 
 
 @checked
@@ -91,6 +101,19 @@ def index_contrast(
     index = np.sqrt(1.0 + 2.0 * gladstone_dale * density / inside)
     ambient_index = np.sqrt(1.0 + 2.0 * gladstone_dale * ambient_density / outside)
     return difference_of_squares / (index + ambient_index)
+
+
+def group_refractivity(density, gladstone_dale, group_constant, relation: str):
+    """Return n_g - 1 at densities [kg/m3], from K and the group constant [m3/kg], all of them arrays or numbers.
+
+    n depends on the wavelength through K alone: n_g = n + (K_g - K) dn/dK, and by Lorentz-Lorenz, with a = 2/3 K rho,
+    dn/dK = rho / (n (1 - a)^2).
+    """
+    if relation == "gladstone-dale":
+        return group_constant * density
+    excess = index_contrast(density, 0.0, gladstone_dale, relation)
+    slope = density / ((1.0 + excess) * (1.0 - 2.0 / 3.0 * gladstone_dale * density) ** 2)
+    return excess + (group_constant - gladstone_dale) * slope
 
 
 def _check(gladstone_dale: float | np.ndarray, relation: str) -> None:

@@ -13,7 +13,7 @@ from ..inputs.arguments import seconds
 from ..inputs.listed import listed
 from ..inputs.written_units import unit_of
 from ..medium.labelled_grid import GEOMETRIES
-from ..process.fault_text import fault_text
+from ..process.fault_text import FileFault, fault_text
 from ..process.own_files import check_folder
 from ..process.room import check_file, check_room
 from .reading.array_names import known_names
@@ -166,9 +166,9 @@ def _numbers(name: str, array: Any, kinds: str = "iufmM") -> np.ndarray:
     """Return the values of an array, numbers or times. xarray decodes them by attributes, which may be anything."""
     try:
         values = np.asarray(array.values)
+    except FileFault:
+        raise
     except Exception as fault:  # the libraries raise any kind of error for damaged data
-        if isinstance(fault, ValueError) and str(fault).startswith(name):
-            raise
         remedy = "see its attributes, or write it again"
         raise ValueError(f"{name}: {array.name} cannot be read ({fault_text(fault)}): {remedy}") from fault
     if values.dtype.kind not in kinds:

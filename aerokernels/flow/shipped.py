@@ -11,7 +11,7 @@ import numpy as np
 from ..inputs.arguments import checked
 from ..medium import Body, QuadMesh, SolidBody
 from .density_field import CellDensity
-from .gas import FreeStream, tunnel_conditions
+from .gas import FreeStream, expanded
 from .reading.volumes.measuring_lines import VolumeResampling
 from .sampled_density import GridDensity
 
@@ -96,13 +96,7 @@ def _volume(name: str) -> GridDensity:
 
 def _free_stream(data) -> FreeStream:
     """Return the free stream from the stagnation state, by the relations with which the solver was initialised."""
-    return tunnel_conditions(
-        float(data["mach"]),
-        float(data["p0"]),
-        float(data["T0"]),
-        gamma=float(data["gamma"]),
-        gas_constant=float(data["R"]),
-    )
+    return expanded(*(float(data[name]) for name in ("mach", "p0", "T0", "gamma", "R")))
 
 
 def _wall(radius: np.ndarray, z: np.ndarray) -> np.ndarray:

@@ -74,12 +74,12 @@ def export(store: EchoStore, out: str | Path, label: Mapping[str, str] | None = 
     out = check_path(out, "out")
     write = {".nc": _write_netcdf, ".csv": _write_csv}.get(out.suffix.lower())
     if write is None:
-        raise ValueError(f"--out {out}: give a name that ends in .nc or .csv")
+        raise ValueError(f"out={out}: give a name that ends in .nc or .csv")
     if not out.parent.is_dir():
-        raise ValueError(f"--out {out}: folder {out.parent} does not exist; make it first")
+        raise ValueError(f"out={out}: folder {out.parent} does not exist; make it first")
     if out.is_dir() or not os.access(out.parent, os.W_OK):
         why = "is a folder" if out.is_dir() else f"no permission to write in {out.parent}"
-        raise ValueError(f"--out {out}: {why}; give another file name")
+        raise ValueError(f"out={out}: {why}; give another file name")
     draft = draft_of(out)
     try:
         with store.snapshot():
@@ -91,7 +91,7 @@ def export(store: EchoStore, out: str | Path, label: Mapping[str, str] | None = 
         draft.replace(out)
     except OSError as error:
         raise StoreError(
-            f"--out {out}: {os.strerror(error.errno) if error.errno else error}; make room, or give another place"
+            f"out={out}: {os.strerror(error.errno) if error.errno else error}; make room, or give another place"
         ) from error
     finally:
         draft.unlink(missing_ok=True)

@@ -126,8 +126,8 @@ def parse_faults(pairs: list[str]) -> dict[str, float]:
         try:
             rate = float(text)
         except ValueError:
-            raise ValueError(f"--fault {pair!r}: give KIND=PROBABILITY, for example flipped=0.01") from None
+            raise ValueError(f"fault {pair!r}: give KIND=PROBABILITY, for example flipped=0.01") from None
         if kind in rates:
-            raise ValueError(f"--fault {pair!r}: {kind!r} is given twice; give each kind once")
+            raise ValueError(f"fault {pair!r}: {kind!r} is given twice; give each kind once")
         rates[kind] = rate
     return rates

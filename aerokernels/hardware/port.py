@@ -114,18 +114,18 @@ def close_port(port: "serial.SerialBase") -> None:
 
 def _remedy(port: str, error: Exception) -> str:
     code = getattr(error, "errno", None)
-    text = str(error)
-    if code in (errno.EAGAIN, errno.EBUSY) or "exclusively lock" in text:
+    if code in (errno.EAGAIN, errno.EBUSY):
         return "in use by another process: stop that one, or record from another port"
     if code in (errno.EACCES, errno.EPERM):
         return "permission denied: add your user to the group that owns the device (often 'dialout') and log in again"
     if code in (errno.ENOENT, errno.ENXIO, errno.ENODEV):
         return f"no such port: plug the board in, or choose one of {_known_ports()}"
-    if "configure port" in text or code in (errno.ENOTTY, errno.EISDIR, errno.ENOTDIR, errno.ELOOP, errno.ENAMETOOLONG):
+    refused = code is None and isinstance(error.__context__, PORT_ERRORS)  # pyserial could not configure it
+    if refused or code in (errno.ENOTTY, errno.EISDIR, errno.ENOTDIR, errno.ELOOP, errno.ENAMETOOLONG):
         return "not a serial port: give a device such as /dev/ttyUSB0 or a pyserial URL"
     if "://" in port:
-        return f"{text}: check the pyserial URL, for example socket://192.168.0.7:4000"
-    return text
+        return f"{error}: check the pyserial URL, for example socket://192.168.0.7:4000"
+    return str(error)
 
 
 def _known_ports() -> str:

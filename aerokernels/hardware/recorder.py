@@ -19,7 +19,7 @@ FIRST_WAIT = 0.1
 GREATEST_WAIT = 5.0
 
 # State of a port from which bytes come, but nothing that could be stored.
-NO_GOOD_FRAME = "open, but no good frame yet: check --baud and --protocol"
+NO_GOOD_FRAME = "open, but no good frame yet: check the line rate (baud) and the protocol"
 _NO_FRAME_TIME = 2.0  # [s] after which that is said
 
 # Times to wait for a program that has locked the store, at each commit and at the last one, and between tries [s].

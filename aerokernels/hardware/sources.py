@@ -132,7 +132,7 @@ class CurveStream:
             close_port(port)
             raise PortError(
                 f"port {port.port!r}: no oscilloscope ({error}): switch it on, set its line rate and terminator LF, "
-                "and give --baud, --flow and --dialect as it has them"
+                "and give line rate (baud), flow control and dialect as it has them"
             ) from error
         except PORT_ERRORS as error:
             close_port(port)

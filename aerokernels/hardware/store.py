@@ -30,6 +30,7 @@ from aerokernels.hardware.transaction import (
 )
 from aerokernels.hardware.waveform import as_whole
 from aerokernels.inputs.checks import check_path
+from aerokernels.process.fault_text import FileFault
 
 Made = TypeVar("Made")
 _BUSY_TIME = 30.0  # [s] wait for another recorder that is committing to the same store
@@ -55,7 +56,7 @@ class EchoStore:
         try:
             self._connection = sqlite3.connect(address, uri=True, timeout=_BUSY_TIME, isolation_level=None)
         except sqlite3.OperationalError as error:
-            raise ValueError(f"store {self.path}: {error}; give a file that can be opened") from error
+            raise FileFault(f"store {self.path}: {error}; give a file that can be opened") from error
         try:
             self._prepare(read_only)
         except sqlite3.DatabaseError as error:
@@ -87,7 +88,7 @@ class EchoStore:
                 upgrade(self._connection)
             execute("COMMIT")
         if execute("PRAGMA application_id").fetchone()[0] != APPLICATION_ID:
-            raise ValueError(f"store {self.path}: a SQLite file, but not an echo store; give another file name")
+            raise FileFault(f"store {self.path}: a SQLite file, but not an echo store; give another file name")
         version = execute("PRAGMA user_version").fetchone()[0]
         if version != SCHEMA_VERSION:
             remedy = (
@@ -95,7 +96,7 @@ class EchoStore:
                 if version < SCHEMA_VERSION
                 else "use the version of aerokernels that wrote it"
             )
-            raise ValueError(
+            raise FileFault(
                 f"store {self.path}: schema version {version}, this program knows {SCHEMA_VERSION}; {remedy}"
             )
         if not read_only:
@@ -308,7 +309,7 @@ class EchoStore:
         return transaction(self._connection, "BEGIN IMMEDIATE", self.path)
 
     def _rows(self, query: str, values: tuple = ()) -> Iterator[tuple]:
-        with described_errors(self.path):
+        with described_errors(self.path, self._connection):
             # Not `yield from` the cursor: an abandoned generator would close it, perhaps after the file is closed.
             yield from iter(self._connection.execute(query, values).fetchone, None)
 
@@ -329,7 +330,7 @@ class EchoStore:
         try:  # called for each frame, so the error handling must cost nothing in the usual case
             return self._connection.execute(query, key).fetchone() is not None
         except sqlite3.DatabaseError:
-            with described_errors(self.path):
+            with described_errors(self.path, self._connection):
                 raise
 
     def _last_echo(self, port: str, protocol: str) -> Followed | None:

@@ -6,6 +6,8 @@ import sqlite3
 import tempfile
 from pathlib import Path
 
+from aerokernels.process.fault_text import FileFault
+
 
 def store_address(path: Path, *, read_only: bool) -> str:
     """Return the address by which SQLite opens a store.
@@ -21,29 +23,29 @@ def store_address(path: Path, *, read_only: bool) -> str:
         ValueError: the file or its folder does not exist, is not a file, or may not be written.
     """
     if not path.parent.is_dir():
-        raise ValueError(f"store {path}: folder {path.parent} does not exist; make it first")
+        raise FileFault(f"store {path}: folder {path.parent} does not exist; make it first")
     address = path.absolute().as_uri()
     if not read_only:
         if path.exists() and not path.is_file():
-            raise ValueError(f"store {path}: a folder or a device, not a file; give another file name")
+            raise FileFault(f"store {path}: a folder or a device, not a file; give another file name")
         if path.is_file() and not os.access(path, os.W_OK):
-            raise ValueError(f"store {path}: no permission to write it; allow it, or give another file name")
+            raise FileFault(f"store {path}: no permission to write it; allow it, or give another file name")
         if not os.access(path.resolve().parent, os.W_OK):
-            raise ValueError(
+            raise FileFault(
                 f"store {path}: no permission to write in its folder, where SQLite keeps the store's log; allow it, or "
                 "give a file in another folder"
             )
         return f"{address}?mode=rwc"
     if not path.is_file():
         if path.exists():
-            raise ValueError(f"store {path}: a folder or a device, not a file; give the file that `record` wrote")
-        raise ValueError(f"store {path}: no such file; record one with `aerokernels record --store`")
+            raise FileFault(f"store {path}: a folder or a device, not a file; give the file that `record` wrote")
+        raise FileFault(f"store {path}: no such file; record one with `aerokernels record --store`")
     file = path.resolve()  # SQLite creates the log beside the file itself, not beside a link to it
     log, index = (file.with_name(f"{file.name}-{end}") for end in ("wal", "shm"))
     is_closed = not os.access(file.parent, os.W_OK)
     archived = is_closed and not (log.exists() and log.stat().st_size)
     if is_closed and not archived and not index.exists():
-        raise ValueError(
+        raise FileFault(
             f"store {path}: some of its echoes are in {log.name} beside it, which can only be read in a folder that "
             "may be written; copy both files to one"
         )

@@ -1,11 +1,13 @@
 """Transactions on an echo store, and errors of its file in words."""
 
-import re
 import sqlite3
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from ..process.fault_text import FileFault
+
+_LOCKED = (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED)
 # Remedy for a damaged store.
 KEEP_IT = "keep the file, recover its content with `sqlite3 FILE .recover`, and record into a new file"
 
@@ -22,7 +24,7 @@ class LockedStoreError(StoreError):
     """Another program keeps the file locked; a later try may succeed."""
 
 
-class DamagedStoreError(StoreError, ValueError):
+class DamagedStoreError(StoreError, FileFault):
     """The file's content is damaged; the message names the file."""
 
 
@@ -35,21 +37,35 @@ def opening_error(path: Path, error: sqlite3.DatabaseError, read_only: bool, wai
         read_only: whether it was opened for reading only.
         wait: time for which another program's lock was waited for [s].
     """
-    if isinstance(error, sqlite3.OperationalError) and re.search("locked|busy", str(error)):
+    code = _code(error)
+    if code in _LOCKED:
         return LockedStoreError(
             f"store {path}: another program has kept it locked for {wait:g} s; close the file there, or wait until "
             "that program has finished"
         )
-    if isinstance(error, sqlite3.OperationalError) and re.search("full|I/O", str(error)):
+    if code in (sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR):
         return StoreError(f"store {path}: {error}; make room first, or give another file name")
     remedy = "give the file that `record` wrote" if read_only else "give an echo store or a new file name"
-    if "malformed" in str(error):  # the beginning of the file is that of a database, the rest is not
+    if code == sqlite3.SQLITE_CORRUPT:  # the beginning of the file is that of a database, the rest is not
         remedy = KEEP_IT
-    return ValueError(f"store {path}: {error}; {remedy}")
+    return FileFault(f"store {path}: {error}; {remedy}")
+
+
+def _code(error: sqlite3.Error) -> int:
+    """Return SQLite's primary result code of an error; 0 for an error of the module itself."""
+    return getattr(error, "sqlite_errorcode", 0) & 0xFF
+
+
+def _is_closed(connection: sqlite3.Connection) -> bool:
+    try:
+        _ = connection.total_changes
+    except sqlite3.ProgrammingError:
+        return True
+    return False
 
 
 @contextmanager
-def described_errors(path: Path) -> Iterator[None]:
+def described_errors(path: Path, connection: sqlite3.Connection) -> Iterator[None]:
     """Turn errors of SQLite into errors that name the file and the remedy.
 
     Raises:
@@ -60,7 +76,7 @@ def described_errors(path: Path) -> Iterator[None]:
     try:
         yield
     except sqlite3.OperationalError as error:
-        if "locked" in str(error):
+        if _code(error) in _LOCKED:
             raise LockedStoreError(
                 f"store {path}: another program keeps it locked; what was committed is safe: close the file there, or "
                 "wait until that program has finished, then record again into the same store"
@@ -68,9 +84,9 @@ def described_errors(path: Path) -> Iterator[None]:
         raise StoreError(
             f"store {path}: {error}; what was committed is safe: make room, then record again into the same store"
         ) from error
-    except sqlite3.ProgrammingError as error:
-        if "closed" in str(error):
-            raise ValueError(f"store {path}: it is closed; open it again") from None
+    except sqlite3.ProgrammingError:
+        if _is_closed(connection):
+            raise FileFault(f"store {path}: it is closed; open it again") from None
         raise
     except sqlite3.DatabaseError as error:
         if type(error) is not sqlite3.DatabaseError:  # its other subclasses are bugs of this program, not of the file
@@ -90,7 +106,7 @@ def transaction(connection: sqlite3.Connection, begin: str, path: Path) -> Itera
     Raises:
         StoreError: as `described_errors`.
     """
-    with described_errors(path):
+    with described_errors(path, connection):
         connection.execute(begin)
         try:
             yield

@@ -17,6 +17,7 @@ import numpy as np
 
 from ..medium import IndexField
 from ..rays import RayBundle
+from ..tracing.beyond import ways_through
 from ..tracing.error_budget.grid_error import grid_error
 from ..tracing.lines import box_size
 from .camera import Camera, along
@@ -66,5 +67,5 @@ def stride(shape: tuple[int, int]) -> int:
 
 def middle_distance(field: IndexField, camera: Camera) -> float:
     """Return the distance [m] along the camera's axis to the middle of the field's box, at least the box's size."""
-    low, high = (np.where(np.isfinite(corner), corner, camera.pupil.center) for corner in field.box)
-    return max(float((0.5 * (low + high) - camera.pupil.center) @ camera.pupil.normal), box_size(field))
+    middle, *_ = ways_through(field.box, camera.pupil.center, camera.pupil.normal)
+    return max(float(middle), box_size(field))

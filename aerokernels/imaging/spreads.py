@@ -19,7 +19,8 @@ from ..process.one_core import product_on_one_core
 from ..process.threads import in_threads
 from ..rays import RayBundle
 from ..tracing import Plane, trace
-from ..tracing.lines import box_size
+from ..tracing.beyond import way_beyond
+from ..tracing.meeting import greatest_contrast
 from ..tracing.status import reached
 from ..wavefront.grid import pupil_grid
 from .camera import Camera, along
@@ -148,10 +149,9 @@ def node_paths(
     defocus = defocus_paths(camera, tangent, q)
     start = pupil.center + q[:, :1] * first + q[:, 1:] * second
     if far:
-        low, high = field.box
-        corner = np.where(pupil.normal > 0.0, high, low)
-        reach = float((np.where(np.isfinite(corner), corner, pupil.center) - pupil.center) @ pupil.normal)
-        depth = max(reach, 0.0) + 1e-3 * box_size(field) + 1e-6
+        ways = camera.directions(*tangent.T)
+        beyond = way_beyond(field.box, pupil.center, pupil.reach, ways, greatest_contrast(field))
+        depth = float((beyond * along(ways, pupil.normal)).max())
     else:
         depth = distance
     position, aim = np.empty((*defocus.shape, 3)), np.empty((*defocus.shape, 3))

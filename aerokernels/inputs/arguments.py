@@ -27,6 +27,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from ..process.forks import make_forks_safe
 from .binding import Binding
 from .dlpack import only_dlpack, read_by_numpy
 from .doubtful import refuse_half_precision, refuse_masked, refuse_shuffled
@@ -69,6 +70,7 @@ def _looking(function: Callable, name: str, described: Callable, documented: Any
     def call(*given: Any, **named: Any) -> Any:
         nonlocal binding
         if binding is None:
+            make_forks_safe()
             for parameter, kinds in _taken(function, documented).items():
                 (objects if kinds.has_classes else takes)[parameter] = kinds
             binding = Binding(inspect.signature(described()))

@@ -49,7 +49,7 @@ def overlap(recorded: AverageEcho, run: RunFolder, offset: float) -> tuple[np.nd
             + (
                 f" in steps of {1e9 * (time[1] - time[0]):.3f} ns, too wide for its pulse: record with more samples"
                 if met
-                else ": give --trigger-offset, or have it measured with --align"
+                else ": give the trigger offset, or have it measured (align)"
             )
         )
     return there, time[there], simulated[there]

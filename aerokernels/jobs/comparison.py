@@ -26,6 +26,7 @@ from aerokernels.jobs.range_errors import RangeErrors, range_errors
 from aerokernels.jobs.record_faults import RecordFaults, record_faults
 from aerokernels.jobs.recorded import Label, RecordedEcho, label_text, random_subset, recorded_echoes, recorded_labels
 from aerokernels.jobs.run_folder import RunFolder, match_runs
+from aerokernels.process.fault_text import FileFault
 
 if TYPE_CHECKING:
     import xarray
@@ -342,7 +343,7 @@ def _naming_label(source: Path, label: Label) -> Iterator[None]:
     """Prefix file and label to the message of a ValueError."""
     try:
         yield
+    except FileFault:
+        raise
     except ValueError as error:
-        if str(error).startswith(str(source)):
-            raise
         raise ValueError(f"{source}, label {label_text(label)}: {error}") from error

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 RASTER_CELLS = 400  # cells along each side of the density figure of an unstructured mesh
 # Numbers of the summary that are attributes of the dataset too, because the figures show them.
 SHOWN = ("strehl", "range_m", "true_range_m")
-WITH_ERROR = ("strehl", "opd_rms_m", "range_m")  # numbers whose errors are attributes NAME_error
+WITH_ERROR = ("strehl", "range_m")  # numbers whose errors are attributes NAME_error
 
 
 def variable(dims: str | tuple[str, ...], values: Any, units: str, long_name: str) -> tuple[Any, ...]:
@@ -91,15 +91,18 @@ def run_dataset(result: RunParts, summary: Mapping[str, Any]) -> "xarray.Dataset
             ),
         }
     if pupil is not None:
-        variables |= {
-            "opd": variable(("pupil_y", "pupil_x"), pupil.opd, "m", "optical path difference, piston removed"),
-            "opd_without_tilt": variable(
-                ("pupil_y", "pupil_x"), pupil.without_tilt, "m", "optical path difference, piston and tilt removed"
-            ),
-            "opd_without_focus": variable(
-                ("pupil_y", "pupil_x"), pupil.without_focus, "m", "optical path difference, piston, tilt, focus removed"
-            ),
+        maps = {
+            "opd": (pupil.opd, ("piston",)),
+            "opd_without_tilt": (pupil.without_tilt, ("piston", "tilt")),
+            "opd_without_focus": (pupil.without_focus, ("piston", "tilt", "focus")),
         }
+        for name, (opd, removed) in maps.items():
+            words = f"optical path difference, {', '.join(removed)} removed"
+            variables[name] = variable(("pupil_y", "pupil_x"), opd, "m", words)
+            # The rms of the map that the Strehl ratio is computed from is a number of the summary.
+            is_summarised = set(removed) == set(result.scene.strehl.remove)
+            error = summary["errors"]["opd_rms_m"] if is_summarised else pupil.opd_error
+            variables[name][2]["rms_error_m"] = number_or_nan(error)
         coordinates |= {
             "pupil_x": variable("pupil_x", pupil.coordinate, "m", f"along {first} in the pupil"),
             "pupil_y": variable("pupil_y", pupil.coordinate, "m", f"along {second} in the pupil"),

@@ -17,7 +17,7 @@ from aerokernels.jobs.picture_figure import comparison_figure, pictures_figure
 from aerokernels.jobs.store import SUMMARY_FILE, write_folder, write_result, write_summary
 from aerokernels.medium import IndexField
 from aerokernels.prepare import flow_index
-from aerokernels.scene import Scene
+from aerokernels.scene import Scene, warn_of_unused
 from aerokernels.scene.errors import SceneError, scene_error
 from aerokernels.scene.loading import override, shipped_scenes
 from aerokernels.schlieren import (
@@ -263,6 +263,7 @@ def make_pictures(
     """
     if measured is not None and "schlieren" not in options.kinds:
         raise ValueError("a measured picture is compared with the schlieren picture: request that kind too")
+    warn_of_unused(scene, "schlieren")
     progress("reading and resampling the flow", 0.0)
     density = scene.density_field()
     field = picture_field(density, scene, options)

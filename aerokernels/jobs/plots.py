@@ -154,7 +154,7 @@ def opd_figure(dataset: "xarray.Dataset") -> "Figure":
         rms = float(np.sqrt(np.nanmean(opd**2))) if np.isfinite(opd).any() else float("nan")
         across, up = axes_of(dataset)
         axes.set(xlabel=f"{across} [mm]", ylabel=f"{up} [mm]")
-        measured = Quantity(rms, 1e9 * dataset.attrs.get("opd_rms_m_error", float("nan")), "nm")
+        measured = Quantity(rms, 1e9 * dataset[name].attrs.get("rms_error_m", float("nan")), "nm")
         _title(axes, f"{title}: {measured if np.isfinite(measured.error or 0.0) else f'{rms:.3g} nm'} rms")
         _colour_bar(figure, image, bar_axes, "OPD [nm]")
     return figure

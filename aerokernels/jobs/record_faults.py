@@ -83,7 +83,7 @@ class RecordFaults:
             found.append(
                 f"the recorded voltage has an offset, {size.text(signed=True)} where there is no pulse: it adds to "
                 "every peak, and moves leading edge and constant fraction; set the instrument's offset to zero, or "
-                "subtract it with --voltage-offset"
+                "subtract it as voltage offset"
             )
         return found
 

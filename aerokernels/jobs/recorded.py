@@ -24,6 +24,7 @@ from aerokernels.inputs.checks import check_path
 from aerokernels.inputs.listed import listed
 from aerokernels.inputs.units import quantity
 from aerokernels.jobs.recorded_csv import csv_echoes
+from aerokernels.process.fault_text import FileFault
 
 if TYPE_CHECKING:
     import xarray
@@ -68,7 +69,7 @@ def recorded_labels(path: str | Path) -> list[Label]:
         found = [echo.label for echo in recorded_echoes(path)]
     labels = list(dict.fromkeys(found))
     if not labels:
-        raise ValueError(f"{path}: holds no echoes; record some with `aerokernels record --store`")
+        raise FileFault(f"{path}: holds no echoes; record some with `aerokernels record --store`")
     return labels
 
 
@@ -101,7 +102,7 @@ def recorded_echoes(
 def _kind(path: Path) -> str:
     if not path.is_file():
         what = "is a folder" if path.is_dir() else "no such file"
-        raise ValueError(f"{path}: {what}; give the recorder's store, or a CSV or NetCDF file of waveforms")
+        raise FileFault(f"{path}: {what}; give the recorder's store, or a CSV or NetCDF file of waveforms")
     with path.open("rb") as file:
         head = file.read(16)
     if head == _SQLITE:
@@ -139,17 +140,17 @@ def waveforms(data: "xarray.Dataset", path: Path) -> Iterator[RecordedEcho]:
     """
     with _naming_file(path):
         if "voltage" not in data.variables or data["voltage"].ndim not in (1, 2):
-            raise ValueError(f"{path}: holds no `voltage` over (echo, sample); it has: {listed(data.variables)}")
+            raise FileFault(f"{path}: holds no `voltage` over (echo, sample); it has: {listed(data.variables)}")
         keys = [str(name) for name in data.variables if str(name).startswith("label_")]
         timed = "time" in data.variables
         volts = _in_si(path, _echoes_first(path, data), "voltage", "V")
         rows = volts if volts.ndim == 2 else volts[None]
         if not timed and "sample_period" not in data.variables:
-            raise ValueError(f"{path}: holds no times: give `time` over sample, or `sample_period` over echo [s]")
+            raise FileFault(f"{path}: holds no times: give `time` over sample, or `sample_period` over echo [s]")
 
         def column(name: str, values: np.ndarray) -> np.ndarray:
             if values.shape not in ((), (1,), (len(rows),)):
-                raise ValueError(f"{path}: `{name}` has shape {values.shape}: give one for each of {len(rows)} echoes")
+                raise FileFault(f"{path}: `{name}` has shape {values.shape}: give one for each of {len(rows)} echoes")
             return np.broadcast_to(values, (len(rows),))
 
         labels = {name: column(name, data[name].values) for name in keys}
@@ -158,7 +159,7 @@ def waveforms(data: "xarray.Dataset", path: Path) -> Iterator[RecordedEcho]:
         first = given.get("first_sample_time", np.zeros(len(rows)))
         shared = _in_si(path, data["time"], "time", "s") if timed else np.empty(0)
         if timed and shared.shape != rows.shape[1:]:
-            raise ValueError(
+            raise FileFault(
                 f"{path}: `time` has shape {shared.shape}, and an echo {rows.shape[1]} samples: give one time for each "
                 "sample, the same for all echoes"
             )
@@ -183,7 +184,7 @@ def _echoes_first(path: Path, data: "xarray.Dataset") -> "xarray.DataArray":
     if last in timed or (first not in (*timed, "sample") and last != "echo"):
         return volts
     if timed and first not in timed:
-        raise ValueError(
+        raise FileFault(
             f"{path}: `voltage` is over {first} and {last}, `time` over {timed[0]}: give `time` over sample"
         )
     return volts.transpose(last, first)
@@ -196,9 +197,9 @@ def _in_si(path: Path, variable: "xarray.DataArray", dimension: str, usual: str)
     try:
         factor = quantity(f"1 {spelled.get(unit.lower(), unit)}", dimension)
     except ValueError as error:
-        raise ValueError(f"{path}: the units of `{variable.name}`: {error}") from None
+        raise FileFault(f"{path}: the units of `{variable.name}`: {error}") from None
     if variable.dtype.kind not in "iuf":
-        raise ValueError(f"{path}: `{variable.name}` holds {variable.dtype}, not real numbers: write the file again")
+        raise FileFault(f"{path}: `{variable.name}` holds {variable.dtype}, not real numbers: write the file again")
     return np.asarray(variable.values, dtype=np.float64) * factor
 
 
@@ -217,6 +218,8 @@ def _naming_file(path: Path) -> Iterator[None]:
     """Turn the many errors that a damaged file causes in its readers into a ValueError that names the file."""
     try:
         yield
+    except FileFault:
+        raise
     except (
         sqlite3.Error,
         OSError,
@@ -227,9 +230,7 @@ def _naming_file(path: Path) -> Iterator[None]:
         AttributeError,
         TypeError,
     ) as error:
-        if isinstance(error, ValueError) and str(path) in str(error):
-            raise
-        raise ValueError(f"{path}: cannot be read ({error}); is it damaged, or no NetCDF-4 file or store?") from error
+        raise FileFault(f"{path}: cannot be read ({error}); is it damaged, or no NetCDF-4 file or store?") from error
 
 
 def _from_csv(path: Path) -> Iterator[RecordedEcho]:
@@ -244,13 +245,13 @@ def checked(echo: RecordedEcho, place: str) -> RecordedEcho:
         ValueError: The check failed; the message names the place.
     """
     if echo.voltage.size < LEAST_SAMPLES or echo.time.shape != echo.voltage.shape:
-        raise ValueError(
+        raise FileFault(
             f"{place}: {echo.voltage.size} samples; at least {LEAST_SAMPLES} are needed, and a time for each"
         )
     if not (np.isfinite(echo.voltage).all() and np.isfinite(echo.time).all()):
-        raise ValueError(f"{place}: some samples are not finite; leave the echo out or repair it")
+        raise FileFault(f"{place}: some samples are not finite; leave the echo out or repair it")
     if not (np.diff(echo.time) > 0.0).all():
-        raise ValueError(f"{place}: the times do not increase; sort them, in seconds")
+        raise FileFault(f"{place}: the times do not increase; sort them, in seconds")
     return echo
 
 

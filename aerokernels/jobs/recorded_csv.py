@@ -19,6 +19,7 @@ import numpy as np
 
 from aerokernels.hardware.csv_cells import text_of_cell
 from aerokernels.inputs.units import quantity
+from aerokernels.process.fault_text import FileFault
 
 CsvEcho = tuple[dict[str, str], np.ndarray, np.ndarray, str]
 Row = tuple[int, list[str]]  # a line's number in the file, and its cells
@@ -38,16 +39,16 @@ def csv_echoes(path: Path) -> Iterator[CsvEcho]:
             reader = _echo_rows if "voltage_0_v" in head else _echo_columns
             yield from reader(path, head, _of_width(path, len(head), rows))
     except UnicodeDecodeError:
-        raise ValueError(f"{path}: neither a store nor NetCDF nor a CSV text; give one of them") from None
+        raise FileFault(f"{path}: neither a store nor NetCDF nor a CSV text; give one of them") from None
     except csv.Error as error:
-        raise ValueError(f"{path}: not a CSV file ({error}); give the recorder's store, CSV or NetCDF") from None
+        raise FileFault(f"{path}: not a CSV file ({error}); give the recorder's store, CSV or NetCDF") from None
 
 
 def _of_width(path: Path, width: int, rows: Iterable[Row]) -> Iterator[Row]:
     """Yield the rows; raise a ValueError at one of another width, as a file has that was cut off."""
     for number, row in rows:
         if len(row) != width:
-            raise ValueError(f"{path}: line {number} has {len(row)} values, the first line {width} columns")
+            raise FileFault(f"{path}: line {number} has {len(row)} values, the first line {width} columns")
         yield number, row
 
 
@@ -57,9 +58,9 @@ def _echo_rows(path: Path, head: list[str], rows: Iterable[Row]) -> Iterator[Csv
     if numbers != tuple(range(len(numbers))):
         wrong = next(at for at, number in enumerate(numbers) if at != number)
         what = f"no column voltage_{wrong}_v" if numbers[wrong] > wrong else f"voltage_{numbers[wrong]}_v twice"
-        raise ValueError(f"{path}: has {what}: give one column for each sample, voltage_0_v to voltage_{numbers[-1]}_v")
+        raise FileFault(f"{path}: has {what}: give one column for each sample, voltage_0_v to voltage_{numbers[-1]}_v")
     if "sample_period_s" not in head:
-        raise ValueError(f"{path}: has no column sample_period_s, which sets the times of the samples: add it")
+        raise FileFault(f"{path}: has no column sample_period_s, which sets the times of the samples: add it")
     for number, row in rows:
         place = f"{path}: line {number}"
         values = dict(zip(head, row, strict=True))
@@ -67,7 +68,7 @@ def _echo_rows(path: Path, head: list[str], rows: Iterable[Row]) -> Iterator[Csv
         while samples and not samples[-1]:  # the echo is shorter than the longest one
             samples.pop()
         if "" in samples:
-            raise ValueError(
+            raise FileFault(
                 f"{place}: voltage_{samples.index('')}_v is empty and later samples are not: without it they would "
                 "move to earlier times; leave the echo out or fill the gap"
             )
@@ -83,7 +84,7 @@ def _echo_rows(path: Path, head: list[str], rows: Iterable[Row]) -> Iterator[Csv
 
 def _echo_columns(path: Path, head: list[str], rows: Iterable[Row]) -> Iterator[CsvEcho]:
     if len(head) < 2 or not head[0].lower().startswith("time"):
-        raise ValueError(
+        raise FileFault(
             f"{path}: its first line is {', '.join(head[:3])!r}; give a column `time_s` and one column for each echo, "
             "headed by its label such as mach=3, or a row for each echo with columns voltage_0_v, voltage_1_v ..."
         )
@@ -114,11 +115,11 @@ def _time_unit(path: Path, head: str) -> float:
     try:
         return quantity(f"1 {unit}", "time")
     except ValueError:
-        raise ValueError(f"{path}: its first column is headed {head!r}; give the times in seconds as time_s") from None
+        raise FileFault(f"{path}: its first column is headed {head!r}; give the times in seconds as time_s") from None
 
 
 def _number(text: str, place: str) -> float:
     try:
         return float(text)
     except ValueError:
-        raise ValueError(f"{place}: {text!r} is not a number; repair the file") from None
+        raise FileFault(f"{place}: {text!r} is not a number; repair the file") from None

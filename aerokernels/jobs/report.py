@@ -33,6 +33,7 @@ HEADLINES = (
     ("echo_peak_v", "Echo peak voltage", "V", 1.0, False),
     ("range_m", "Reported range", "m", 1.0, False),
     ("range_error_m", "Range error", "mm", 1e3, True),
+    ("still_air_m", "Range error of the air at rest", "mm", 1e3, True),
 )
 # Heading of the remark on a stage without a result.
 STAGE_WORDS = {

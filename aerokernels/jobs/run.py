@@ -23,7 +23,7 @@ from aerokernels.jobs.views import pupil_map, ray_fan
 from aerokernels.medium import IndexField
 from aerokernels.prepare import Prepared, prepare_field
 from aerokernels.process.clock import clocked
-from aerokernels.scene import Scene
+from aerokernels.scene import Scene, warn_of_unused
 from aerokernels.strehl import StrehlEstimate
 from aerokernels.strehl.estimate import estimate_strehl
 from aerokernels.tracing.engines.choice import choose_backend
@@ -113,6 +113,7 @@ def simulate(
         scene = Scene.load(scene)
     if not isinstance(scene, Scene):
         raise TypeError(f"scene must be a Scene, a path or a shipped scene's name, got {type(scene).__name__}")
+    warn_of_unused(scene, "run")
     return run_stages(
         scene,
         partial(prepare_field, scene, field),
@@ -171,7 +172,7 @@ def run_stages(
         if with_views:
             pupil = attempted("wavefront", lambda: pupil_map(index, scene), "wavefront")
             fan = attempted("fan", lambda: ray_fan(index, scene, prepared.front), "rays")
-        timed("error", lambda: strehl.quantities)
+        timed("error", lambda: (strehl.quantities, pupil and pupil.opd_error))
         if with_echo:
             echo = attempted("echo", lambda: _echo_with_errors(vacuum, index, strehl), "echo")
         else:

@@ -25,7 +25,7 @@ from aerokernels.jobs.store import (
     write_text,
 )
 from aerokernels.pupils import direction_of
-from aerokernels.scene import Scene, SceneError
+from aerokernels.scene import Scene, warn_of_unused
 from aerokernels.scene.file_table import FileTable
 from aerokernels.scene.pupil_table import axis_words
 from aerokernels.series import optical_series, statistics
@@ -42,14 +42,13 @@ def scene_series(scene: Scene) -> Series:
     """Open the snapshots of a scene.
 
     Raises:
-        SceneError: The scene names no snapshots.
-        ValueError: The snapshots cannot be opened; the message names the key.
+        ValueError: The scene names no snapshots, or they cannot be opened; the message names the key.
     """
     table = scene.series
     if table.source is None:
-        raise SceneError(
-            f'{scene.name}: series.source is missing: add a table [series] with source = "flow.nc", a file with a time '
-            "axis, or a pattern of numbered files"
+        raise ValueError(
+            'series.source is missing: add a table [series] with source = "flow.nc", a file with a time axis, or a '
+            "pattern of numbered files"
         )
     # Options for files that `flow.read` reads; each of them has a single time.
     usual = FileTable().read_options()
@@ -89,6 +88,7 @@ def run_series(scene: Scene, out: Path, progress: Progress | None = None) -> dic
 
 def _run_alone(scene: Scene, out: Path, progress: Progress | None) -> dict[str, Any]:
     series, table, trace = scene_series(scene), scene.series, scene.trace
+    warn_of_unused(scene, "series")
     report = progress or (lambda text, share: None)
     maps = optical_series(
         series,

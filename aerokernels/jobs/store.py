@@ -46,13 +46,13 @@ def check_output_folder(out: Path, own: Sequence[str] = ()) -> None:
     """
     folder = next(one for one in (out, *out.absolute().parents) if one.exists() or one.is_symlink())
     if not folder.is_dir():
-        raise ValueError(f"--out {out}: {folder} is not a folder; choose another name")
+        raise ValueError(f"out={out}: {folder} is not a folder; choose another name")
     if not os.access(folder, os.W_OK | os.X_OK):
-        raise ValueError(f"--out {out}: no permission to write in {folder}; choose another folder")
+        raise ValueError(f"out={out}: no permission to write in {folder}; choose another folder")
     others = _foreign_files(out, own) if folder == out else []
     if others:
         raise ValueError(
-            f"--out {out}: the folder holds {others[0]}{' and more' * (len(others) > 1)}, and no result of an "
+            f"out={out}: the folder holds {others[0]}{' and more' * (len(others) > 1)}, and no result of an "
             "earlier run: choose another folder, or empty this one"
         )
 
@@ -114,7 +114,7 @@ def staged_folder(out: Path) -> Iterator[Path]:
                     return
                 for file in staging.iterdir():
                     if (out / file.name).is_dir():
-                        raise ValueError(f"--out {out}: {file.name} is a folder there; choose another folder")
+                        raise ValueError(f"out={out}: {file.name} is a folder there; choose another folder")
                 staging.rename(out / COMPLETE)
             except BaseException:
                 shutil.rmtree(staging, ignore_errors=True)
@@ -239,13 +239,13 @@ def replace_result(path: Path, dataset: "xarray.Dataset") -> None:
     Raises:
         OutputError: The disk is full.
     """
-    with replacing(path, name="--out ") as (draft,):
+    with replacing(path, name="out=") as (draft,):
         write_result(draft, dataset)
 
 
 def write_text(path: Path, text: str) -> None:
     """Replace a text file atomically; raises the errors of `replace_result`."""
-    with replacing(path, name="--out ") as (draft,):
+    with replacing(path, name="out=") as (draft,):
         draft.write_text(text, encoding="utf-8")
 
 

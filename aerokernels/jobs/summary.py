@@ -4,7 +4,9 @@ strehl, range_m, ...   the numbers, SI; null if there is no result
 errors                 the errors of the numbers by the same keys, in the same units; null if not known; no entry for
 numbers that are not estimates (counts, settings, times). The error of a ratio between 0 and 1 is at most what these
 bounds allow, max(ratio, 1 - ratio): the number is then not meaningful, as the verdict on the Strehl ratio says
-range_uncertainty_m    the systematic and the random part of the range's error, by ranging method
+still_air_m            the part of the range error that the air at rest between aperture and target causes, not the flow
+range_uncertainty_m    the systematic and the random part of the range's error, by ranging method, and of the systematic
+part that of the refractivity model
 verdict, warnings      whether the Strehl ratio is meaningful given its error ("fine", "warning", "worthless"), and why
 failures               why a stage has no result, by stage ("wavefront", "rays", "echo", "range", "picture echo", ...)
 error                  the error budget of the Strehl ratio by cause, each at most what the bounds 0 and 1 allow
@@ -35,6 +37,7 @@ ECHO_KEYS = {
     "echo_peak_v": "peak_voltage",
     "range_m": "range",
     "range_error_m": "range_error",
+    "still_air_m": "still_air",
 }
 
 
@@ -126,7 +129,8 @@ def _echo_numbers(echo: EchoResult | None) -> tuple[dict[str, Any], dict[str, An
         **{key: found[name].value for key, name in ECHO_KEYS.items()},
         "ranges_m": dict(echo.ranges),
         "range_uncertainty_m": {
-            method: {"systematic": one.systematic, "random": one.random} for method, one in parts.items()
+            method: {"systematic": one.systematic, "random": one.random, "refractivity": one.refractivity}
+            for method, one in parts.items()
         },
         "range_statistics_m": {
             method: {

@@ -10,8 +10,8 @@ from aerokernels.pupils import Disc, Pupil
 from aerokernels.rays import RayBundle
 from aerokernels.scene import Scene
 from aerokernels.tracing import Plane, TraceResult, trace
+from aerokernels.tracing.beyond import plane_beyond
 from aerokernels.tracing.lines import box_size
-from aerokernels.tracing.pupil.job import plane_beyond
 from aerokernels.tracing.pupil.radial_quadrature import asymmetry
 from aerokernels.wavefront import point_spread_function, remove_terms
 
@@ -42,6 +42,11 @@ class PupilMap:
     without_tilt: np.ndarray
     without_focus: np.ndarray
     trace: TraceResult
+
+    @property
+    def opd_error(self) -> float:
+        """Greatest OPD error of a ray [m], and so of the rms of each map; some rays are retraced when first read."""
+        return self.trace.error["total"]
 
 
 def pupil_samples(field: IndexField, scene: Scene, sample_count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -3,8 +3,17 @@
 from .averages.rows_of_cells import AveragesLacking
 from .bodies.body import Body
 from .bodies.solid_body import SolidBody
-from .field import IndexField, Upstream
+from .field import GroupIndex, IndexField, Upstream
 from .mesh import QuadMesh
 from .resample import ResamplingError
 
-__all__ = ["AveragesLacking", "Body", "IndexField", "QuadMesh", "ResamplingError", "SolidBody", "Upstream"]
+__all__ = [
+    "AveragesLacking",
+    "Body",
+    "GroupIndex",
+    "IndexField",
+    "QuadMesh",
+    "ResamplingError",
+    "SolidBody",
+    "Upstream",
+]

@@ -3,6 +3,7 @@
 The contrast is stored, never the index: float32 cannot represent small contrasts as part of an index near 1.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -27,18 +28,37 @@ from .mesh_samples import MeshSamples
 
 
 @dataclass(frozen=True)
+class GroupIndex:
+    """The group index n_g = n - lambda dn/dlambda of a field, by which a pulse travels.
+
+    Attributes:
+        ambient_index: Group index outside the box.
+        ratio: Group contrast n_g - n_g,ambient over the contrast, the same everywhere in a field of one gas.
+        uncertainty: Relative uncertainty of n_g - 1 at a density, from the refractivity model.
+        field: Makes the field of the group index itself, where the gas varies and there is no such ratio; else None.
+    """
+
+    ambient_index: float
+    ratio: float
+    uncertainty: float = 0.0
+    field: "Callable[[], IndexField] | None" = None
+
+
+@dataclass(frozen=True)
 class Upstream:
-    """Errors of a field that arose when it was made from a flow, and that no trace through the field can find.
+    """What a field keeps of the flow that it was made from, and that no trace through the field can find.
 
     Attributes:
         columns: Root mean square OPD error of lines through the field, from resampling the flow's own cells [m].
         refractivity: Relative uncertainty of n - 1 at a density, from the refractivity model.
         model: The model's name, and where its constant comes from.
+        group: The group index; None where it is not known, and taken to be the index.
     """
 
     columns: float = 0.0
     refractivity: float = 0.0
     model: str = ""
+    group: GroupIndex | None = None
 
 
 @shown
@@ -77,6 +97,8 @@ class IndexField(Derived):
                 f"the ambient index {self.ambient_index:g}"
             )
         check_box(self.samples.low, self.samples.high)
+        if self.geometry == "axisymmetric":
+            check_starts_on_axis(self.samples.low, self.spacing)
         if self.body is not None and self.body.geometry != self.geometry:
             raise ValueError(f"the body is {self.body.geometry}, the field {self.geometry}: they must agree")
 
@@ -132,8 +154,6 @@ class IndexField(Derived):
         warn_of_index(*grid.extremes)
         if cell_averages:
             grid = replace(grid, samples=node_values(grid.samples, interpolation, axisymmetric))
-        if axisymmetric:
-            check_starts_on_axis(grid.origin, grid.spacing)
         return cls(grid, geometry, ambient_index, body, wavelength=wavelength, upstream=upstream)
 
     @classmethod

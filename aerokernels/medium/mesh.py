@@ -75,8 +75,8 @@ class QuadMesh(Derived):
 
     Raises:
         ValueError: Vertices that are not finite, or coincide (in a structured mesh only vertices of one cell: it may
-            close on itself in a seam); cells that are inverted, not convex or of no area; negative radii; indices out
-            of range.
+            close on itself in a seam); cells that are inverted, not convex or of no area, or that lie in other cells;
+            negative radii; indices out of range.
     """
 
     vertices: np.ndarray
@@ -113,6 +113,28 @@ class QuadMesh(Derived):
         for name, value in (("vertices", vertices), ("cells", cells)):
             value.setflags(write=False)
             object.__setattr__(self, name, value)
+        if self.whole is None:
+            self._refuse_overlaps()
+
+    def _refuse_overlaps(self) -> None:
+        """Reject cells in other cells: one of two values would count.
+
+        Where meshes overlap, the boundary of one of them is within the other. Edges of parts that do not match may
+        cross by less than half a cell.
+        """
+        rim = np.flatnonzero((self.neighbors < 0).any(axis=1))
+        middle = self.corners[rim].mean(axis=1)
+        count = np.zeros(len(rim), np.int64)
+        for row, _ in self.holding(middle):
+            count += np.bincount(row, minlength=len(rim))
+        if (count > 1).any():
+            first = middle[np.argmax(count > 1)].tolist()
+            axes = "r, z" if self.geometry == "axisymmetric" else "y, z"
+            raise ValueError(
+                f"{int((count > 1).sum())} cells at the edge of the mesh or of its blocks lie in other cells, the "
+                f"first at {axes} = {first} m; of overlapping (overset) blocks leave out the cells of one where "
+                "two overlap (in a file: iblank, vtkGhostType)"
+            )
 
     @classmethod
     @checked
@@ -182,8 +204,11 @@ class QuadMesh(Derived):
 
     @cached_property
     def box(self) -> tuple[np.ndarray, np.ndarray]:
-        """Lowest and highest coordinates [m]."""
-        return self.vertices.min(axis=0), self.vertices.max(axis=0)
+        """Lowest and highest coordinates [m]; an axisymmetric box begins at r = 0, wherever the cells do."""
+        low = self.vertices.min(axis=0)
+        if self.geometry == "axisymmetric":
+            low[0] = 0.0
+        return low, self.vertices.max(axis=0)
 
     @cached_property
     def cell_size(self) -> np.ndarray:

@@ -142,8 +142,16 @@ def _resample_once(field, low, high, step, interpolation):
     contrast = _extrapolated(field, points).reshape(count)
     even = field.geometry == "axisymmetric"
     grid = UniformGrid(contrast, low, step, interpolation, even, field.ambient_index)
-    result = replace(field, samples=grid, resampling=None)
+    made, upstream = field.upstream, field.upstream
+    if made is not None and made.group is not None and made.group.field is not None:
+        again = partial(_resampled, made.group.field, step, (low, high), interpolation)
+        upstream = replace(made, group=replace(made.group, field=again))
+    result = replace(field, samples=grid, resampling=None, upstream=upstream)
     return replace(result, resampling=_measure(field, result, points))
+
+
+def _resampled(make, step, region, interpolation):
+    return make().resample(step, region=region, interpolation=interpolation)
 
 
 @dataclass(frozen=True, eq=False)

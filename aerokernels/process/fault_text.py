@@ -1,4 +1,8 @@
-"""Describe an error of a library on one line, for the message of another error or for a table."""
+"""Errors that name their file, and errors of a library on one line, for another message or for a table."""
+
+
+class FileFault(ValueError):
+    """A file that cannot be used; the message names it, so that callers add nothing."""
 
 
 def fault_text(fault: BaseException, most: int | None = 200) -> str:

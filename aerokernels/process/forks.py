@@ -10,11 +10,9 @@ Up to Python 3.11 a thread that computes a cached property holds a lock of all o
 the child gets new locks. Locks of this package do the same, see opened.py.
 
 Functions that run before a fork are called from the last registered to the first. Those of `logging` and
-`concurrent.futures` take locks that an import may need: they are imported here, so that this module waits before them.
+`concurrent.futures` take locks that an import may need: they are imported first, so that this module waits before them.
 """
 
-import concurrent.futures.thread  # noqa: F401
-import logging  # noqa: F401
 import os
 import sys
 import threading
@@ -22,6 +20,8 @@ import time
 from functools import cached_property
 from pathlib import Path
 from types import FrameType
+
+from .opened import OPENED
 
 PATIENCE, PAUSE = 60.0, 0.01  # [s]; a thread that takes longer may itself wait for the one that forks
 
@@ -34,9 +34,16 @@ _ONCE = tuple(f"{_PACKAGE}.{name}" for name in ("process.opened", "tracing.engin
 
 
 def make_forks_safe() -> None:
-    """Do so for this process, from now on."""
+    """Do so for this process, from the first call on: a program that only imports the package is left alone."""
+    OPENED.once("safe forks", _register)
+
+
+def _register() -> bool:
+    import logging  # noqa: F401
+
     if hasattr(os, "register_at_fork"):  # not on Windows, which has no fork
         os.register_at_fork(before=_wait, after_in_child=_renew_properties)
+    return True
 
 
 def _wait() -> None:

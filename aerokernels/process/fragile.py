@@ -18,6 +18,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import IO, Any, NamedTuple
 
+from .fault_text import FileFault
 from .machine import address_space, child_environment, host_memory
 from .opened import OPENED
 from .own_files import LISTS, check_own_files
@@ -35,7 +36,7 @@ ONE_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_
 DAMAGED = "the file is damaged or of another format: write it again"
 
 
-class LibraryEndedError(ValueError):
+class LibraryEndedError(FileFault):
     """The library that reads a file ended its process, or exceeded its limits; the message names the file."""
 
 

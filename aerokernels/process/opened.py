@@ -18,13 +18,14 @@ class Locked:
     """
 
     def __init__(self) -> None:
-        """Make the lock."""
-        self._renew()
-        if hasattr(os, "register_at_fork"):  # not on Windows, which has no fork
-            os.register_at_fork(after_in_child=self._renew)
+        """Start without a lock."""
+        self._locks: dict[int, Any] = {}
 
-    def _renew(self) -> None:
-        self.lock = threading.RLock()  # reentrant: what is made may be made of parts that are kept too
+    @property
+    def lock(self) -> Any:
+        """The lock of this process, reentrant: what is made may be made of parts that are kept too."""
+        own = os.getpid()
+        return self._locks.get(own) or self._locks.setdefault(own, threading.RLock())
 
 
 class Opened(Locked):

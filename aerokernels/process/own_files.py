@@ -12,6 +12,8 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
+from .fault_text import FileFault
+
 HDF5_MAGIC = b"\x89HDF\r\n\x1a\n"
 # Files of VTK that name their pieces, and those that list files with their times.
 OF_PIECES = (".pvti", ".pvtr", ".pvts", ".pvtu", ".vtm", ".vtmb", ".vtpd", ".vtpc", ".vth", ".vthb")
@@ -19,7 +21,7 @@ LISTS = (".pvd", ".series", *OF_PIECES)
 SHOWN = 200  # characters of a name in a message
 
 
-class OwnFilesError(ValueError):
+class OwnFilesError(FileFault):
     """A file names another one that it may not; the message gives both and the remedy."""
 
 

@@ -11,12 +11,13 @@ from typing import Any
 
 import numpy as np
 
+from .fault_text import FileFault
 from .machine import free_memory
 
 SHARE = 0.5  # fraction of the free memory that one reading may take
 
 
-class NoRoomError(ValueError):
+class NoRoomError(FileFault):
     """The arrays that a file announces do not fit in memory."""
 
 

@@ -4,5 +4,6 @@ from .detector_table import STATIC_CALIBRATION
 from .errors import SceneError
 from .loading import shipped_scenes
 from .scene import Scene
+from .unused import warn_of_unused
 
-__all__ = ["STATIC_CALIBRATION", "Scene", "SceneError", "shipped_scenes"]
+__all__ = ["STATIC_CALIBRATION", "Scene", "SceneError", "shipped_scenes", "warn_of_unused"]

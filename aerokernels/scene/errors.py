@@ -46,7 +46,7 @@ def scene_error(
         key = shorter
     value = _value_at(raw, key)
     related = any(f"{key}.".startswith(f"{name}.") or f"{name}.".startswith(f"{key}.") for name in overridden)
-    place = f"{file} (with --set)" if related else file
+    place = f"{file} (changed)" if related else file
     further = len(faults) - 1
     more = f" (and {further} more {'fault' if further == 1 else 'faults'})" if further else ""
     return SceneError(f"{place}: {_describe(first, key, value, model)}{more}")

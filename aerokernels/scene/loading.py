@@ -10,12 +10,14 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
+from ..display.plain_text import cut
 from ..flow.shipped import shipped_names
 from .errors import SceneError
 
 _SHIPPED = files("aerokernels") / "scenes"
 _COMMON = _SHIPPED / "common" / "laser_rangefinder.toml"  # the tables from [beam] on, which end every shipped scene
 DEEPEST = 100  # greatest nesting of tables and lists: deeper than any scene, below Python's recursion limit
+CHANGED = "-changed"  # ends the name of a scene whose values were changed
 _PART = r"""(?:"[^"\n]*+"|'[^'\n]*+'|[\w-]++)"""
 _NAMES = re.compile(rf"{_PART}(?:[ \t]*+\.[ \t]*+{_PART})*+")
 
@@ -101,7 +103,7 @@ def _toml(text: str) -> dict[str, Any]:
 def resolve_paths(tables: dict[str, Any], place: str | Path) -> None:
     """Resolve paths in a scene file relative to the file; names of shipped flows and absolute paths stay unchanged.
 
-    Paths given by --set are applied afterwards and are relative to the working directory.
+    Paths in changes are applied afterwards and are relative to the working directory.
     """
     if not os.path.isfile(place):
         return
@@ -118,7 +120,7 @@ def resolve_paths(tables: dict[str, Any], place: str | Path) -> None:
 
 
 def override(tables: dict[str, Any], overrides: Mapping[str, Any], label: str) -> None:
-    """Set dotted keys in the tables. A text that is a TOML value is parsed, any other stays a text.
+    """Set dotted keys in the tables, and tell so in name and title. A text that is a TOML value is parsed.
 
     Raises:
         SceneError: An empty key or part of a key, or a key below a value that is not a table.
@@ -127,19 +129,35 @@ def override(tables: dict[str, Any], overrides: Mapping[str, Any], label: str) -
         *path, leaf = str(key).strip().split(".")
         if not all(part.strip() for part in (*path, leaf)):
             raise SceneError(
-                f"{label} (with --set): {key!r} is not a key: write table.key=value, as in target.distance=1.2"
+                f"{label} (changed): {key!r} is not a key: write table.key=value, as in target.distance=1.2"
             )
         if len(path) > DEEPEST:
-            raise SceneError(f"{label} (with --set): a key of {len(path) + 1} parts: no key of a scene has so many")
+            raise SceneError(f"{label} (changed): a key of {len(path) + 1} parts: no key of a scene has so many")
         table = tables
         for depth, part in enumerate(path):
             table = table.setdefault(part, {})
             if not isinstance(table, dict):
                 held = ".".join(path[: depth + 1])
                 raise SceneError(
-                    f"{label} (with --set): {key} = {value!r}: {held} is a value, not a table; set {held} itself"
+                    f"{label} (changed): {key} = {value!r}: {held} is a value, not a table; set {held} itself"
                 )
         table[leaf] = toml_value(value) if isinstance(value, str) else value
+    words, name = changes_in_words(overrides), tables.get("name")
+    title = tables.get("title") or name
+    if words and "title" not in overrides and isinstance(title, str):
+        tables["title"] = title + words
+    if words and "name" not in overrides and isinstance(name, str):
+        tables["name"] = f"{name.removesuffix(CHANGED)}{CHANGED}"
+
+
+def changes_in_words(changes: Mapping[str, Any]) -> str:
+    """Return the changes that make another scene, ", with target.distance = 2 m"; how it is computed is left out."""
+    told = [
+        f"{key} = {cut(str(value))}"
+        for key, value in changes.items()
+        if not (key.startswith("trace.") or key.endswith("ray_count") or key in ("name", "title"))
+    ]
+    return f", with {', '.join(told)}" if told else ""
 
 
 def toml_value(text: str) -> Any:

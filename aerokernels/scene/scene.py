@@ -43,11 +43,11 @@ class Scene(Table):
     @model_validator(mode="before")
     @classmethod
     def _series_alone(cls, values: Any) -> Any:
-        """Let a scene of snapshots leave out [flow].source."""
+        """Let a scene of snapshots leave out [flow].source, which is then None."""
         series = values.get("series") if isinstance(values, dict) else None
         if isinstance(series, dict) and series.get("source"):
             flow = values.get("flow", {})
-            return {**values, "flow": {"source": STATIC, **flow}} if isinstance(flow, dict) else values
+            return {**values, "flow": {"source": None, **flow}} if isinstance(flow, dict) else values
         return values
 
     @model_validator(mode="after")
@@ -57,7 +57,7 @@ class Scene(Table):
 
     @model_validator(mode="after")
     def _species_have_a_file(self) -> "Scene":
-        if self.flow.is_mixture and self.series.source is None and self.flow.source in (*shipped_names(), STATIC):
+        if self.flow.is_mixture and self.flow.source in (*shipped_names(), STATIC):
             raise ValueError(f"flow.species needs a flow file, and {self.flow.source!r} is air: leave the key out")
         return self
 
@@ -70,6 +70,20 @@ class Scene(Table):
     def has_own_pupil(self) -> bool:
         """Whether [pupil] defines another pupil than the receiver's."""
         return self.pupil != PupilTable()
+
+    @property
+    def flow_source(self) -> str:
+        """The name or the file of the scene's flow.
+
+        Raises:
+            ValueError: A scene of snapshots alone.
+        """
+        if self.flow.source is None:
+            raise ValueError(
+                "flow.source is missing: the snapshots of [series] are for `aerokernels series` alone; add a table "
+                '[flow] with source, such as "mach3", a flow file, or "static" for air at rest'
+            )
+        return self.flow.source
 
     @classmethod
     @checked
@@ -89,8 +103,8 @@ class Scene(Table):
         label, name, tables = read_scene(place)
         changes = dict(overrides or {})
         resolve_paths(tables, place)
-        override(tables, changes, label)
         tables.setdefault("name", name)
+        override(tables, changes, label)
         try:
             return cls.model_validate(tables)
         except ValidationError as fault:
@@ -100,13 +114,13 @@ class Scene(Table):
         """Return the scene's flow at its density; "static" is air at rest around the model, by default at sea level.
 
         Raises:
-            ValueError: A flow file that cannot be used; one line that names the file, the place and the remedy.
+            ValueError: A scene of snapshots alone, or a flow file that cannot be used; one line that names the place
+                and the remedy.
         """
-        own = self.flow.density == "tunnel"
+        source, own = self.flow_source, self.flow.density == "tunnel"
         density = SEA_LEVEL_DENSITY if self.flow.density == "sea-level" or own else float(self.flow.density)
-        if self.flow.source == STATIC:
+        if source == STATIC:
             return uniform_air(density, body=shipped(shipped_names()[0]).body)
-        source = self.flow.source
         field = (
             shipped(source)
             if source in shipped_names()

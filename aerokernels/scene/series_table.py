@@ -10,7 +10,7 @@ Density = Annotated[float, measured("density"), Field(gt=0.0)]
 
 
 class SeriesTable(Table):
-    """[series]: snapshots of a flow in time, for `aerokernels series`; `aerokernels run` ignores this table."""
+    """[series]: snapshots of a flow in time, for `aerokernels series`; no other command uses this table."""
 
     source: str | None = key(
         None,

@@ -23,10 +23,10 @@ UNIFORM_INTERPOLATIONS = ("cubic", "linear", "monotone")
 MESH_INTERPOLATIONS = ("bilinear", "bilinear-barron", "idw")
 
 
-def _source(value: Any) -> str:
+def _source(value: Any) -> str | None:
     choices = (*shipped_names(), STATIC)
-    if value in choices:
-        return str(value)
+    if value is None or value in choices:
+        return value
     if not isinstance(value, str) or not os.path.exists(os.path.expanduser(value)):
         raise ValueError(f"no such file; choose one of {', '.join(choices)}, or the path of a flow file or case")
     return value
@@ -60,10 +60,11 @@ def _constant(value: float) -> float:
 class FlowTable(Table):
     """[flow]: the air and its refractive index."""
 
-    source: Annotated[str, BeforeValidator(_source)] = key(
+    source: Annotated[str | None, BeforeValidator(_source)] = key(
         ...,
         '"mach2", "mach3", "mach4": the shipped CFD field of the wind-tunnel model; "static": air at rest; or the path '
-        "of your own CFD file or case, relative to the scene file.",
+        "of your own CFD file or case, relative to the scene file. A scene with a [series] may leave it out; "
+        "`aerokernels series` alone accepts it then.",
     )
     file: FileTable = FileTable()
     species: bool | tuple[str, ...] | dict[str, str] | None = key(
@@ -86,7 +87,7 @@ class FlowTable(Table):
         'Relation of density to index: "ciddor", for standard dry air, 0.3 to 1.69 um; "paper", linear with the '
         'paper\'s constant, which is 0.46 % higher at 905 nm; "gladstone-dale", linear, or "lorentz-lorenz", the exact '
         "form, both with the constant gladstone_dale or else the paper's; the two forms differ by 1.3e-8 at sea level. "
-        'If gladstone_dale is given, the default is "gladstone-dale".',
+        'If gladstone_dale is given, the default is "gladstone-dale", which "paper" with that constant is too.',
     )
     gladstone_dale: Annotated[GladstoneDale, AfterValidator(_constant)] | None = key(
         None, "Gladstone-Dale constant in place of the paper's K(wavelength), such as '2.24e-4 m3/kg'."
@@ -109,9 +110,10 @@ class FlowTable(Table):
     @model_validator(mode="before")
     @classmethod
     def _a_constant_or_a_mixture_is_gladstone_and_dales(cls, data: Any) -> Any:
-        if not isinstance(data, dict) or "relation" in data:
+        if not isinstance(data, dict):
             return data
-        if data.get("gladstone_dale") is not None or data.get("species") not in (None, False):
+        relation, given = data.get("relation"), data.get("gladstone_dale") is not None
+        if (given and relation in (None, "paper")) or (relation is None and data.get("species") not in (None, False)):
             return {**data, "relation": "gladstone-dale"}
         return data
 

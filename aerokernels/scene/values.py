@@ -52,8 +52,8 @@ def _whole(value: Any) -> int:
 
 Length = Annotated[float, measured("length"), Field(gt=0.0)]
 Coordinate = Annotated[float, measured("length")]
-Angle = Annotated[float, measured("angle")]
-Elevation = Annotated[Angle, Field(ge=-1.570797, le=1.570797)]
+Angle = Annotated[float, measured("angle"), Field(ge=-6.2832, le=6.2832)]  # a turn: more are degrees without a unit
+Elevation = Annotated[float, measured("angle"), Field(ge=-1.570797, le=1.570797)]
 Time = Annotated[float, measured("time"), Field(gt=0.0)]
 Power = Annotated[float, measured("power"), Field(gt=0.0)]
 Speed = Annotated[float, measured("speed"), Field(gt=0.0)]

@@ -10,8 +10,7 @@ import numpy as np
 from ..inputs.checks import check_choice
 from ..pupils import Disc, Pupil, Rectangle
 
-# Shapes by name, of any size; a slit has no width along the edge.
-SOURCES: dict[str, Pupil | None] = {"slit": None, "disc": Disc(1.0), "square": Rectangle(2.0, 2.0)}
+SOURCES = ("slit", "disc", "square")
 # Positions of an edge evaluated together.
 BLOCK = 1 << 14  # speed only
 
@@ -28,7 +27,9 @@ def check_source(source: str | Pupil) -> None:
 
 def shape_of(source: str | Pupil) -> Pupil | None:
     """Return the shape, of any size; None for a slit, which has no width along the edge."""
-    return source if isinstance(source, Pupil) else SOURCES[source]
+    if isinstance(source, Pupil):
+        return source
+    return Disc(1.0) if source == "disc" else Rectangle(2.0, 2.0) if source == "square" else None
 
 
 def light_in(shape: Pupil, x_edges: np.ndarray, y_edges: np.ndarray) -> np.ndarray:

@@ -36,7 +36,7 @@ def linking_equation(
     direction: Any,
     wavelength: float,
     *,
-    relation: str = "gladstone-dale",
+    relation: str | None = None,
     constant: float | None = None,
     snapshots: Sequence[int] | None = None,
 ) -> dict[str, Mean]:
@@ -47,7 +47,7 @@ def linking_equation(
         points: Starting points of rays [m], shape (n, 3); at most 49 of them, evenly chosen, are used.
         direction: Their direction, shape (3,).
         wavelength: Vacuum wavelength [m].
-        relation: Density to index, linear ones only.
+        relation: Density to index, linear ones only; None as for `flow.refractivity_model`.
         constant: K [m3/kg].
         snapshots: Numbers of the snapshots to take; None takes all.
 
@@ -65,7 +65,7 @@ def linking_equation(
         raise NotLinkedError("the linking equation needs at least two snapshots")
     model = refractivity_model(relation, constant=constant)
     if model.form != "gladstone-dale":
-        raise NotLinkedError(f"relation {relation!r} is not linear in the density: take 'gladstone-dale'")
+        raise NotLinkedError(f"relation {model.name!r} is not linear in the density: take 'gladstone-dale'")
     chosen = points[np.unique(np.linspace(0, len(points) - 1, RAYS).round().astype(int))]
     lines = LineIntegrals(series.mesh, chosen, as_unit_vector(direction, "direction"), "linear")
     factor = float(model.constant(wavelength))

@@ -20,10 +20,14 @@ from aerokernels import __version__
 
 from ..flow import DensityField, Series
 from ..inputs.arguments import checked
+from ..inputs.kinds import shown
+from ..inputs.warned import warn_caller
 from ..inputs.wavelength import DEFAULT_WAVELENGTH
 from ..medium import IndexField
 from ..pupils import direction_of
 from ..strehl.estimate import PreparedStrehl
+from ..strehl.sums import NoRayArrived
+from ..tracing.meeting import NoRayMeetsField
 from ..tracing.pupil.radial_quadrature import asymmetry
 from .look_batch import batch_looks, can_batch
 
@@ -40,7 +44,10 @@ VARIABLES = {
     "boresight_azimuth": ("rad", "boresight error along growing azimuth"),
     "boresight_elevation": ("rad", "boresight error along growing elevation"),
     "blocked": ("1", "share of the pupil that the body shades"),
-    "known": ("1", "1 where the light stays in known air, 0 where the computed flow ends in disturbed air before it"),
+    "known": (
+        "1",
+        "0 where the computed flow ends in disturbed air before the light, or no light arrives; 1 elsewhere",
+    ),
 }
 
 
@@ -52,7 +59,7 @@ def look_map(
     pupil: Any,
     *,
     wavelength: float | None = None,
-    relation: str = "gladstone-dale",
+    relation: str | None = None,
     constant: float | None = None,
     ray_count: int = 4096,
     tolerance: float = 1e-3,
@@ -69,7 +76,7 @@ def look_map(
 
     Args:
         field: The refractive index, or a density field or a series from which the index is computed.
-        azimuth: Angles [rad], shape (n,): toward +x.
+        azimuth: Angles [rad], shape (n,), from -pi to pi: toward +x.
         elevation: Angles [rad], shape (m,), from -pi/2 to pi/2: toward +y.
         pupil: The pupil, in any direction.
         wavelength: Vacuum wavelength [m]; None takes the field's own, or 905 nm.
@@ -86,20 +93,16 @@ def look_map(
     Returns:
         A dataset (azimuth, elevation), with `time` before them for a series: `strehl` and its
         `strehl_standard_error`, `opd_rms` [m], `boresight`, `boresight_azimuth` and `boresight_elevation` [rad],
-        `blocked`, the share in the body's shadow, and `known`. All but `blocked` and `known` are NaN where the whole
-        pupil is in the shadow. A direction along which the computed flow ends in disturbed air has `known` 0: its
-        numbers cover the known part only.
+        `blocked`, the share in the body's shadow, and `known`: 1, or 0 along which the computed flow ends in disturbed
+        air, so that the numbers cover the known part only, or where the whole pupil is in the shadow, so that they are
+        NaN.
 
     Raises:
         TypeError: A field or a pupil of the wrong kind.
         ValueError: Angles that are not finite or out of range, an invalid option, or a pupil from which no direction
             leads through the flow.
     """
-    angles = [_angles(name, values) for name, values in (("azimuth", azimuth), ("elevation", elevation))]
-    if (np.abs(angles[1]) > 0.5 * np.pi * (1.0 + 1e-12)).any():
-        raise ValueError(
-            "elevation must be between -pi/2 and pi/2, in radians (np.radians); to look over the top, turn the azimuth"
-        )
+    angles = [_angles("azimuth", azimuth, np.pi), _angles("elevation", elevation, 0.5 * np.pi)]
     if not (hasattr(pupil, "center") and hasattr(pupil, "normal")):
         raise TypeError(f"pupil must be a Disc or another pupil, got {type(pupil).__name__}")
     options: dict[str, Any] = {"ray_count": ray_count, "tolerance": tolerance, "remove": remove}
@@ -122,12 +125,18 @@ def look_map(
     return _dataset(maps, angles, times, pupil, length if options.get("wavelength") is None else wavelength)
 
 
-def _angles(name: str, values: Any) -> np.ndarray:
+def _angles(name: str, values: Any, most: float) -> np.ndarray:
     found = np.atleast_1d(np.asarray(values, dtype=np.float64))
     if found.ndim != 1 or found.size == 0 or not np.isfinite(found).all():
         raise ValueError(f"{name} must be finite angles in radians, shape (n,), got {values!r}")
-    if np.abs(found).max() > 4.0 * np.pi:
-        raise ValueError(f"{name} must be in radians, got {np.abs(found).max():g}: np.radians turns degrees into them")
+    greatest = float(np.abs(found).max())
+    if greatest > most * (1.0 + 1e-12):
+        raise ValueError(
+            f"{name} must be between -{most:.4g} and {most:.4g}, in radians, got {greatest:g}: "
+            "np.radians converts degrees"
+        )
+    if greatest > 0.0 and (found == np.round(found)).all():
+        warn_caller(f"{name} {shown(found.tolist())} is taken in radians; np.radians converts degrees")
     return found
 
 
@@ -193,19 +202,16 @@ def _about_the_axis(tilt: np.ndarray, looks: np.ndarray) -> np.ndarray:
 def _look(field: IndexField, pupil: Any, look: np.ndarray, options: dict[str, Any]):
     """Return the numbers of one direction, its tilt as a vector in space [rad], and whether it meets the flow."""
     turned = replace(pupil, normal=look)
-    none = np.full(3, np.nan)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # the map shows undisturbed and unknown air
             prepared = PreparedStrehl(field, turned, allow_truncation=True, **options)
             known = float(not prepared.job.air.is_truncated)
             found = prepared()
-    except ValueError as fault:
-        if "meets the field" in str(fault):
-            return _numbers(1.0, 0.0, 0.0, 0.0, 1.0), np.zeros(3), False
-        if "no ray of the pupil arrived" in str(fault):
-            return _numbers(np.nan, np.nan, np.nan, 1.0, 1.0), none, True
-        raise
+    except NoRayMeetsField:
+        return _numbers(1.0, 0.0, 0.0, 0.0, 1.0), np.zeros(3), False
+    except NoRayArrived:  # of a pupil in the body's shadow nothing is known
+        return _numbers(np.nan, np.nan, np.nan, 1.0, 0.0), np.full(3, np.nan), True
     first, second = turned.axes
     tilt = found.boresight[0] * first + found.boresight[1] * second
     numbers = _numbers(found.value, found.standard_error, found.opd_rms, found.blocked, known)

@@ -44,7 +44,7 @@ def optical_series(
     direction=None,
     remove=("piston", "tilt"),
     wavelength: float = DEFAULT_WAVELENGTH,
-    relation: str = "gladstone-dale",
+    relation: str | None = None,
     constant: float | None = None,
     composition=None,
     interpolation: str | None = None,
@@ -62,6 +62,7 @@ def optical_series(
     Where the rays are nearly straight, OPD is linear in the density: the lines through the grid are prepared once, and
     a snapshot costs one pass over its samples, on a GPU where there is one. The bending that this leaves out is
     measured on the first snapshot, and again whenever it has grown; above the tolerance a snapshot is traced in full.
+    Where rays leave the grid by a side, or miss it, all are.
     The next snapshot is read while one is computed, and no more than these two are in memory, unless the maps are.
 
     Args:
@@ -90,8 +91,9 @@ def optical_series(
         error of `opd` and to the pixels, which have one ray each (`strehl_error` and so on), `piston` [m], `error` [m],
         the share of the pupil that is `known`, and whether a snapshot was `traced`; over (y, x) `weight`, the pixels'
         shares of the pupil. Its attribute `truncation` is the warning below, or empty. Lazy where `out` is given.
-        Pixels whose rays leave the grid sideways, miss it or end on a body are not valid, and in no number. `error`
-        on straight lines is that of the OPD through the grid; it does not include disturbed air beyond the grid.
+        Pixels whose rays end on a body, and with method="linear" those whose rays leave the grid sideways or miss it,
+        are not valid, and in no number. `error` on straight lines is that of the OPD through the grid; it does not
+        include disturbed air beyond the grid.
 
     Warns:
         TruncationWarning: More than a thousandth of the pupil is not valid, or looks through disturbed air that ends
@@ -297,7 +299,7 @@ def _template(
             "direction": settings.direction.tolist(),
             "pupil_center": pupil.center.tolist(),
             "pupil_axes": np.concatenate(pupil.axes).tolist(),
-            "relation": settings.relation,
+            "relation": settings.relation or model.name,
             **({} if settings.constant is None else {"constant": settings.constant}),
             # Of a composition as well, unless it varies in space.
             **({} if np.ndim(constant) else {"gladstone_dale_constant": float(constant)}),

@@ -19,7 +19,7 @@ from ..inputs.doubtful import refuse_half_precision
 from ..medium import IndexField, QuadMesh
 from ..medium.refined import has_seam
 from ..rays import Pupil, RayBundle
-from ..tracing import Plane
+from ..tracing.beyond import plane_beyond, way_beyond
 from ..tracing.engines.choice import choose_backend
 from ..tracing.engines.info import cuda_driver_loads
 from ..tracing.pupil.air import PupilAir, pupil_air
@@ -56,7 +56,7 @@ class SnapshotSettings:
 
     direction: np.ndarray
     wavelength: float
-    relation: str
+    relation: str | None
     constant: float | None
     composition: Any
     interpolation: str | None
@@ -138,7 +138,10 @@ class Snapshots:
         self.device = gpu_of(settings.trace_options.get("backend"), settings.trace_options.get("device"))
         self._measured_slope, self._measured, self._interpolation, self._tilt = 0.0, np.nan, 0.0, 0.0
         try:
-            self.lines = self._lines()
+            lines = self._lines()
+            if settings.method == "auto" and not lines.inside.all():
+                raise NotLinearError("rays that leave the grid by a side, or miss it, are traced")
+            self.lines = lines
         except NotLinearError as fault:
             if settings.method == "linear":
                 raise ValueError(f"method 'linear' cannot be had: {fault}; take 'auto'") from None
@@ -254,13 +257,6 @@ class Snapshots:
         points = self.grid.points[chosen]
         return RayBundle(points, np.broadcast_to(self.settings.direction, points.shape)), points
 
-    def _stop(self, box: tuple[np.ndarray, np.ndarray]) -> Plane:
-        """Return a plane across the rays, beyond a box and the pupil."""
-        low, high = (np.where(np.isfinite(corner), corner, 0.0) for corner in box)
-        corners = np.array(np.meshgrid(*zip(low, high, strict=True))).reshape(3, -1).T
-        away = np.concatenate([corners, self.grid.points]) @ self.settings.direction
-        return Plane((away.max() + 1e-3 * np.ptp(away)) * self.settings.direction, self.settings.direction)
-
     def _probe(self, stored: Any, number: int, opd: np.ndarray, valid: np.ndarray) -> tuple[float, float, float]:
         """Return the rms difference of straight lines from bent rays over some rays of the pupil, terms removed [m].
 
@@ -277,7 +273,7 @@ class Snapshots:
         traced = trace(
             field,
             rays,
-            until=self._stop(field.box),
+            until=plane_beyond(field, self.grid.pupil, self.settings.direction),
             tolerance=PROBE_TOLERANCE * self.settings.tolerance,
             wavelength=self.settings.wavelength,
             outputs=("opd",),
@@ -311,7 +307,8 @@ class Snapshots:
         axis = lines.axis
         face = mesh.box[1 if along[axis] > 0.0 else 0][axis]
         leave = points + ((face - points[:, axis]) / along[axis])[:, None] * along
-        beyond = self._stop(mesh.box).point @ along - leave @ along
+        pupil = self.grid.pupil
+        beyond = pupil.center @ along + way_beyond(mesh.box, pupil.center, pupil.reach, along) - leave @ along
         bent, straight = bending(lines, density, contrast, beyond)
         between = interpolation_error(lines, density, contrast)
         parts = self._rms(bent, rows), self._rms(between, rows) + self._rms(opd - straight, rows)
@@ -334,7 +331,7 @@ class Snapshots:
         traced = trace(
             field,
             rays,
-            until=self._stop(field.box),
+            until=plane_beyond(field, self.grid.pupil, self.settings.direction),
             tolerance=self.settings.tolerance,
             wavelength=self.settings.wavelength,
             outputs=("opd",),

@@ -219,7 +219,7 @@ class ZarrStore:
         Raises:
             ValueError: There is such a process.
         """
-        with only_writer(self.path, "out"):
+        with only_writer(self.path):
             there = self.journal.is_file() and self.path.is_dir()
             if there and self.journal.read_bytes().rfind(b"\n") + 1 != self._read_size:
                 raise self._busy()
@@ -284,7 +284,7 @@ class ZarrStore:
             yield
         except OSError as fault:
             if fault.errno in FULL and not isinstance(fault, OutputError):
-                raise OutputError(self.path, fault, "out=") from fault
+                raise OutputError(self.path, fault) from fault
             raise
 
     def finish(self) -> "xarray.Dataset":

@@ -13,6 +13,10 @@ from ..tracing.pupil.fit import rms_about
 UNSEEN = 1e-3
 
 
+class NoRayArrived(ValueError):
+    """A pupil of which no ray arrived beyond the field: it has no Strehl ratio."""
+
+
 def combined(
     total: np.ndarray, phasor: np.ndarray, wavelength: float, remove: tuple[str, ...], fit: Any = None
 ) -> dict[str, float]:
@@ -21,10 +25,10 @@ def combined(
     `fit` is the result of `fit_moments` for these moments, if it is known.
 
     Raises:
-        ValueError: No ray arrived beyond the field.
+        NoRayArrived: No ray arrived beyond the field.
     """
     if total[0] == 0:
-        raise ValueError(
+        raise NoRayArrived(
             "no ray of the pupil arrived beyond the field: all met the body or left their path; "
             "move the pupil, or turn its normal toward the flow"
         )

@@ -16,6 +16,10 @@ CHUNK = 1 << 14
 CACHED = 4  # speed only
 
 
+class NoRayMeetsField(ValueError):
+    """A bundle of which no ray meets the field's box ahead of its start."""
+
+
 def greatest_contrast(field: IndexField) -> float:
     """Greatest |contrast| of the field's samples."""
     if isinstance(field.samples, UniformGrid):
@@ -37,7 +41,7 @@ def check_meeting(field: IndexField, rays: RayBundle, what: str) -> None:
     """Reject a bundle of which no ray meets the field's box ahead of its start; a field without contrast is accepted.
 
     Raises:
-        ValueError: No ray meets the box; the message gives the positions of box and rays and says what to check.
+        NoRayMeetsField: No ray meets the box; the message gives the positions of box and rays and says what to check.
     """
     place = "meeting", field.geometry, weakref.ref(rays)
     if known(field.samples, place, lambda: is_any_meeting(field, rays), CACHED):
@@ -49,7 +53,7 @@ def check_meeting(field: IndexField, rays: RayBundle, what: str) -> None:
         f"{axis} from {a:.4g} to {b:.4g} m" for axis, a, b in zip("xyz", low, high, strict=True) if np.isfinite(b - a)
     )
     place, along = rays.position.mean(axis=0), rays.direction.mean(axis=0)
-    raise ValueError(
+    raise NoRayMeetsField(
         f"no {what} meets the field, whose box is {box}: the rays start about ({place[0]:.4g}, {place[1]:.4g}, "
         f"{place[2]:.4g}) m and go toward ({along[0]:.3g}, {along[1]:.3g}, {along[2]:.3g}); check the units (metres "
         "are expected), the direction and the position"

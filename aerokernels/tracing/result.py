@@ -47,7 +47,7 @@ class TraceResult:
     Attributes:
         position: End points [m], shape (ray_count, 3).
         direction: Unit tangents at the stop, shape (ray_count, 3).
-        optical_path: Integral of n ds [m], shape (ray_count,).
+        optical_path: Integral of n ds [m], shape (ray_count,): what the phase travels. A pulse travels `group_path`.
         opd: Optical path less ambient_index times the distance at which the undisturbed ray meets the same stop [m].
             For a ray that did not reach the stop the same length of ambient path is subtracted.
         arc_length: Length of the ray [m].
@@ -78,6 +78,7 @@ class TraceResult:
     evaluation_count: np.ndarray | None = None
     budget: Any = field(default=None, repr=False)
     known_air: Any = field(default=None, repr=False)
+    group: Any = field(default=None, repr=False)
     start_position: np.ndarray | None = None
     start_direction: np.ndarray | None = None
 
@@ -101,6 +102,17 @@ class TraceResult:
             there = ", ".join(each for each in ON_DEVICE if each == "status" or self.__dict__.get(each) is not None)
             raise ValueError(f"{name!r} is not among the outputs: this result has {there}")
         return found.buffer if isinstance(found, DeviceArray) else found
+
+    @cached_property
+    def group_path(self) -> np.ndarray | None:
+        """Integral of the group index n - lambda dn/dlambda [m], shape (ray_count,), by which a pulse travels.
+
+        It is the optical path in a field whose group index is not known: one of raw contrast. None where not both
+        `optical_path` and `arc_length` are among the outputs. Computed when first read.
+        """
+        if self.optical_path is None or self.arc_length is None:
+            return None
+        return self.optical_path if self.group is None else np.asarray(self.group(self))
 
     @cached_property
     def truncation(self) -> np.ndarray:
@@ -206,7 +218,8 @@ class TraceResult:
 
         variables: dict[str, tuple] = {}
         starts = {"start_position": ("m", "position at the start"), "start_direction": ("1", "direction at the start")}
-        for name, (unit, meaning) in {**RAY_OUTPUTS, **starts}.items():
+        group = {"group_path": ("m", "integral of the group index ds from the start to the stop")}
+        for name, (unit, meaning) in {**RAY_OUTPUTS, **group, **starts}.items():
             array = getattr(self, name)
             if array is not None:
                 dims = ("ray", "axis") if array.ndim == 2 else ("ray",)

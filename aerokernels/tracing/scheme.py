@@ -39,7 +39,7 @@ DIRECTION_NOISE = {"float32": 2.0**-23, "float64": 2.0**-52}
 INCIDENCE_NOISE = 2.0**-50
 # The slope between nodes is a difference of rounded values: its rounding is this many times theirs, for each cell of
 # the path. It does not average out over the steps of a ray that keeps its position within the cells it crosses.
-SLOPE_NOISE = 0.15
+SLOPE_NOISE = 0.5
 # A direction error counts with at least this share of the field's length, in addition to the ray's own slope.
 DIRECTION_SHARE = 0.01
 # The obliquity at which the undisturbed ray meets its stop counts less the more the ray is deflected, up to this angle

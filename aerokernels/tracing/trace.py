@@ -64,7 +64,8 @@ def trace(
         device: "cpu", "cuda:0" or an OpenCL device's name; None takes the best, or the GPU that holds the rays.
         precision: "float32" or "float64" inside the kernel.
         max_steps: Steps after which a ray is given up; None takes a generous number.
-        outputs: Names of the requested per-ray arrays (see RAY_OUTPUTS); None for all.
+        outputs: Names of the requested per-ray arrays (see RAY_OUTPUTS); None for all. "group_path" stands for the two
+            from which it follows, "optical_path" and "arc_length".
         bundle: "auto": if many rays are a smooth map of two parameters (parallel rays, or rays through one point),
             method "auto" traces as many as are needed to interpolate the others within the tolerance; `plan.bundle`
             says how many. "off" traces every ray. Steps and evaluations of an interpolated ray are the greatest of the
@@ -130,6 +131,7 @@ def trace(
         start_direction=rays.held("direction"),
         budget=partial(_budget, field, rays, retracer(until, wavelength)),
         known_air=KnownAir(field, rays, until, tolerance * wavelength),
+        group=partial(_group_path, field, rays, until),
         traced_status=arrays.pop("status"),
         **arrays,
     )
@@ -138,6 +140,21 @@ def trace(
 def _budget(field: IndexField, rays: RayBundle, retrace: Retrace, result: TraceResult) -> dict[str, float]:
     ends = None if result.known_air is None else result.known_air.needed(result.ends)
     return error_budget(field, rays, result.ok, result.plan, retrace, result.truncation, ends, result.step_error)
+
+
+def _group_path(field: IndexField, rays: RayBundle, until, result: TraceResult) -> np.ndarray:
+    """Return the group path of each ray [m]: along the traced path in one gas, else along rays of the group index."""
+    group = None if field.upstream is None else field.upstream.group
+    assert result.optical_path is not None and result.arc_length is not None
+    if group is None:
+        return result.optical_path
+    if group.field is None:
+        disturbed = result.optical_path - field.ambient_index * result.arc_length
+        return group.ambient_index * result.arc_length + group.ratio * disturbed
+    plan = result.plan
+    options = {"tolerance": plan.tolerance, "backend": plan.backend, "device": plan.device, "precision": plan.precision}
+    traced = trace(group.field(), rays, until=until, outputs="optical_path", **options)
+    return np.asarray(traced.optical_path)
 
 
 def run_plan(field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelength: float, outputs: frozenset) -> dict:
@@ -177,7 +194,9 @@ def check_outputs(outputs) -> frozenset:
     if not isinstance(outputs, (str, list, tuple, set, frozenset)) or not all(isinstance(one, str) for one in outputs):
         raise TypeError(f"outputs must be names, of {', '.join(RAY_OUTPUTS)}, got {outputs!r}")
     wanted = frozenset([outputs] if isinstance(outputs, str) else outputs)
+    if "group_path" in wanted:
+        wanted = wanted - {"group_path"} | {"optical_path", "arc_length"}
     unknown = sorted(wanted - set(RAY_OUTPUTS) - {"status"})
     if unknown:
-        raise ValueError(f"outputs {unknown} are not known: choose from {', '.join(RAY_OUTPUTS)}")
+        raise ValueError(f"outputs {unknown} are not known: choose from {', '.join(RAY_OUTPUTS)}, group_path")
     return wanted - {"status"}

@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from aerokernels.flow import gladstone_dale_constant
+from aerokernels.flow import refractivity_model
 
 WAVELENGTH = 905e-9
-CONSTANT = gladstone_dale_constant(WAVELENGTH)
+CONSTANT = float(refractivity_model().constant(WAVELENGTH))  # of the default relation
 
 
 @dataclass

@@ -127,6 +127,11 @@ def with_error(value: float, error: float, scale: float = 1.0) -> str:
     return f"{value:.{digits}f} ± {error:.{digits}f}"
 
 
+def first_lasting(good: np.ndarray) -> int:
+    """Return the first index from which every entry holds; the length where the last does not; shape (n,)."""
+    return int(len(good) - np.argmin([*good[::-1], False]))
+
+
 def altitude(flows: Sequence[str] = FLOWS, kilometres: Sequence[float] = (), settings: Any = None) -> Answer:
     """Strehl ratio and range error against Mach number and altitude."""
     heights = np.array(kilometres or (0.0, 2.0, 4.0, 6.0, 8.0, 10.0, 12.0, 15.0, 20.0))
@@ -141,10 +146,11 @@ def altitude(flows: Sequence[str] = FLOWS, kilometres: Sequence[float] = (), set
     strehl, error = (number[name][:, :, 0] for name in ("strehl", "strehl_error"))
     sentences = []
     for a, flow in enumerate(flows):
-        good = np.flatnonzero(strehl[a] >= GOOD)
-        reached = f"is at least {GOOD:g} at none of the altitudes"
-        if len(good):
-            reached = f"is {with_error(strehl[a, good[0]], error[a, good[0]])} from {heights[good[0]]:g} km on"
+        first = first_lasting(strehl[a] >= GOOD)
+        reached = f"below {GOOD:g} at the greatest altitude"
+        if first < len(heights):
+            at_least = with_error(strehl[a, first], error[a, first])
+            reached = f"at least {GOOD:g} from {heights[first]:g} km on, {at_least} there"
         sentences.append(
             f"At {MACH[flow]} the Strehl ratio of the 12 mm pupil is {with_error(strehl[a, 0], error[a, 0])} at "
             f"{heights[0]:g} km, and {reached}."
@@ -154,10 +160,10 @@ def altitude(flows: Sequence[str] = FLOWS, kilometres: Sequence[float] = (), set
         shift, off = number["range_error_m"][:, :, k], number["range_error_m_error"][:, :, k]
         ranges.append(Curves("reported − true range [mm]", 1e3 * shift, 1e3 * off, f", {method}", style))
         worst = np.unravel_index(int(np.nanargmax(np.abs(shift))), shift.shape)
-        small = [heights[j] for j in range(len(heights)) if (np.abs(shift[:, j:]) < SMALL).all()]
-        after = (
-            f"below {1e3 * SMALL:g} mm at all Mach numbers from {small[0]:g} km on" if small else "no less than that"
-        )
+        first = first_lasting((np.abs(shift) < SMALL).all(axis=0))
+        after = f"above {1e3 * SMALL:g} mm for a Mach number at the greatest altitude"
+        if first < len(heights):
+            after = f"below {1e3 * SMALL:g} mm at all Mach numbers from {heights[first]:g} km on"
         sentences.append(
             f"The range error by {method} is greatest at {MACH[flows[worst[0]]]} and {heights[worst[1]]:g} km, "
             f"{with_error(shift[worst], off[worst], 1e3)} mm, and {after}."
@@ -187,16 +193,16 @@ def aperture(flows: Sequence[str] = FLOWS, millimetres: Sequence[float] = (), se
         best = int(np.argmax(light[a]))
         width = float(np.sqrt(light[a, best]))
         sentences.append(
-            f"At {MACH[flow]} at sea level the Strehl ratio falls from {with_error(strehl[a, 0], error[a, 0])} at "
-            f"{diameters[0]:g} mm to {with_error(strehl[a, -1], error[a, -1])} at {diameters[-1]:g} mm; of the "
+            f"At {MACH[flow]} at sea level the Strehl ratio is {with_error(strehl[a, 0], error[a, 0])} at "
+            f"{diameters[0]:g} mm and {with_error(strehl[a, -1], error[a, -1])} at {diameters[-1]:g} mm; of the "
             f"diameters tried {diameters[best]:g} mm collects most light into the core of the focus, as much as a "
             f"perfect pupil of {with_error(width, 0.5 * light_error[a, best] / width)} mm."
         )
         gain = volts[a, -1] / volts[a, 0]
         off = gain * np.hypot(volts_error[a, -1] / volts[a, -1], volts_error[a, 0] / volts[a, 0])
         sentences.append(
-            f"The echo's peak grows by a factor of {with_error(gain, off)} over these diameters, the pupil's area by "
-            f"{(diameters[-1] / diameters[0]) ** 2:g}."
+            f"The echo's peak at {MACH[flow]} is {with_error(gain, off)} times as high at {diameters[-1]:g} mm as at "
+            f"{diameters[0]:g} mm, the pupil's area {(diameters[-1] / diameters[0]) ** 2:g} times as large."
         )
     ratio = Curves("Strehl ratio", strehl, error)
     core = Curves("Strehl ratio × diameter² [mm²]", light, light_error)
@@ -235,8 +241,9 @@ def look_angle(
         most = int(np.nanargmax(boresight[a]))
         sentences.append(
             f"At {MACH[flow]} at sea level the Strehl ratio is {with_error(strehl[a, 0], error[a, 0])} straight ahead "
-            f"and {with_error(strehl[a, -1], error[a, -1])} at {angles[-1]:g} degrees; the boresight error is greatest "
-            f"at {angles[most]:g} degrees, {with_error(boresight[a, most], tilt_error, 1e6)} µrad."
+            f"and {with_error(strehl[a, -1], error[a, -1])} at {angles[-1]:g} degrees; of the angles tried the "
+            f"boresight error is greatest at {angles[most]:g} degrees, "
+            f"{with_error(boresight[a, most], tilt_error, 1e6)} µrad."
         )
     lost = int((known < 0.5).sum())
     sentences.append(
@@ -278,9 +285,9 @@ def tolerance(
         f"{with_error(strehl[usual, 0], reported[usual, 0])} in float32, by {evaluations[usual, 0]:.1f} evaluations a "
         f"ray; with {tightest:g} waves in float64 the same rays give {with_error(truth, truth_error)}, so that "
         f"{off[usual, 0]:.1e} of it is the steps' and the rounding's.",
-        f"From {asked[0]:g} to {asked[last]:g} waves the cost grows from {evaluations[0, 0]:.1f} to "
-        f"{evaluations[last, 0]:.1f} evaluations a ray, and the steps' error falls from {off[0, 1]:.1e} to "
-        f"{off[last, 1]:.1e} in float64 and from {off[0, 0]:.1e} to {off[last, 0]:.1e} in float32.",
+        f"At {asked[0]:g} waves the cost is {evaluations[0, 0]:.1f} evaluations a ray and at {asked[last]:g} waves "
+        f"{evaluations[last, 0]:.1f}; the steps' error is {off[0, 1]:.1e} and {off[last, 1]:.1e} in float64, "
+        f"{off[0, 0]:.1e} and {off[last, 0]:.1e} in float32.",
         f"The reported error was above the actual one in {int((off <= reported[:-1]).sum())} of {off.size} cases.",
     ]
     rows = [

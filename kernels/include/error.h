@@ -157,22 +157,22 @@ static inline real possible_gain(real ambient, const StopGeometry *to_stop, real
 }
 
 // Error of a ray at its stop: the errors of its steps, and the rounding of the direction of its flight there.
-// Rounding affects the greatest momentum, the initial momentum along d, and the slopes between nodes. The ray may meet
-// a plane at a smaller angle than the obliquity allows for. If the ray is turned late, the errors of direction of its
-// first steps also meet a far stop at that angle: the sideways `displacement` grows beyond the field.
+// Rounding affects the momentum, whose part along d is the contrast, and the slopes between nodes: differences of
+// coefficients as great as the greatest contrast that the ray flew through, however even it is. The ray may meet a plane
+// at a smaller angle than the obliquity allows for. If the ray is turned late, the errors of direction of its first steps
+// also meet a far stop at that angle: the sideways `displacement` grows beyond the field.
 static inline real stop_error(
     real used,
     const Bounds *bounds,
     const Control *control,
     double3 direction,
     real ambient,
-    real3 momentum,
-    real first_momentum,
+    real greatest_momentum,
     real max_deflection,
     const StopGeometry *to_stop,
     real displacement)
 {
-    real size = size3(momentum) + first_momentum + ambient * max_deflection;
+    real size = greatest_momentum + ambient * max_deflection;
     size *= R(1.0) + SLOPE_NOISE * to_stop->reach * greatest(VECTOR(control->cell_rate));
     real error = used + DIRECTION_NOISE * size * (to_stop->obliquity + max_deflection) * to_stop->lever_arm;
     const real met_at = max_deflection < LEAPFROG_ANGLE ? max_deflection : R(0.0);

@@ -17,7 +17,7 @@ import numpy as np
 from aerokernels.medium import Body, IndexField
 from aerokernels.rays import Disc, RayBundle
 from aerokernels.tracing import Plane
-from aerokernels.tracing.pupil.job import plane_beyond
+from aerokernels.tracing.beyond import plane_beyond
 
 RAYS = 5000
 WAVELENGTH = 905e-9

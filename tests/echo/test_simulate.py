@@ -188,15 +188,16 @@ def shipped():
 def test_static_scene(shipped):
     """Strehl ratio 1 within 1e-6, range within 1 mm of 1.5 m by every method, and the peak that the paper implies.
 
-    The air at rest is 2.76e-4 denser to light than the vacuum of the calibration: 0.41 mm, and with the fixed threshold
-    another 0.3 mm from the 5.5e-4 that R_L^2 takes off the amplitude.
+    A pulse is slower by 2.81e-4 in the air at rest than in the vacuum of the calibration: 0.42 mm, and with the fixed
+    threshold another 0.3 mm from the 5.5e-4 that R_L^2 takes off the amplitude.
     """
     found = shipped["wind-tunnel-static"]
     assert abs(found.strehl - 1.0).max() < 1e-6
     assert set(found.ranges) == set(RANGING_METHODS)
     for method, reading in found.ranges.items():
         assert abs(reading - 1.5) < 1e-3, method
-    assert found.ranges["centroid"] - 1.5 == pytest.approx(1.5 * 2.757e-4, rel=0.01)
+    # The group constant of the paper's eq 2 by hand: 2.23e-4 (1 + 3 * 7.52e-3 / 0.905^2) = 2.2914e-4 m3/kg.
+    assert found.ranges["centroid"] - 1.5 == pytest.approx(1.5 * 1.225 * 2.2914e-4, rel=1e-4)
     assert found.peak_voltage == pytest.approx(1.994, abs=1e-3)
     assert found.range_error == found.range - 1.5
 

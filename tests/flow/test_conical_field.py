@@ -77,7 +77,7 @@ def test_index_away_from_the_shock(field, relation, interpolation):
 def test_no_fill_value_behind_the_wall(field):
     """On both sides of the wall, to 3 cells inside, the interpolant stays within 5 % of the contrast at the wall."""
     index = field.index_field(spacing=0.25e-3)
-    wall = K * 1.225 * (field.shock.surface_density_ratio - 1.0)
+    wall = flow.ciddor_constant(905e-9) * 1.225 * (field.shock.surface_density_ratio - 1.0)
     z = np.linspace(-0.045, -0.02, 30)
     for cells in (-3.0, -2.0, -1.0, 0.0, 1.0):
         radius = -z * math.tan(HALF_ANGLE) + cells * 0.25e-3

@@ -70,6 +70,7 @@ def test_without_the_table_the_pupil_is_the_receivers_to_the_bit():
         ({"center": [float("nan"), 0, 0]}, "not finite"),
         ({"elevation": "100 deg"}, "pupil.elevation = '100 deg' must be at most 1.5708 rad (90 deg)"),
         ({"azimuth": "aside"}, "is not an angle"),
+        ({"azimuth": 20}, "a number without a unit is in radians: is it '20 deg'?"),
     ],
 )
 def test_what_makes_no_pupil_is_refused_in_words(keys: dict, words: str):

@@ -1,5 +1,6 @@
 """Sweeps that answer questions: small runs say what the page says, and the page holds what was written."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -70,3 +71,25 @@ def test_the_page_holds_what_was_written(name: str):
     assert shown == (ROOT / "docs" / "questions" / f"{name}.md").read_text(encoding="utf-8")
     assert (ROOT / "docs" / "questions" / f"{name}.png").stat().st_size > 10_000
     assert f"(questions/{name}.png)" in text
+
+
+def test_an_altitude_from_which_something_holds_is_that_of_all_that_follow():
+    """Also where it holds earlier by chance; the length where it does not hold at the end."""
+    for good, first in (("0011", 2), ("1011", 2), ("1111", 0), ("1110", 4), ("", 0)):
+        assert questions.first_lasting(np.array([one == "1" for one in good], dtype=bool)) == first, good
+
+
+def test_the_sentences_on_altitude_agree_with_their_table():
+    """Each sentence names the first altitude from which all rows of its Mach number have a ratio of 0.95 or more."""
+    text = (ROOT / "docs" / "questions" / "altitude.md").read_text(encoding="utf-8")
+    rows = [line.strip("|").split("|") for line in text.splitlines() if line.startswith("|")]
+    heading = [cell.strip() for cell in rows[0]]
+    found = re.findall(r"At (Mach \d) the Strehl.* at least 0\.95 from (\d+) km on, (\S+ ± \S+) there\.", text)
+    assert [flow for flow, _, _ in found] == ["Mach 2", "Mach 3", "Mach 4"]
+    for flow, height, words in found:
+        column = heading.index(f"Strehl ratio, {flow}")
+        ratios = {float(row[0]): row[column].strip() for row in rows[2:]}
+        high = [one for one in ratios if one >= float(height)]
+        assert min(float(ratios[one].split()[0]) for one in high) >= 0.95 and ratios[float(height)] == words
+        below = max(one for one in ratios if one < float(height))
+        assert float(ratios[below].split()[0]) < 0.95

@@ -6,7 +6,9 @@ from importlib import import_module
 import numpy as np
 import pytest
 
+from aerokernels.display.quantities import Quantity
 from aerokernels.echo.paths import trace_options
+from aerokernels.jobs import plots
 from aerokernels.jobs.dataset import density_cells
 from aerokernels.jobs.run import STAGES, RunResult, simulate
 from aerokernels.jobs.scene_text import scene_toml
@@ -160,3 +162,26 @@ def test_density_picture_of_an_unstructured_mesh_shows_the_same_flow():
     cell_mean = float(field.density @ field.mesh.cell_area / field.mesh.cell_area.sum())
     assert raster_mean == pytest.approx(cell_mean, rel=0.01)
     assert np.all(density[~inside] == field.ambient_density)
+
+
+@pytest.mark.parametrize("removed", ["piston", "piston, tilt, focus"])
+def test_each_map_in_the_report_has_its_own_error(removed: str):
+    """The map that the Strehl ratio is computed from has the summary's error of its rms, the other one its own.
+
+    The truth is the same map traced through the cells of the flow, which the grid of the scene was resampled from.
+    """
+    remove = removed.split(", ")
+    scene = Scene.load("wind-tunnel-mach3", {"grid.spacing": 2e-4, "strehl.ray_count": 512, "strehl.remove": remove})
+    result = simulate(scene, with_echo=False)
+    dataset = result.to_xarray()
+    rms = {name: float(np.sqrt(np.nanmean(dataset[name].values ** 2))) for name in ("opd", "opd_without_focus")}
+    own = dict.fromkeys(rms, 1e9 * result.pupil.opd_error)
+    own["opd" if removed == "piston" else "opd_without_focus"] = 1e9 * result.summary["errors"]["opd_rms_m"]
+    panels = [axes for axes in plots.opd_figure(dataset).axes if axes.get_title()]
+    for panel, (name, value) in zip(panels, rms.items(), strict=True):
+        words = str(Quantity(1e9 * value, own[name], "nm"))
+        assert panel.get_title().endswith(f"{words} rms")
+    exact = pupil_map(result.prepared.mesh_field, scene, sample_count=41)
+    for name, truth in (("opd", exact.opd), ("opd_without_focus", exact.without_focus)):
+        off = abs(rms[name] - float(np.sqrt(np.nanmean(truth**2))))
+        assert off <= dataset[name].attrs["rms_error_m"], name

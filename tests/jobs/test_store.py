@@ -53,7 +53,7 @@ def test_a_second_run_replaces_its_own_files_only(tmp_path: Path):
 @pytest.mark.parametrize("name", ["file", "file/below"])
 def test_a_file_in_the_way_is_refused_by_name(tmp_path: Path, name: str):
     (tmp_path / "file").write_text("here")
-    with pytest.raises(ValueError, match=r"--out .*file.* is not a folder; choose"):
+    with pytest.raises(ValueError, match=r"out=.*file.* is not a folder; choose"):
         check_output_folder(tmp_path / name)
     check_output_folder(tmp_path / "new" / "folder")
     assert [path.name for path in tmp_path.iterdir()] == ["file"], "checking makes nothing"

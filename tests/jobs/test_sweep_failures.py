@@ -89,9 +89,9 @@ def test_gpus_that_this_process_may_use(monkeypatch):
 @pytest.mark.parametrize(
     ("call", "fault", "told"),
     [
-        (lambda: check_options("dask", 2, "tcp://x:1"), ValueError, "--workers are started on this machine"),
-        (lambda: check_options("local", 0, None), ValueError, "--workers 0: give a whole number of at least 1"),
-        (lambda: check_options("local", True, None), ValueError, "--workers True"),
+        (lambda: check_options("dask", 2, "tcp://x:1"), ValueError, "workers are started on this machine"),
+        (lambda: check_options("local", 0, None), ValueError, "workers = 0: give a whole number of at least 1"),
+        (lambda: check_options("local", True, None), ValueError, "workers = True"),
         (lambda: define(SCENE, {"target.tilt": [{}]}), TypeError, "is not a number, text or list"),
         (lambda: define(SCENE, {"target.tilt": [""]}), ValueError, "an empty value"),
         (

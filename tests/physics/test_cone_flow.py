@@ -19,7 +19,7 @@ from aerokernels.tracing import Plane, RayStatus, trace
 
 WAVE, THIN, LENGTH = 905e-9, 1e-3, 0.05
 SEA_LEVEL = flow.SEA_LEVEL_DENSITY
-CONSTANT = flow.gladstone_dale_constant(WAVE)
+CONSTANT = flow.ciddor_constant(WAVE)
 FLOWS = {"Mach 3, 20 deg": (3.0, 20.0), "Mach 2, 10 deg": (2.0, 10.0)}
 STRONG, WEAK = FLOWS
 ALONG, OBLIQUE, STEEP = (0.0, 0.0, 1.0), (0.1, 0.15, 1.0), (-0.2, 0.3, 1.0)

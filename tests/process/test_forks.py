@@ -14,6 +14,7 @@ from aerokernels import QuadMesh
 from aerokernels.process import forks
 from aerokernels.process.opened import OPENED, Opened
 
+forks.make_forks_safe()  # as the first call of a public function does
 pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork on this system")
 
 # A thread's first trace, in which an import takes 2 s, and a fork in the midst of it.
@@ -47,6 +48,19 @@ if not child:
     os._exit(0)
 os.waitpid(child, 0)
 """
+
+
+def test_an_import_adds_nothing_to_a_programs_forks():
+    """Before each fork of a program that only imports the package nothing of it runs, and nothing after."""
+    script = (
+        "import os; told = []; os.register_at_fork = lambda **given: told.extend(given.values())\n"
+        "import aerokernels\n"
+        "for name in aerokernels.__all__: getattr(aerokernels, name)\n"
+        "assert not [one for one in told if str(one.__module__).startswith('aerokernels')], told\n"
+        "aerokernels.Disc(1e-3)\n"
+        "assert [one for one in told if one.__module__ == 'aerokernels.process.forks']\n"
+    )
+    subprocess.run([sys.executable, "-c", script], check=True, timeout=100.0)
 
 
 def child_answers(ask) -> bool:

@@ -12,7 +12,7 @@ from pydantic import BaseModel, ValidationError
 
 from aerokernels.jobs.scene_text import scene_toml
 from aerokernels.scene import STATIC_CALIBRATION, Scene, SceneError, shipped_scenes
-from aerokernels.scene.changes import key_dimension
+from aerokernels.scene.changes import changed_scene, key_dimension
 from aerokernels.scene.errors import known_keys
 from aerokernels.scene.loading import shipped_scene_text
 
@@ -223,7 +223,7 @@ def test_faults_in_a_file(write, line, words):
     message = refusal(path)
     for word in [str(path), *words]:
         assert word in message
-    assert "--set" not in message
+    assert "(changed)" not in message
 
 
 @pytest.mark.parametrize(
@@ -277,7 +277,7 @@ def test_files_that_are_no_scenes(write, tmp_path):
 )
 def test_faulty_overrides_are_told_from_faults_of_the_file(key, value, words):
     message = refusal("wind-tunnel-mach3", {key: value})
-    assert message.startswith("wind-tunnel-mach3.toml (with --set): ")
+    assert message.startswith("wind-tunnel-mach3.toml (changed): ")
     for word in words:
         assert word in message
 
@@ -371,3 +371,19 @@ def test_every_key_says_what_it_is_and_in_what_unit():
 def test_numbers_of_a_flow_file_are_finite(changes: dict):
     with pytest.raises(SceneError, match=next(iter(changes))):
         Scene.load("wind-tunnel-mach3", changes)
+
+
+def test_a_changed_scene_does_not_keep_the_name_of_the_shipped_one(write):
+    """Values changed by --set, and how a scene is computed, which makes no other scene of it."""
+    changes = {"flow.source": "mach4", "target.distance": "2 m"}
+    scene = Scene.load("wind-tunnel-mach3", changes)
+    assert scene.name == "wind-tunnel-mach3-changed"
+    assert scene.title == "Wind tunnel, Mach 3, with flow.source = mach4, target.distance = 2 m"
+    again = changed_scene(scene, {"beam.radius": 0.02})
+    assert again.name == scene.name and again.title == f"{scene.title}, with beam.radius = 0.02"
+    same = Scene.load("wind-tunnel-mach3", {"trace.backend": "reference", "strehl.ray_count": 100})
+    assert (same.name, same.title) == ("wind-tunnel-mach3", "Wind tunnel, Mach 3")
+    named = Scene.load("wind-tunnel-mach3", {**changes, "name": "mine", "title": "Mine"})
+    assert (named.name, named.title) == ("mine", "Mine")
+    untitled = Scene.load(write('[flow]\nsource = "mach2"\n'), changes)
+    assert untitled.title == "mine, with flow.source = mach4, target.distance = 2 m"

@@ -87,6 +87,7 @@ def test_the_body_shades():
     blocked, strehl = found.blocked.values[0], found.strehl.values[0]
     assert blocked[0] == 1.0 and blocked[2] == 0.0 and 0.0 <= blocked[1] <= 1.0
     assert np.isnan(strehl[0]) and np.isnan(found.boresight.values[0, 0]) and 0.0 < strehl[2] <= 1.0
+    assert found.known.values[0].tolist() == [0.0, 1.0, 1.0]  # where there is no number, nothing is known
 
 
 def test_many_directions_through_a_volume_go_together(monkeypatch: pytest.MonkeyPatch):
@@ -148,13 +149,20 @@ def test_what_cannot_be_looked_at_is_refused():
     field, pupil = ball(), Disc(0.01)
     for arguments, words in (
         ((field, [90.0], [0.0], pupil), "radians"),
-        ((field, [0.0], [2.0], pupil), "elevation"),
+        ((field, [-12, -6, 0, 6], [0.0], pupil), "azimuth must be between -3.142 and 3.142, in radians, got 12"),
+        ((field, [0.0, 3.2], [0.0], pupil), "np.radians"),
+        ((field, [0.0], [2.0], pupil), "elevation must be between -1.571 and 1.571"),
         ((field, [np.nan], [0.0], pupil), "azimuth"),
         ((field, [0.0], [], pupil), "elevation"),
         ((field, [0.0, 0.1], [0.0], Disc(0.01, [0.0, 0.0, 5.0])), "units"),
+        ((field, [0.0, 0.1], [0.0], Disc(6.0)), "the pupil's reach of 6 m is .* times the field's"),
     ):
         with pytest.raises(ValueError, match=words):
             look_map(*arguments, ray_count=64)
+    with pytest.warns(
+        UserWarning, match=r"azimuth \[-3.0, 0.0, 3.0\] is taken in radians; np.radians converts degrees"
+    ):
+        look_map(field, [-3, 0, 3], [0.0], pupil, ray_count=64)
     with pytest.raises(ValueError, match="ray_count"):
         look_map(field, [0.0], [0.0], pupil, ray_count=0)
     with pytest.raises(TypeError, match="field"):

@@ -1,4 +1,4 @@
-"""Parts of snapshots, look maps and meshes' rays by hand: slopes, stops, probes, agreement, weights of samples."""
+"""Parts of snapshots, look maps and meshes' rays by hand: slopes, probes, agreement, weights of samples."""
 
 import math
 
@@ -15,6 +15,7 @@ from aerokernels.series.mesh_integrals import MeshIntegrals
 from aerokernels.series.pupil_grid import pupil_grid
 from aerokernels.series.snapshot import Snapshots, SnapshotSettings
 from aerokernels.series.strehl_bound import strehl_error
+from aerokernels.tracing.beyond import plane_beyond
 from aerokernels.wavefront import remove_terms
 
 from .fourier import CONSTANT, WAVELENGTH, Fourier
@@ -53,20 +54,6 @@ def test_slopes_of_a_wavefront_are_differences_of_neighbours():
     assert made._slope(opd, np.zeros(48, dtype=bool)) == 0.0
 
 
-def test_the_stop_is_a_plane_across_the_rays_beyond_the_box():
-    """By a thousandth of the range of the corners and of the pupil's points along the rays."""
-    made = snapshots()
-    low, high = np.array(ORIGIN), np.array(ORIGIN) + SPACING * (np.array(SHAPE) - 1)
-    corners = np.array([[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])])
-    away = np.concatenate([corners, made.grid.points]) @ ALONG
-    stop = made._stop((low, high))
-    np.testing.assert_allclose(stop.normal, ALONG)
-    assert stop.point @ ALONG == pytest.approx(away.max() + 1e-3 * (away.max() - away.min()), rel=1e-12, abs=0.0)
-    endless = made._stop((np.array([-np.inf, low[1], low[2]]), np.array([np.inf, high[1], high[2]])))
-    away = np.concatenate([corners * (0.0, 1.0, 1.0), made.grid.points]) @ ALONG
-    assert endless.point @ ALONG == pytest.approx(away.max() + 1e-3 * np.ptp(away), rel=1e-12, abs=0.0)
-
-
 @pytest.mark.parametrize("remove", [(), ("piston",), ("piston", "tilt"), ("focus",)])
 def test_root_mean_squares_of_what_is_left_and_of_the_tilt(remove: tuple[str, ...]):
     made = snapshots(remove)
@@ -93,7 +80,8 @@ def test_a_snapshot_is_straight_unless_its_rays_bend_too_much(amplitude: float):
     contrast = lambda values: CONSTANT * (np.asarray(values) - 0.9)  # noqa: E731
     face = SPACING * (SHAPE[2] - 1)
     leave = made.grid.points + ((face - made.grid.points[:, 2]) / ALONG[2])[:, None] * ALONG
-    stop = made._stop(made.series.mesh.box).point @ ALONG
+    index = made.settings.index_field(made.series[0])
+    stop = plane_beyond(index, made.grid.pupil, ALONG).point @ ALONG
     bent, straight = bending(lines, density, contrast, stop - leave @ ALONG)
     between = interpolation_error(lines, density, contrast)
     rows = np.arange(48)
@@ -128,7 +116,12 @@ def test_bending_in_a_planar_field_is_that_of_bent_rays_and_no_larger():
     found = made(0)
     field = given.index_field(series.field(density, 0))
     rays = RayBundle(made.grid.points, np.broadcast_to(ALONG, made.grid.points.shape))
-    settings = {"until": made._stop(field.box), "wavelength": WAVELENGTH, "precision": "float64", "tolerance": 1e-5}
+    settings = {
+        "until": plane_beyond(field, made.grid.pupil, ALONG),
+        "wavelength": WAVELENGTH,
+        "precision": "float64",
+        "tolerance": 1e-5,
+    }
     bent = trace(field, rays, method="adaptive", **settings).opd
     straight = CONSTANT * LineIntegrals(series.mesh, made.grid.points, ALONG)(density, 3.0)
     true = made._rms(bent - straight, np.arange(len(bent)))

@@ -84,7 +84,7 @@ def test_a_series_tells_what_its_pixels_make():
     axis, depth, rms = np.linspace(-0.06, 0.06, 41), np.linspace(0.0, 0.01, 21), 0.1
     x, y, z = np.meshgrid(axis, axis, depth, indexing="ij")
     along = np.sin(np.pi * z / 0.01) ** 8 * (128.0 / 35.0) / 0.01
-    constant = flow.gladstone_dale_constant(WAVELENGTH)
+    constant = flow.ciddor_constant(WAVELENGTH)
     surface = np.sqrt(3.0) * rms * WAVELENGTH * 2.0 * (x**2 + y**2) / RADIUS**2
     series = flow.open_series(
         [9.0 + surface * along / constant],

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 POLL_INTERVAL = 1.0  # [s] between checks of the client while no case is finished
 COUNT_WORKERS_AFTER = 10.0  # [s] without a finished case until the number of workers is checked
 SCHEDULER_LOST = (
-    "the Dask scheduler is gone, or its client was closed or restarted: the finished cases in --out are safe, and "
+    "the Dask scheduler is gone, or its client was closed or restarted: the finished cases are safe, and "
     "the same sweep resumes from there"
 )
 _one_at_a_time = threading.Lock()

@@ -76,7 +76,7 @@ def connected(scheduler: Any, environments: Sequence[dict[str, str]]) -> Iterato
                 ending.enter_context(client)
             except (OSError, TimeoutError, ValueError) as fault:
                 raise ValueError(
-                    f"--scheduler {scheduler}: no Dask scheduler answers there ({' '.join(str(fault).split())[:200]}); "
+                    f"scheduler {scheduler}: no Dask scheduler answers there ({' '.join(str(fault).split())[:200]}); "
                     "start one with `dask scheduler`, workers with `dask worker ADDRESS`, and give its address"
                 ) from None
             _check_versions(client, scheduler)
@@ -88,13 +88,13 @@ def _check_versions(client: "Client", scheduler: str) -> None:
         versions = client.run(worker_version)
     except Exception as fault:
         raise ValueError(
-            f"--scheduler {scheduler}: its workers cannot import aerokernels ({type(fault).__name__}: {fault}): "
+            f"scheduler {scheduler}: its workers cannot import aerokernels ({type(fault).__name__}: {fault}): "
             "install the same version there"
         ) from None
     for worker, version in versions.items():
         if version != __version__:
             raise ValueError(
-                f"--scheduler {scheduler}: worker {worker} has aerokernels {version}, this is {__version__}: "
+                f"scheduler {scheduler}: worker {worker} has aerokernels {version}, this is {__version__}: "
                 "install the same version there"
             )
 

@@ -27,6 +27,7 @@ NUMBERS = {
     "echo_peak_v": ("V", "peak voltage of the echo"),
     "range_m": ("m", "reported range"),
     "range_error_m": ("m", "reported minus true range"),
+    "still_air_m": ("m", "part of the range error that the air at rest causes, not the flow"),
     "true_range_m": ("m", "true range"),
     "noise_rms_v": ("V", "noise of the recorded voltage without echo, rms"),
     "mach": ("1", "Mach number of the flow"),
@@ -71,6 +72,7 @@ def sweep_dataset(
     import xarray
 
     from aerokernels.jobs.scene_text import scene_toml
+    from aerokernels.scene.loading import changes_in_words
 
     dims, shape = definition.dims, definition.shape
     summaries = [records.get(k, {}).get("summary") or {} for k in range(definition.case_count)]
@@ -116,7 +118,7 @@ def sweep_dataset(
         labels[CASE] = (CASE, np.arange(definition.case_count), {"units": "1", "long_name": "number of the case"})
     first = next((scene for scene in scenes if scene is not None), None)
     about: dict[str, Any] = {
-        "title": f"sweep of {first.title or first.name}" if first else "sweep",
+        "title": f"sweep of {', '.join(definition.keys)} in {definition.label}{changes_in_words(definition.settings)}",
         "source": f"aerokernels {described['version']}",
         "sweep": json.dumps(described, ensure_ascii=False),
         "scene": scene_toml(first) if first else "",

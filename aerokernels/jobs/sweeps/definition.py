@@ -46,6 +46,11 @@ class Definition:
     seed: int = 0
 
     @property
+    def label(self) -> str:
+        """The scene's name, or its file's without the ending."""
+        return self.scene.name if isinstance(self.scene, Scene) else Path(self.scene).stem
+
+    @property
     def keys(self) -> tuple[str, ...]:
         """The keys that vary, in the order given."""
         return tuple(self.vary)
@@ -88,10 +93,12 @@ class Definition:
         Raises:
             SceneError: The scene rejects these values.
         """
+        found = changed_scene(self.scene, {**self.settings, **with_units(changes)})
         try:
-            return changed_scene(self.scene, {**self.settings, **with_units(changes)})
-        except SceneError as fault:
-            raise SceneError(_name_vary(str(fault), changes)) from None
+            _ = found.flow_source
+        except ValueError as fault:
+            raise SceneError(f"{getattr(self.scene, 'name', self.scene)}: {fault}") from None
+        return found
 
     def described(self) -> dict[str, Any]:
         """Return everything that the numbers depend on, as plain JSON types: sweeps that agree in it are the same.
@@ -103,7 +110,7 @@ class Definition:
         files = [scene.flow.source, scene.flow.file.mesh, scene.flow.file.solution]
         for key in ("flow.source", "flow.file.mesh", "flow.file.solution"):
             files += self.vary.get(key, ())
-        base = {name: dict(part) if isinstance(part, dict) else part for name, part in scene.as_dict().items()}
+        base = {name: dict(part) for name, part in scene.as_dict().items() if isinstance(part, dict)}  # no title
         for key in self.keys:
             *tables, leaf = key.split(".")
             table = base
@@ -164,12 +171,12 @@ def define(
     if not isinstance(vary, Mapping):
         raise TypeError(f"vary must map keys to values, as in {{'target.tilt': [0.0, 0.1]}}, got {type(vary).__name__}")
     if not vary:
-        raise ValueError("nothing to vary: give --vary KEY=V1,V2,..., such as --vary target.tilt='0 deg,10 deg'")
+        raise ValueError("nothing to vary: give keys with values, such as target.tilt with '0 deg' and '10 deg'")
     settings = dict(settings or {})
     axes = {str(key).strip(): _values(str(key).strip(), values) for key, values in vary.items()}
     for key in axes:
         if key in settings:
-            raise ValueError(f"{key} is both set and varied: drop it from --set or from --vary")
+            raise ValueError(f"{key} is both set and varied: drop one of the two")
     if str(scene) == "-":  # standard input, which can be read only once
         scene = changed_scene(scene, {**settings, **with_units({key: values[0] for key, values in axes.items()})})
     if together and sample is not None:
@@ -185,13 +192,13 @@ def define(
         if together and len(set(counts.values())) > 1:
             described = ", ".join(f"{key} has {count}" for key, count in counts.items())
             raise ValueError(
-                f"--zip needs equally many values of each key: {described}; make them equal, or drop --zip"
+                f"zip needs equally many values of each key: {described}; make them equal, or leave zip out"
             )
         definition = Definition(scene, settings, axes, "zip" if together else "grid")
     if definition.case_count > MOST_CASES:
         raise ValueError(
-            f"--vary {', '.join(axes)}: {definition.case_count:,} cases are more than {MOST_CASES:,}; vary fewer "
-            "values, or use a random sample with --sample lhs:N"
+            f"vary {', '.join(axes)}: {definition.case_count:,} cases are more than {MOST_CASES:,}; vary fewer "
+            "values, or use a random sample, lhs:N"
         )
     return definition
 
@@ -243,10 +250,10 @@ def _values(key: str, values: Any) -> tuple[Any, ...]:
         if not isinstance(value, (str, bool, int, float, list)):
             raise TypeError(f"vary[{key!r}]: {value!r} is not a number, text or list")
         if value == "":
-            raise ValueError(f"--vary {key}: an empty value; write KEY=V1,V2,... without gaps")
+            raise ValueError(f"vary {key}: an empty value; leave it out")
         plainly.append(key_value(key, value))
     if not plainly:
-        raise ValueError(f"--vary {key}: no values; write {key}=V1,V2,...")
+        raise ValueError(f"vary {key}: no values; give at least one")
     return tuple(plainly)
 
 
@@ -254,7 +261,7 @@ def _check_distinct(key: str, values: Sequence[Any], together: bool) -> None:
     seen = set()
     for value in values:
         if repr(value) in seen and not together:
-            raise ValueError(f"--vary {key}: {_written(value)} is given twice; drop one of them")
+            raise ValueError(f"vary {key}: {_written(value)} is given twice; drop one of them")
         seen.add(repr(value))
 
 
@@ -264,7 +271,7 @@ def _check_range(key: str, values: Sequence[Any]) -> None:
         return
     if len(values) != 2 or not all(map(_is_number, values)) or not values[0] < values[1]:
         described = ",".join(map(_written, values))
-        raise ValueError(f"--vary {key}={described}: --sample needs the two ends of a range; write {key}=LOW,HIGH")
+        raise ValueError(f"vary {key} = {described}: a sample needs the two ends of a range, low and high")
 
 
 def _is_number(value: Any) -> bool:
@@ -285,13 +292,8 @@ def _sample_count(sample: str | int) -> int:
     text = str(sample)
     count = text.removeprefix("lhs:")
     if isinstance(sample, bool) or not (count.isdecimal() and len(count) < 18) or int(count) < 1:
-        raise ValueError(f"--sample {text}: write lhs:N for N cases, such as lhs:64")
+        raise ValueError(f"sample {text}: write lhs:N for N cases, such as lhs:64")
     return int(count)
-
-
-def _name_vary(text: str, changes: Mapping[str, Any]) -> str:
-    """Replace --set by --vary in a scene's error if the error is about a key that varies."""
-    return text.replace("(with --set)", "(with --vary)") if any(key in text for key in changes) else text
 
 
 def _written(value: Any) -> str:

@@ -17,7 +17,7 @@ from aerokernels.files.drafts import FULL, OutputError
 from aerokernels.jobs.store import to_json, write_text
 
 DEFINITION_FILE, CASES_FILE, DATASET_FILE = "sweep.json", "cases.jsonl", "sweep.nc"
-_REMEDY = "take another --out, or remove that folder"
+_REMEDY = "take another folder, or remove that one"
 
 
 def read_definition(folder: Path) -> dict[str, Any] | None:
@@ -32,9 +32,9 @@ def read_definition(folder: Path) -> dict[str, Any] | None:
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError) as fault:
-        raise ValueError(f"--out {folder}: {path.name} cannot be read ({fault}); {_REMEDY}") from None
+        raise ValueError(f"out={folder}: {path.name} cannot be read ({fault}); {_REMEDY}") from None
     if not isinstance(found, dict) or "vary" not in found:
-        raise ValueError(f"--out {folder}: {path.name} is not that of a sweep; {_REMEDY}")
+        raise ValueError(f"out={folder}: {path.name} is not that of a sweep; {_REMEDY}")
     return found
 
 
@@ -55,14 +55,13 @@ def check_same(folder: Path, found: Mapping[str, Any], asked: Mapping[str, Any])
     key, old, new = differences[0]
     more = f" (and {len(differences) - 1} more differences)" if len(differences) > 1 else ""
     if key.startswith("content."):
-        raise ValueError(f"--out {folder}: {key.removeprefix('content.')} has changed since its sweep began; {_REMEDY}")
+        raise ValueError(f"out={folder}: {key.removeprefix('content.')} has changed since its sweep began; {_REMEDY}")
     if key == "version":
         old, new = old.strip('"'), new.strip('"')
         raise ValueError(
-            f"--out {folder}: its sweep was made by aerokernels {old}, this is {new}, whose numbers may differ; "
-            f"{_REMEDY}"
+            f"out={folder}: its sweep was made by aerokernels {old}, this is {new}, whose numbers may differ; {_REMEDY}"
         )
-    raise ValueError(f"--out {folder}: it holds another sweep: {key} was {old} and is {new}{more}; {_REMEDY}")
+    raise ValueError(f"out={folder}: it holds another sweep: {key} was {old} and is {new}{more}; {_REMEDY}")
 
 
 def _differences(old: Any, new: Any, key: str = "") -> Iterator[tuple[str, str, str]]:
@@ -71,7 +70,7 @@ def _differences(old: Any, new: Any, key: str = "") -> Iterator[tuple[str, str, 
             inner = name if not key or key == "scene" else f"{key}.{name}"
             yield from _differences(old.get(name), new.get(name), inner)
         if key == "vary" and list(old) != list(new) and old.keys() == new.keys():
-            yield "the order of --vary", ", ".join(old), ", ".join(new)
+            yield "the order of the keys that vary", ", ".join(old), ", ".join(new)
     elif old != new:
         yield key.removeprefix("vary."), _short(old), _short(new)
 

@@ -23,7 +23,7 @@ from aerokernels.jobs.sweeps.records import (
     read_definition,
     write_definition,
 )
-from aerokernels.scene import Scene
+from aerokernels.scene import Scene, warn_of_unused
 
 if TYPE_CHECKING:
     import xarray
@@ -145,6 +145,7 @@ def run_sweep(
     with only_writer(folder):
         described = definition.described()
         scenes, faults = checked_scenes(definition)
+        warn_of_unused(next(scene for scene in scenes if scene is not None), "run")
         devices = _check_devices(scenes)
         from aerokernels.jobs.sweeps.case import make_cases
 
@@ -231,11 +232,11 @@ def check_options(executor: str, workers: int | None, scheduler: Any) -> None:
     if executor not in EXECUTORS:
         raise ValueError(f"executor {executor!r}: choose one of {', '.join(EXECUTORS)}")
     if scheduler is not None and executor != "dask":
-        raise ValueError(f"--scheduler {scheduler} needs --executor dask: add it, or drop --scheduler")
+        raise ValueError(f"scheduler {scheduler} needs the executor dask: give it, or leave the scheduler out")
     if scheduler is not None and workers is not None:
-        raise ValueError("--workers are started on this machine, and --scheduler has its own: give one of them")
+        raise ValueError("workers are started on this machine, and a scheduler has its own: give one of the two")
     if workers is not None and (as_whole(workers) or 0) < 1:
-        raise ValueError(f"--workers {workers}: give a whole number of at least 1, or leave it out")
+        raise ValueError(f"workers = {workers}: give a whole number of at least 1, or leave it out")
 
 
 def _check_devices(scenes: list[Scene | None]) -> set[str | None]:

@@ -2,15 +2,9 @@
 
 from typing import Any
 
-# What Warp, CUDA and OpenCL write. A device's memory is shared with other programs, so its total size says too little.
-WORDS = (
-    "Failed to allocate",
-    "Failed to acquire primary context",
-    "MEM_OBJECT_ALLOCATION_FAILURE",
-    "OUT_OF_RESOURCES",
-    "OUT_OF_HOST_MEMORY",
-    "out of memory",
-)
+# A device's memory is shared with other programs, so its total size says too little.
+CODES = (-4, -5, -6)  # OpenCL's CL_MEM_OBJECT_ALLOCATION_FAILURE, CL_OUT_OF_RESOURCES, CL_OUT_OF_HOST_MEMORY
+WORDS = ("Failed to allocate", "Failed to acquire primary context", "out of memory")  # of Warp, which has no codes
 
 
 class DeviceMemoryError(MemoryError):
@@ -21,9 +15,9 @@ def lacks_memory(fault: Exception) -> bool:
     """Return whether a library reports that a device has no memory left."""
     if isinstance(fault, DeviceMemoryError):
         return True
-    kind = type(fault)
-    is_librarys = kind is RuntimeError or kind.__module__.split(".")[0] == "pyopencl"
-    return is_librarys and any(word in str(fault) for word in WORDS)
+    if type(fault) is RuntimeError:
+        return any(word in str(fault) for word in WORDS)
+    return type(fault).__module__.split(".")[0] == "pyopencl" and getattr(fault, "code", None) in CODES
 
 
 class memory_of:

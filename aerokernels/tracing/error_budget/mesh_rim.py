@@ -20,6 +20,9 @@ PAIRS = 1_000_000  # speed only
 # An edge is on the wall if both of its ends are nearer to the wall than this, over the edge's length.
 ON_WALL = 0.2
 SAME_PLACE = 1e-8
+# A point is on the rim if it is nearer to an edge than this, over the box's size. It is looked for among so many edges
+# whose middles are nearest.
+ON_RIM, NEAREST = 1e-6, 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,13 +115,16 @@ def _edges_of(field: IndexField) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def rim_contrast(field: IndexField, points: np.ndarray) -> np.ndarray:
-    """|contrast| of the rim nearest to each point (n, 3); 0 if it is farther away than two lengths of its edge."""
+    """|contrast| of the rim at points (n, 3) that rounding moved off it; 0 elsewhere."""
     rim = mesh_rim(field)
     if len(rim.start) == 0 or len(points) == 0:
         return np.zeros(len(points))
-    distance, edge = rim.tree.query(field.local_coordinates(points))
-    length = np.linalg.norm(rim.end - rim.start, axis=1)
-    return np.where(distance <= 2.0 * length[edge], rim.strength[edge], 0.0)
+    local = field.local_coordinates(points)[:, None]
+    _, edge = rim.tree.query(local[:, 0], k=np.arange(1, min(NEAREST, len(rim.start)) + 1))
+    start, along = rim.start[edge], (rim.end - rim.start)[edge]
+    share = np.clip(np.sum((local - start) * along, axis=2) / np.sum(along**2, axis=2), 0.0, 1.0)
+    distance = np.linalg.norm(start + share[..., None] * along - local, axis=2)
+    return np.where(distance <= ON_RIM * box_size(field), rim.strength[edge], 0.0).max(axis=1)
 
 
 def mesh_crossings(

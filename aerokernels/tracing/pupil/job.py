@@ -10,8 +10,8 @@ import numpy as np
 
 from ...medium import IndexField
 from ...medium.grid import UniformGrid
-from ...medium.grid_places import known
 from ...rays import PILOT_RAYS, Pupil, RayBundle
+from ..beyond import plane_beyond
 from ..engines import engine_of
 from ..engines.device_memory import memory_of
 from ..grid_tables import begun_grid
@@ -202,8 +202,7 @@ def make_job(
         lambda: pilot or RayBundle.collimated(pupil, PILOT_RAYS, direction=look),
         CACHED,
     )
-    place = "plane beyond", field.geometry, pupil.key, look.tobytes()
-    until = known(field.samples, place, lambda: plane_beyond(field, pupil, look), CACHED)
+    until = plane_beyond(field, pupil, look)
     per_replicate = -(-int(ray_count) // REPLICATES)  # rounded up
     sizes = lattice_sizes(field, pupil, per_replicate, REPLICATES, bundle)
     most = RADIAL_RAYS if like is None else fewer_rays(field, pupil, REPLICATES)
@@ -315,13 +314,3 @@ def _finer_run(task: PupilTask, plan_of: Callable[[int], TracePlan], per_replica
     """Prepare the task with so many rays of a replicate."""
     plan = replace(plan_of(per_replicate * REPLICATES), few_rays=False)
     return _runner(replace(task, plan=plan, per_replicate=per_replicate))
-
-
-def plane_beyond(field: IndexField, pupil: Pupil, look: np.ndarray) -> Plane:
-    """The plane at which a pupil's rays stop: across the unit vector `look`, just beyond the box and the pupil."""
-    low, high = field.box
-    finite = np.isfinite(low) & np.isfinite(high)
-    corner = np.where(finite, np.where(look > 0.0, high, low), pupil.center)
-    reach = float((corner - pupil.center) @ look)
-    # A little beyond, so that the last face and the plane are never the same surface.
-    return Plane(pupil.center + (max(reach, 0.0) + pupil.reach + 1e-3 * box_size(field)) * look, look)

@@ -133,7 +133,7 @@ def shadow(mach: int, grid: IndexField, pixels: int, sensitivity: float | None =
 def picture_grid(mach: int, spacing: float, density: float | None = None) -> IndexField:
     """The index of a shipped flow on a grid of a spacing [m], at its own density or another [kg/m3], over VIEW."""
     field = flow.shipped(f"mach{mach}")
-    index = (field if density is None else field.scaled(density)).index_field(905e-9)
+    index = (field if density is None else field.scaled(density)).index_field(905e-9, "paper")
     low, high = (corner[1:] for corner in index.box)
     region = ((0.0, max(VIEW[0] - 1e-3, float(low[1]))), (min(0.12, float(high[0])), float(high[1])))
     return index.resample(spacing, region=region)

@@ -88,7 +88,7 @@ def test_overlapping_blocks_of_a_plane_are_refused(inner_first, ratio):
 
     pair = (sheet(0.0, 0.6 * ratio, 9, 1.0), sheet(0.5, 1.0, 17, 1.0 / ratio))
     with pytest.raises(
-        ValueError, match=r"cells at the edge of its mesh or blocks lie in other cells, the first at y, z"
+        ValueError, match=r"cells at the edge of the mesh or of its blocks lie in other cells, the first at y, z"
     ):
         read(*pair[::-1] if inner_first else pair)
     assert read(sheet(0.0, 0.5, 9, 1.0), sheet(0.5, 1.0, 17, 1.0)).density.max() == pytest.approx(2.0)

@@ -8,11 +8,12 @@ from scipy.stats import qmc
 
 from aerokernels import Annulus, Disc, IndexField, Plane, RayBundle, Rectangle
 from aerokernels.medium import Body
+from aerokernels.tracing.beyond import plane_beyond
 from aerokernels.tracing.plan import TracePlan
 from aerokernels.tracing.pupil import lattice_quadrature as lattices
 from aerokernels.tracing.pupil import radial_quadrature as radial
 from aerokernels.tracing.pupil.air import PupilAir, meets_wall, pupil_air
-from aerokernels.tracing.pupil.job import _check_size, plane_beyond
+from aerokernels.tracing.pupil.job import _check_size
 from aerokernels.tracing.pupil.run import KEPT_BYTES, check_memory
 from aerokernels.tracing.pupil.sums import (
     MOMENT_COUNT,

@@ -162,7 +162,6 @@ def plane_mesh(path, blocks: list[Block], plane: Plane, densities) -> tuple[Quad
     """
     try:
         if len(blocks) == 1 and (mesh := structured_mesh(blocks[0], plane)) is not None:
-            _refuse_overlaps(path, mesh)
             return mesh, densities[0][0], densities[0][1], ""
         parts = [block_polygons(path, block, plane, *own) for block, own in zip(blocks, densities, strict=True)]
         polygons = merged(parts, [block.shape is not None for block in blocks])
@@ -173,30 +172,7 @@ def plane_mesh(path, blocks: list[Block], plane: Plane, densities) -> tuple[Quad
         raise
     except ValueError as fault:
         raise ReadError(path, f"its mesh cannot be used: {fault}", "repair the mesh and write the file again") from None
-    _refuse_overlaps(path, mesh)
     return mesh, values, polygons.where, remark
-
-
-def _refuse_overlaps(path, mesh: QuadMesh) -> None:
-    """Raise ReadError if the middle of a cell at the boundary is in another cell: one of two densities would count.
-
-    Where meshes overlap, the boundary of one of them is within the other. Edges of blocks that do not match may cross
-    by less than half a cell.
-    """
-    rim = np.flatnonzero((mesh.neighbors < 0).any(axis=1))
-    middle = mesh.corners[rim].mean(axis=1)
-    count = np.zeros(len(rim), np.int64)
-    for row, _ in mesh.holding(middle):
-        count += np.bincount(row, minlength=len(rim))
-    if (count > 1).any():
-        first = middle[np.argmax(count > 1)]
-        axes = "r, z" if mesh.geometry == "axisymmetric" else "y, z"
-        raise ReadError(
-            path,
-            f"{int((count > 1).sum())} cells at the edge of its mesh or blocks lie in other cells, the first at "
-            f"{axes} = {first.tolist()} m: in a plane, overlapping (overset) blocks are not read",
-            "blank the cells of one where two overlap (iblank, vtkGhostType), or write the flow on one mesh",
-        )
 
 
 def _structured(path, block: Block) -> np.ndarray:

@@ -26,6 +26,7 @@ from .session import Session
 
 KINDS = ("gpu", "cpu", "accelerator")  # in order of preference
 SESSION = "OpenCL session"
+PLATFORM_NOT_FOUND = -1001  # CL_PLATFORM_NOT_FOUND_KHR
 
 
 class OpenCLUnavailable(ValueError):
@@ -216,7 +217,7 @@ def _survey() -> Survey:
         platforms = cl.get_platforms()
     except cl.Error as error:
         platforms = []
-        if "PLATFORM_NOT_FOUND" not in str(error):
+        if error.code != PLATFORM_NOT_FOUND:
             troubles.append(f"the platforms cannot be listed: {error}")
     if not platforms:
         return Survey([], [no_platform(), *troubles])
@@ -231,7 +232,7 @@ def _survey() -> Survey:
             if not present:
                 troubles.append(f"{title} has no devices: {why_no_devices(title)}")
         except cl.Error as error:
-            found_none = "DEVICE_NOT_FOUND" in str(error)
+            found_none = error.code == cl.status_code.DEVICE_NOT_FOUND
             troubles.append(
                 f"{title} has no devices: {why_no_devices(title)}" if found_none else f"{title} fails: {error}"
             )

@@ -237,20 +237,19 @@ def build_step_error(library: KernelLibrary, geometry: str, interpolation: str, 
         control: Control,
         direction: wp.vec3d,
         ambient: real,
-        momentum: vec3,
-        first_momentum: real,
+        greatest_momentum: real,
         max_deflection: real,
         to_stop: StopGeometry,
         displacement: real,
     ):
         """Error of a ray at its stop: the errors of its steps, and the rounding of the direction of its flight there.
 
-        Rounding affects the greatest momentum, the initial momentum along d, and the slopes between nodes. The ray may
-        meet a plane at a smaller angle than the obliquity allows for. If the ray is turned late, the errors of
-        direction of its first steps also meet a far stop at that angle: the sideways `displacement` grows beyond the
-        field.
+        Rounding affects the momentum, whose part along d is the contrast, and the slopes between nodes: differences of
+        coefficients as great as the greatest contrast that the ray flew through, however even it is. The ray may meet
+        a plane at a smaller angle than the obliquity allows for. If the ray is turned late, the errors of direction of
+        its first steps also meet a far stop at that angle: the sideways `displacement` grows beyond the field.
         """
-        size = wp.length(momentum) + first_momentum + ambient * max_deflection
+        size = greatest_momentum + ambient * max_deflection
         size *= real(1.0) + real(SLOPE_NOISE) * to_stop.reach * wp.max(control.cell_rate)
         error = used + real(direction_noise) * size * (to_stop.obliquity + max_deflection) * to_stop.lever_arm
         met_at = wp.where(max_deflection < real(LEAPFROG_ANGLE), max_deflection, real(0.0))

@@ -138,7 +138,7 @@ def build_kernel(
                 # The table of step bounds weighs the kinks that a step may pass by their effect on the path alone.
                 if obliquity * lever_arm * wp.max(control.cell_rate) > real(1.0):
                     derating = real(0.0)
-            first_momentum, arc_left = wp.length(momentum), real(bounds.length - interval.t_enter)
+            greatest_momentum, arc_left = wp.length(momentum), real(bounds.length - interval.t_enter)
             aside = real(0.0)  # sideways deviation within which the ray meets no body
             if wp.static(has_body):
                 near = real(WALL_ASIDE) / wp.max(control.cell_rate)
@@ -330,6 +330,7 @@ def build_kernel(
                         momentum += projecting
                         if wp.static(straight):
                             q += (real(0.5) * h) * projecting  # the error grew linearly over the step
+                    greatest_momentum = wp.max(greatest_momentum, wp.length(momentum))
                     if wp.static(controlled and straight):
                         beside = sample_neglected(
                             field, current_cell, cell, probe, rate, total, q, probe_pot, force, h, h_cell
@@ -380,7 +381,7 @@ def build_kernel(
                 if wp.static(stop != "none"):
                     used, gain = used + gain, real(0.0)
                 used = stop_error(
-                    used, bounds, control, d0, ambient, momentum, first_momentum, max_deflection, to_stop, displacement
+                    used, bounds, control, d0, ambient, greatest_momentum, max_deflection, to_stop, displacement
                 )
                 obliquity_first = obliquity
                 opd_rate = (wp.abs(pot) + wp.length(force) * (obliquity + max_deflection) * lever_arm) / ambient
