@@ -78,6 +78,12 @@ class FileTable(Table):
     mesh: str | None = key(None, "The mesh that belongs to an SU2 restart file.")
     solution: str | None = key(None, "The solution that belongs to a Plot3D grid.")
 
+    order: str | None = key(
+        None,
+        'The axes of the arrays in an NPZ or HDF5 file, such as "yx" for those of numpy.meshgrid; if absent, lengths '
+        "tell, or else they are taken in the order x, y, z, or r, z, with a warning.",
+    )
+
     @model_validator(mode="after")
     def _density_from_one_source(self) -> "FileTable":
         if (self.pressure is None) != (self.temperature is None):
@@ -109,5 +115,5 @@ class FileTable(Table):
             "walls": self.walls,
             "spacing": self.spacing,
         }
-        companions = {"mesh": self.mesh, "solution": self.solution}
+        companions = {"mesh": self.mesh, "solution": self.solution, "order": self.order}
         return options | {name: value for name, value in companions.items() if value is not None}
