@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..files.netcdf_reading import open_netcdf
+from ..files.zarr_codecs import check_codecs
 from ..inputs.arguments import seconds
 from ..inputs.listed import listed
 from ..inputs.written_units import unit_of
@@ -54,6 +55,7 @@ def _zarr(path: Path, what: str, most_axes: float) -> Any:
     import xarray
 
     check_folder(path)
+    check_codecs(path)
     check_file(path, what, most_axes)
     try:
         with warnings.catch_warnings():

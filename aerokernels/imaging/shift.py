@@ -20,6 +20,7 @@ from ..inputs.arguments import checked
 from ..inputs.checks import check_count, check_positive
 from ..medium import IndexField
 from ..process.clock import clocked, stage
+from ..tracing.beyond import plane_beyond
 from ..tracing.pupil.air import GREATEST_SHARE
 from .camera import Camera, rows_and_columns
 from .displacement_error import blur_error, by_points, displacement_error
@@ -278,7 +279,7 @@ def gather(
 
 
 def check_view(field: IndexField, camera: Camera, options: dict[str, Any]) -> None:
-    """Check the types of field and camera, and the options of `trace`."""
+    """Check the types of field and camera, the options of `trace`, and that light from a far scene leaves the field."""
     if not isinstance(field, IndexField):
         raise TypeError(f"field must be an IndexField, got {type(field).__name__}")
     if not isinstance(camera, Camera):
@@ -290,6 +291,8 @@ def check_view(field: IndexField, camera: Camera, options: dict[str, Any]) -> No
     if isinstance(tolerance, bool) or not isinstance(tolerance, Real):
         raise TypeError(f"tolerance must be a number of waves, got {tolerance!r}")
     check_positive(float(tolerance), "tolerance", "waves")
+    if not np.isfinite(camera.distance):
+        plane_beyond(field, camera.pupil, camera.pupil.normal)
 
 
 def _tight(options: dict[str, Any]) -> dict[str, Any]:

@@ -190,7 +190,7 @@ class IndexField(Derived):
             mesh: The mesh; its geometry is the field's.
             contrast: n - ambient_index at the vertices, shape (vertex_count,), or finite-volume averages over the
                 cells, shape (cell_count,); the shape decides. On a structured mesh also (ni, nj), (ni - 1, nj - 1).
-            ambient_index: Index outside the mesh.
+            ambient_index: Index outside the mesh, in holes of it and in one about the axis too.
             interpolation: "bilinear", "bilinear-barron", "idw" or "cells" (see mesh_samples.py); or "conserving":
                 bilinear on cells cut in four, with values that keep the averages (see kept_averages.py).
             body: Solid body in the field.

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import IO, Any, NamedTuple
 
 from .fault_text import FileFault
-from .machine import address_space, child_environment, host_memory
+from .machine import address_space, host_memory, python_child
 from .opened import OPENED
 from .own_files import LISTS, check_own_files
 
@@ -63,11 +63,10 @@ class _Child:
 
     def __init__(self):
         self.process = subprocess.Popen(
-            [sys.executable, "-m", __name__],
+            **python_child(["-m", __name__], ONE_THREAD),
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
-            env=child_environment(ONE_THREAD),
         )
 
     def ask(self, request: Any, time_limit: float) -> Any:
@@ -115,7 +114,9 @@ def in_child(path: Path, function: str, *arguments: Any) -> Any:
         OwnFilesError: The file names others that it may not.
         Exception: Any exception of the function.
     """
-    bounds = bounds_of(path)
+    bounds, folder = bounds_of(path), os.sep
+    with suppress(OSError):  # the working directory is gone
+        folder = os.getcwd()
     with OPENED.lock:
         idle = _idle()  # empty in a forked process: the parent's children stay the parent's
         used = idle.pop() if idle else None
@@ -126,7 +127,7 @@ def in_child(path: Path, function: str, *arguments: Any) -> Any:
     for child in (used, None) if used is not None else (None,):
         child = child or _Child()
         try:
-            raised, answer, open_still = child.ask((path, bounds, function, arguments), bounds.time)
+            raised, answer, open_still = child.ask((folder, path, bounds, function, arguments), bounds.time)
             break
         except (EOFError, OSError):
             status = child.end()
@@ -177,9 +178,11 @@ def _serve(requests: IO[bytes], answers: IO[bytes]) -> None:
     inherited = address_space()
     while True:
         try:
-            path, bounds, function, arguments = pickle.load(requests)
+            folder, path, bounds, function, arguments = pickle.load(requests)
         except EOFError:
             return
+        with suppress(OSError):
+            os.chdir(folder)  # paths may be relative, and the caller may have changed it since the child was started
         limit(bounds, inherited)
         try:
             check_own_files(path)

@@ -2,13 +2,9 @@
 
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BeforeValidator, FiniteFloat, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
-from .values import Angle, Length, Number, Table, key, measured
-
-Pressure = Annotated[float, measured("pressure")]
-Temperature = Annotated[float, measured("temperature")]
-Density = Annotated[float, measured("density")]
+from .values import Angle, Density, Length, Number, Pressure, Table, Temperature, key
 
 
 def _axis(value: str) -> str:
@@ -38,6 +34,7 @@ def _time(value: Any) -> str | float:
 
 
 Axis = Annotated[str, AfterValidator(_axis)]
+Place = Annotated[float, Field(ge=-1e12, le=1e12)]
 
 
 class FileTable(Table):
@@ -54,7 +51,7 @@ class FileTable(Table):
     )
     optical: Axis | None = key(None, 'The optical axis in the file\'s axes: "-x" looks against a flow along +x.')
     up: Axis | None = key(None, "Direction of +y in the file's axes, at right angles to the optical axis.")
-    origin: tuple[FiniteFloat, FiniteFloat, FiniteFloat] = key(
+    origin: tuple[Place, Place, Place] = key(
         (0.0, 0.0, 0.0), "The point of the file that becomes the origin, in the file's unit of length."
     )
     rotation: Angle = key("0 deg", "Angle about x by which the optical axis is turned toward up.")

@@ -270,3 +270,24 @@ def test_places_in_a_cell_are_found_in_its_parts():
     for values in ring:
         values[-1] = values[0]
     assert has_seam(QuadMesh.structured(*ring)) and not has_seam(mesh)
+
+
+@pytest.mark.parametrize("geometry", ["planar", "axisymmetric"])
+def test_cells_that_lie_in_other_cells_are_refused(geometry: str):
+    """Set-up: a coarse sheet of cells and a fine one that overlap, as overset meshes do, or that only touch.
+
+    Expected: refused where they overlap: of two values at a place one would count, without a word.
+    """
+    coarse, fine = (np.stack(np.meshgrid(np.linspace(1.0, 2.0, n), np.linspace(0.0, 1.0, n), indexing="ij"), axis=-1)
+                    for n in (5, 12))  # fmt: skip
+
+    def both(shift: float) -> QuadMesh:
+        parts = coarse, fine + np.array([0.013, shift])
+        sheets = [QuadMesh.structured(*np.moveaxis(part, -1, 0), geometry) for part in parts]
+        cells = np.concatenate([sheets[0].cells, sheets[1].cells + len(sheets[0].vertices)])
+        return QuadMesh(np.concatenate([sheet.vertices for sheet in sheets]), cells, geometry)
+
+    assert len(both(1.001).cells) == 16 + 121
+    for shift in (0.5, 0.9):
+        with pytest.raises(ValueError, match=r"cells at the edge of the mesh or of its blocks lie in other cells, the"):
+            both(shift)

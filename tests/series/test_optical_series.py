@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 import xarray
 
-from aerokernels import Disc, flow, optical_series
+from aerokernels import Disc, estimate_strehl, flow, optical_series
 from aerokernels.flow import GridMesh
 from aerokernels.series.line_integrals import LineIntegrals, NotLinearError
 from aerokernels.tracing.pupil.air import TruncationWarning
@@ -35,10 +35,12 @@ def opened(field: Fourier, times=TIME) -> flow.Series:
 
 
 def exact(field: Fourier, found: xarray.Dataset, direction, time: float, remove) -> np.ndarray:
-    """The exact map of the pixels with a weight, terms removed."""
+    """The exact map of the pixels with a weight, terms removed; coordinates are across the look direction."""
     lit = found.weight.values > 0.0
     x, y = (axis[lit] for axis in np.meshgrid(found.x, found.y))
-    start = np.stack([x, y, np.full(x.size, Z0)], axis=1)
+    first, second = np.reshape(found.attrs["pupil_axes"], (2, 3))
+    start = found.attrs["pupil_center"] + x[:, None] * first + y[:, None] * second
+    assert np.abs(start[:, 2] - Z0).max() < 1e-15
     length = (ORIGIN[2] + SPACING * (SHAPE[2] - 1) - Z0) / direction[2]
     opd = field.opd(start, direction, np.full(x.size, length), time)
     return remove_terms(opd, remove, start[:, :2], found.weight.values[lit])
@@ -94,7 +96,7 @@ def test_a_moving_vortex(turned: float):
         pixel_count=24,
     )
     lit = found.weight.values > 0.0
-    start = np.meshgrid(found.x, found.y)[0][lit]
+    start = np.meshgrid(found.x, found.y)[0][lit] / along[2]  # in the pupil's plane
     end = (ORIGIN[2] + SPACING * (SHAPE[2] - 1) - Z0) / along[2]
     weight = found.weight.values[lit]
     for number, c in enumerate(core):
@@ -264,7 +266,7 @@ RUN = """
 import sys, time
 sys.path[:0] = [{root!r}]
 import numpy as np
-from aerokernels import Disc, flow, optical_series
+from aerokernels import Disc, estimate_strehl, flow, optical_series
 from tests.series.fourier import Fourier
 field = Fourier.random(4)
 def items():
@@ -354,8 +356,9 @@ def test_what_cannot_be_asked_for_is_refused():
     ):
         with pytest.raises(ValueError, match=words):
             optical_series(series, pupil, **options)
-    with pytest.raises(ValueError, match="no ray of the pupil goes through"):
-        optical_series(series, Disc(0.02, [3.0, 0.0, Z0]))
+    for method, words in (("linear", "no ray of the pupil goes through"), ("auto", "meets the field, whose box is")):
+        with pytest.raises(ValueError, match=words):
+            optical_series(series, Disc(0.02, [3.0, 0.0, Z0]), method=method)
     with pytest.raises(TypeError, match="open_series"):
         optical_series([1], pupil)  # type: ignore[arg-type]
     with pytest.raises(TypeError, match="pupil"):
@@ -372,17 +375,49 @@ def test_what_cannot_be_asked_for_is_refused():
         optical_series(broken, pupil)
 
 
+@pytest.mark.parametrize("method", ["auto", "linear"])
 @pytest.mark.parametrize("beside", [False, True])
-def test_what_no_ray_sees_is_said(beside: bool):
-    """A pupil wider than the grid, or a grid that ends in disturbed air: said, and the share that counts is given."""
-    field = Fourier.random(7)
+def test_what_no_ray_sees_is_said(beside: bool, method: str):
+    """A pupil wider than the grid, or a grid that ends in disturbed air: said, and the share that counts is given.
+
+    Straight lines that leave the grid by a side are in no number. By default such a look is traced, and all counts.
+    """
     pupil = Disc(0.06 if beside else 0.02, [0, 0, Z0])
-    with pytest.warns(TruncationWarning) as told:
-        found = optical_series(opened(field, TIME[:2]), pupil, pixel_count=16)
-    assert any("disturbed air that ends" in str(one.message) for one in told)
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always", TruncationWarning)
+        found = optical_series(opened(Fourier.random(7), TIME[:2]), pupil, pixel_count=16, method=method)
+    assert any("disturbed air that ends" in str(one.message) for one in told) == (method == "auto")
     lost = 1.0 - (found.weight.values * found.valid.values).sum(axis=(1, 2))
     np.testing.assert_allclose(1.0 - found.known, lost, atol=1e-12)
-    assert any("leave the grid sideways" in str(one.message) for one in told) == beside == (lost > 0.05).all()
+    sideways = beside and method == "linear"
+    assert any("leave the grid sideways" in str(one.message) for one in told) == sideways == (lost > 0.05).all()
+    assert found.traced.all() == (beside and method == "auto")
+
+
+@pytest.mark.parametrize("degrees", [44.0, 46.0, 60.0])
+def test_looks_through_the_broad_faces_of_a_slab_are_computed_at_every_angle(degrees: float):
+    """Set-up: a layer of waves, at rest at all its faces, that every ray crosses from face z = 0 to face z = 40 mm.
+
+    Expected: the Strehl ratio of `estimate_strehl`, within both errors. Beyond 45 degrees the axis nearest to the rays
+    is not z, through whose faces they go; such looks were refused.
+    """
+    x, z = np.linspace(-0.1, 0.1, 41), np.linspace(0.0, 0.04, 41)
+    at = np.meshgrid(x, x, z, indexing="ij")
+    share = np.clip(
+        [(0.1 - abs(at[0])) / 0.02, (0.1 - abs(at[1])) / 0.02, np.minimum(at[2], 0.04 - at[2]) / 0.01], 0, 1
+    )
+    rest = np.prod(share**3 * (10.0 - 15.0 * share + 6.0 * share**2), axis=0)
+    waves = 0.05 * np.sin(90.0 * at[0] + 30.0 * at[1]) * np.cos(200.0 * at[2]) * rest
+    options = {"origin": [-0.1, -0.1, 0.0], "spacing": [5e-3, 5e-3, 1e-3], "ambient_density": 1.2}
+    series = flow.open_series([1.2 + waves], time=[0.0], geometry="volume", **options)
+    tangent = np.tan(np.radians(degrees))
+    pupil = Disc(3e-3, (-0.025 * tangent, 0.0, -0.005), np.array([tangent, 0.0, 1.0]))
+    light = {"wavelength": WAVELENGTH, "remove": ("piston",), "backend": "opencl"}
+    found = optical_series(series, pupil, pixel_count=24, constant=CONSTANT, **light).isel(time=0)
+    field = series[0].index_field(WAVELENGTH, constant=CONSTANT)
+    true = estimate_strehl(field, pupil, ray_count=4096, **light)
+    assert float(found.known) == pytest.approx(1.0) and true.value < 0.9999
+    assert abs(float(found.strehl) - true.value) <= float(found.strehl_error) + true.quantities["value"].error
 
 
 def test_a_grid_that_holds_the_whole_flow_is_no_matter_of_words():

@@ -49,14 +49,15 @@ def test_light_that_may_never_leave_a_planar_field_is_refused():
     for angle, contrast, refused in ((1.7, 3e-5, True), (1.9, 3e-5, False), (1.9, 1e-4, True), (0.0, 3e-5, True)):
         look = np.array([np.cos(np.radians(angle)), 0.0, np.sin(np.radians(angle))])
         field, pupil = blob("planar", contrast), Disc(1e-3, np.array([0.0, -0.01, 0.01]) - 0.5 * look, look)
-        doors = [lambda f=field, p=pupil: estimate_strehl(f, p, backend="reference", ray_count=64)]
-        if refused:
-            camera = Camera(pupil=pupil, focal_length=1.0, pixel=1e-5, pixel_count=4)
-            doors += [lambda f=field, p=pupil: wavefront(f, p, backend="reference", pixel_count=8)]
-            doors += [lambda f=field, c=camera: image_through(f, np.ones((4, 4)), c, backend="reference")]
+        if not refused:
+            assert plane_beyond(field, pupil, look).point @ look > pupil.center @ look
+            continue
+        camera = Camera(pupil=pupil, focal_length=1.0, pixel=1e-5, pixel_count=4)
+        doors = [
+            lambda f=field, p=pupil: estimate_strehl(f, p, backend="reference", ray_count=64),
+            lambda f=field, p=pupil: wavefront(f, p, backend="reference", pixel_count=8),
+            lambda f=field, c=camera: image_through(f, np.ones((4, 4)), c, backend="reference"),
+        ]
         for door in doors:
-            if refused:
-                with pytest.raises(ValueError, match="a planar field never ends along x"):
-                    door()
-            else:
-                assert door().value > 0.0
+            with pytest.raises(ValueError, match="a planar field never ends along x"):
+                door()
