@@ -30,14 +30,14 @@ ASIDE = "pinned memory set aside"
 MOST_ASIDE = 1 << 28
 
 
-def unused_array(shape: tuple[int, ...]) -> np.ndarray:
-    """Return an uninitialised float64 array, in memory that was set aside and is not in use where there is any."""
-    size = 8 * math.prod(shape)
+def unused_array(shape: tuple[int, ...], kind: np.dtype) -> np.ndarray:
+    """Return an uninitialised array, in memory that was set aside and is not in use where there is any."""
+    size = kind.itemsize * math.prod(shape)
     for memory in (OPENED.get(ASIDE) or ()) if size >= LEAST else ():
         taken = memory.unused(size)
         if taken is not None:
-            return np.asarray(Lent(memory, taken, shape, np.dtype(np.float64)))
-    return np.empty(shape)
+            return np.asarray(Lent(memory, taken, shape, kind))
+    return np.empty(shape, kind)
 
 
 def is_whole(array: np.ndarray) -> bool:

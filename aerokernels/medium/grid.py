@@ -27,6 +27,9 @@ LARGEST_BOX, SMALLEST_BOX = 1e7, 1e-9
 # Float64 does not resolve node positions that are closer together than this fraction of their coordinates.
 LEAST_STEP_SHARE = 1e-11
 
+# Types of samples that are kept as they are given.
+KINDS = np.dtype(np.float32), np.dtype(np.float64)
+
 # Key of a function that copies coefficients from a device.
 FETCH = "fetch coefficients"
 
@@ -125,7 +128,7 @@ class UniformGrid(Derived):
     """Samples on a uniform grid of two or three local axes.
 
     Attributes:
-        samples: Contrast at the nodes, float64, one axis per coordinate.
+        samples: Contrast at the nodes, float64, or float32 if it was given so, one axis per coordinate.
         origin: Coordinates of the first node [m], shape (d,).
         spacing: Node spacing [m], shape (d,).
         interpolation: "cubic", "linear" or "monotone".
@@ -147,8 +150,9 @@ class UniformGrid(Derived):
         check_choice(self.interpolation, "interpolation", spline.INTERPOLATIONS)
         # Read-only arrays are not copied, since grids may have 100 million nodes.
         own = isinstance(samples, np.ndarray) and not samples.flags.writeable and is_whole(samples)
-        if not (own and samples.dtype == np.float64 and samples.flags.c_contiguous):
-            given, samples = np.asarray(samples), unused_array(np.shape(samples))
+        if not (own and samples.dtype in KINDS and samples.flags.c_contiguous):
+            given = np.asarray(samples)
+            samples = unused_array(given.shape, given.dtype if given.dtype in KINDS else np.dtype(np.float64))
             self.__dict__["extremes"] = copy_and_scan(samples, given)
         for name, value in (("samples", samples), ("origin", origin), ("spacing", spacing)):
             value.setflags(write=False)
@@ -193,15 +197,24 @@ class UniformGrid(Derived):
 
     @cached_property
     def coefficients(self) -> np.ndarray:
-        """Coefficient array of the potential's interpolant (see spline.py), float64.
+        """Coefficient array of the potential's interpolant (see spline.py), of the type of the samples.
 
         Computed when it is first read, or copied from the device where it was computed: see tracing/grid_tables.py.
         """
         fetch = self.held(FETCH)
         if fetch is not None:
             return np.asarray(fetch())
-        potential = self.samples * (self.ambient_index + 0.5 * self.samples)
-        return spline.coefficients(potential, self.interpolation, self.even_first_axis)
+        return spline.coefficients(self.samples, self.interpolation, self.even_first_axis, self.potential_of)
+
+    @property
+    def doubles(self) -> np.ndarray:
+        """The samples as float64, flat."""
+        return np.asarray(self.samples, np.float64).reshape(-1)
+
+    def potential_of(self, contrast: np.ndarray) -> np.ndarray:
+        """Return the potential of some samples, float64."""
+        contrast = np.asarray(contrast, np.float64)
+        return contrast * (self.ambient_index + 0.5 * contrast)
 
     @cached_property
     def paper_step(self) -> np.ndarray:
@@ -212,7 +225,8 @@ class UniformGrid(Derived):
             for offset in product((0, 1), repeat=dimension)
         ]
         size = float(np.prod(self.spacing) ** (1.0 / dimension))
-        return eq5_step(np.maximum.reduce(corners) - np.minimum.reduce(corners), size)
+        span = np.subtract(np.maximum.reduce(corners), np.minimum.reduce(corners), dtype=np.float64)
+        return eq5_step(span, size)
 
     def evaluate(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return contrast, shape (n,), and gradient [1/m], shape (n, d), at local points (n, d) inside the box."""

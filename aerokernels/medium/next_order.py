@@ -90,7 +90,7 @@ def _difference(grid: UniformGrid, node: np.ndarray, axis: int, weights: tuple[f
     here, change = list(node.T), np.zeros(len(node))
     for offset, weight in enumerate(weights, -half):
         here[axis] = np.abs(middle + offset)  # the mirror image across an axis
-        change += weight * grid.samples[tuple(here)]
+        change += weight * grid.samples[tuple(here)].astype(np.float64)
     return change
 
 

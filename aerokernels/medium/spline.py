@@ -12,13 +12,17 @@ References: C. de Boor, A Practical Guide to Splines (2001); F. N. Fritsch and R
 (1980) 238 for the limit on slopes.
 """
 
+from collections.abc import Callable
 from itertools import product
 
 import numpy as np
 
+from ..process.threads import in_threads
+
 INTERPOLATIONS = ("cubic", "linear", "monotone")
 SUPPORT = {"linear": 2, "cubic": 4, "monotone": 4}
 STRIDE = {"linear": 1, "cubic": 1, "monotone": 2}
+SLAB = 1 << 18  # speed only: numbers that a thread computes at once
 BAND = 4  # diagonals on either side of the main one in the spline's matrices: the extent of an end row
 
 
@@ -44,22 +48,53 @@ def values(interpolation: str, u: np.ndarray) -> np.ndarray:
     return np.array([(1 + 2 * u) * v**2, u * v**2, u**2 * (3 - 2 * u), -(u**2) * v])
 
 
-def coefficients(samples: np.ndarray, interpolation: str, even_first_axis: bool) -> np.ndarray:
-    """Return the coefficient array of `samples` (float64, one axis per coordinate).
+def _doubles(values: np.ndarray) -> np.ndarray:
+    return np.asarray(values, np.float64)
+
+
+def coefficients(
+    samples: np.ndarray,
+    interpolation: str,
+    even_first_axis: bool,
+    value_of: Callable[[np.ndarray], np.ndarray] = _doubles,
+) -> np.ndarray:
+    """Return the coefficient array of values at nodes, float32 if the samples are, else float64.
+
+    It is computed in float64. Of "cubic" no more than slabs of it are in memory besides the array itself.
 
     Args:
-        samples: Values at the nodes.
+        samples: One number for each node, one axis per coordinate.
         interpolation: One of INTERPOLATIONS.
         even_first_axis: The field is mirrored at the first node of axis 0 (an axisymmetric field at r = 0).
+        value_of: Returns the values, float64, for some of the samples.
     """
-    if interpolation == "linear":
-        return np.ascontiguousarray(samples, dtype=np.float64)
+    kind = np.dtype(np.float32 if samples.dtype == np.float32 else np.float64)
     if interpolation == "cubic":
-        result = np.asarray(samples, dtype=np.float64)
-        for axis in range(samples.ndim):
-            result = spline_along(result, axis, even_first_axis and axis == 0)
-        return np.ascontiguousarray(result)
-    return _limited_hermite(np.asarray(samples, dtype=np.float64), even_first_axis)
+        return _spline(samples, even_first_axis, value_of, np.empty([count + 2 for count in samples.shape], kind))
+    values = value_of(samples)
+    return np.ascontiguousarray(values if interpolation == "linear" else _limited_hermite(values, even_first_axis), kind)
+
+
+def _spline(samples: np.ndarray, even_first_axis: bool, value_of, made: np.ndarray) -> np.ndarray:
+    """Fill an array with the coefficients of the spline, along the first axis and then along the others, by slabs."""
+    others = samples.shape[1:]
+    inner = made[(slice(None), *(slice(1, -1) for _ in others))]
+
+    def along_first(part: slice) -> None:
+        inner[:, part] = spline_along(value_of(samples[:, part]), 0, even_first_axis)
+
+    def along_others(rows: slice) -> None:
+        values = np.asarray(inner[rows], np.float64)
+        for axis in range(1, samples.ndim):
+            values = spline_along(values, axis, False)
+        made[rows] = values
+
+    if not others:
+        return spline_along(value_of(samples), 0, even_first_axis)
+    for work, array in ((along_first, samples[:1].swapaxes(0, 1)), (along_others, made)):
+        some = max(1, SLAB * len(array) // (samples.size if work is along_first else made.size))
+        in_threads(work, [slice(first, first + some) for first in range(0, len(array), some)])
+    return made
 
 
 def end_conditions(count: int, even_start: bool) -> np.ndarray:

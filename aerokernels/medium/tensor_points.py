@@ -61,7 +61,7 @@ def contrast_without_gradient(field, points: np.ndarray) -> np.ndarray:
     inside = np.all((local >= grid.low - tolerance) & (local <= grid.high + tolerance), axis=1)
     last = np.array(grid.shape, dtype=np.float64) - 1.0
     place = np.clip((local[inside] - grid.origin) / grid.spacing, 0.0, last) + 1.0  # one coefficient before the first
-    potential = map_coordinates(grid.coefficients, place.T, order=3, prefilter=False, mode="nearest")
+    potential = map_coordinates(grid.coefficients, place.T, order=3, prefilter=False, mode="nearest", output=np.float64)
     ambient = grid.ambient_index
     contrast = np.zeros(len(local))
     contrast[inside] = 2.0 * potential / (np.sqrt(np.maximum(ambient**2 + 2.0 * potential, 0.0)) + ambient)

@@ -97,7 +97,7 @@ def over_lines(values: np.ndarray, reduce: np.ufunc) -> list[np.ndarray]:
     found = [np.zeros(shape[:axis] + shape[axis + 1 :]) for axis in range(values.ndim)]
     slab = max(1, SLAB * len(values) // max(values.size, 1))  # speed only
     for first in range(0, len(values), slab):
-        size = np.abs(values[first : first + slab])
+        size = np.abs(values[first : first + slab], dtype=np.float64)
         reduce(found[0], reduce.reduce(size, axis=0), out=found[0])
         for axis in range(1, values.ndim):
             reduce.reduce(size, axis=axis, out=found[axis][first : first + slab])

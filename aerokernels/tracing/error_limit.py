@@ -55,7 +55,7 @@ def greatest_path(field: IndexField) -> float:
 def _some_path(grid: UniformGrid) -> float:
     """The greatest path along some lines of the last axis [m]."""
     rows = grid.samples[tuple(slice(None, None, max(1, count // SOME)) for count in grid.shape[:-1])]
-    return float(np.abs(rows).sum(axis=-1).max()) * float(grid.spacing[-1])
+    return float(np.abs(rows).sum(axis=-1, dtype=np.float64).max()) * float(grid.spacing[-1])
 
 
 @cached_on("grid")

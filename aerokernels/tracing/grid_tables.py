@@ -67,6 +67,8 @@ def begun_grid(engine: Engine, grid: UniformGrid) -> Callable[[], None]:
     """
     is_flat = len(grid.shape) == 2
     is_slower = grid.samples.size < (LEAST_FLAT if is_flat else LEAST_NODES) or (is_flat and engine.is_gpu)
+    # A CPU's tables are of float64: those of float32 samples are made by slabs, which take a third of the memory.
+    is_slower |= grid.samples.dtype == np.float32 and not engine.is_gpu
     is_known = "coefficients" in grid.__dict__ or grid.held(FETCH) is not None
     return _nothing if is_slower or is_known or not has_tables(engine, grid) else GridTables(engine, grid).begun(grid)
 
@@ -117,7 +119,7 @@ class GridTables:
 
     def begun(self, grid: UniformGrid) -> Callable[[], None]:
         """Start for the samples of a grid, which then owns the coefficients; return what waits and caches all on it."""
-        self.start(self.engine.share(grid.samples.reshape(-1)))
+        self.start(self.engine.share(grid.doubles))
 
         def finish() -> None:
             found, engine = self.read(), self.engine

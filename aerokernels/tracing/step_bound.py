@@ -171,7 +171,7 @@ def roughness_of_blocks(grid: UniformGrid) -> tuple[int, list[np.ndarray], list[
 
 def potential_at_nodes(grid: UniformGrid) -> np.ndarray:
     """The potential over the ambient index at the nodes; it equals the contrast where that is small."""
-    return grid.samples * (grid.ambient_index + 0.5 * grid.samples) / grid.ambient_index
+    return grid.potential_of(grid.samples) / grid.ambient_index
 
 
 def _local(way: np.ndarray, geometry: str) -> np.ndarray:
@@ -231,10 +231,9 @@ def _stretched(grid: UniformGrid, axis: int, slab: slice) -> np.ndarray:
     if grid.interpolation == "cubic":
         # The coefficients already have one entry beyond each end.
         others = tuple(slice(None) if a == axis else slice(1, -1) for a in range(grid.samples.ndim))
-        inner, missing = axis_first(grid.coefficients[others], axis)[:, slab], 1
+        inner, missing = np.asarray(axis_first(grid.coefficients[others], axis)[:, slab], np.float64), 1
     else:
-        samples = axis_first(grid.samples, axis)[:, slab]
-        inner, missing = samples * (grid.ambient_index + 0.5 * samples), 2
+        inner, missing = grid.potential_of(axis_first(grid.samples, axis)[:, slab]), 2
     high = _continued(inner[::-1], missing)[::-1]
     if grid.even_first_axis and axis == 0:
         centre = 2 - missing

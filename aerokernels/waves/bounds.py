@@ -218,4 +218,4 @@ def _coefficients(field: IndexField, grid: UniformGrid, pupil: Pupil, margin: fl
             return None
         # A point of cell i depends on coefficients i to i + 3.
         part.append(slice(math.floor(first + 1e-9), math.ceil(last - 1e-9) + 3))
-    return grid.coefficients[tuple(part)]
+    return np.asarray(grid.coefficients[tuple(part)], np.float64)

@@ -192,7 +192,7 @@ def _by_nodes(field: IndexField, grid: UniformGrid, pupil: Pupil, sign: float, x
     if end - begin < 2 or not inside:
         return Disturbance(0.0, 0.0)
     # All nodes: a thin shock may be between any two.
-    lines = grid.samples[..., begin:end][tuple(np.array(inside).T)]
+    lines = grid.samples[..., begin:end][tuple(np.array(inside).T)].astype(np.float64)
     if len(inside) < len(nodes):  # outside the box the contrast is zero
         lines = np.concatenate([lines, np.zeros((len(nodes) - len(inside), lines.shape[1]))])
     distance = (sign * spacing * (node - ends) for node in (begin, end))

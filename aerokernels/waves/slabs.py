@@ -109,7 +109,8 @@ class SlabsAlongZ(Slabs):
         grid = self._grid
         self._sees_past = False
         self._across = tuple(self._window(axis) for axis in range(grid.samples.ndim - 1))
-        self._coefficients = grid.coefficients[tuple(slice(low, high) for low, high, _ in self._across)]
+        across = tuple(slice(low, high) for low, high, _ in self._across)
+        self._coefficients = np.asarray(grid.coefficients[across], np.float64)
         self.first, self.last = self._disturbed(self._coefficients, begin, end, wavelength)
         self._integrated: dict[int, tuple[np.ndarray, np.ndarray]] = {}
         self._latest: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None

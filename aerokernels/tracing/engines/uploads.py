@@ -44,6 +44,10 @@ class Uploads(ABC):
         """Return a buffer with a copy of the array."""
 
     @abstractmethod
+    def share(self, array: np.ndarray) -> Any:
+        """See interface.py."""
+
+    @abstractmethod
     def struct_array(self, member: Value, values: np.ndarray, precision: str) -> Any:
         """Upload an array of a struct to the device."""
 
@@ -116,11 +120,14 @@ class Uploads(ABC):
             self.put_into(arrays["coefficients"], on_host.astype(REAL_TYPES[precision]))
 
     def _computed_coefficients(self, field: IndexField, precision: str) -> Any:
-        """Return a grid's coefficients if this device has computed them, else None.
+        """Return a grid's coefficients if this device has computed them, or has the same memory; else None.
 
         A CPU leaves it to NumPy to round them: for the kernel one more program would have to be loaded.
         """
         found = field.samples.held(self.grid_key)
+        if found is None and not self.is_gpu and isinstance(field.samples, UniformGrid):
+            coefficients = field.samples.coefficients
+            return self.share(coefficients.reshape(-1)) if coefficients.dtype == REAL_TYPES[precision] else None
         if found is None or precision == "float64":
             return found
         if not self.is_gpu:

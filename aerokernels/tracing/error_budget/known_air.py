@@ -305,7 +305,7 @@ def _roughly(field: IndexField, point: np.ndarray) -> np.ndarray:
     if not isinstance(grid, UniformGrid):
         return np.asarray(field.contrast_at(point))
     node = np.rint((field.local_coordinates(point) - grid.origin) / grid.spacing).astype(np.int64)
-    return np.asarray(grid.samples[tuple(np.clip(node, 0, np.array(grid.shape) - 1).T)])
+    return np.asarray(grid.samples[tuple(np.clip(node, 0, np.array(grid.shape) - 1).T)], np.float64)
 
 
 def _into_box(field: IndexField, point: np.ndarray) -> np.ndarray:

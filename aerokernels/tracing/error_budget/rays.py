@@ -103,6 +103,6 @@ def _differences(grid: UniformGrid, local: np.ndarray) -> np.ndarray:
         change = np.zeros(len(local))
         for offset, weight in enumerate(weights, -half):
             here[axis] = np.abs(middle + offset)  # the mirror image across an axis
-            change += weight * grid.samples[tuple(here)]
+            change += weight * grid.samples[tuple(here)].astype(np.float64)
         found += np.abs(change)
     return found

@@ -205,7 +205,7 @@ class Corners:
         return values[0]  # the last axis varied first
 
     def _sample(self, start: np.ndarray, corner: tuple[int, ...]) -> np.ndarray:
-        return self.flat[start + int(self.strides @ corner)]
+        return np.asarray(self.flat[start + int(self.strides @ corner)], np.float64)
 
 
 def _between(low: np.ndarray, high: np.ndarray, share: np.ndarray) -> np.ndarray:

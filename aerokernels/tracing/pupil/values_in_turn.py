@@ -117,9 +117,9 @@ class ValuesInTurn:
         assert isinstance(samples, UniformGrid)
         self._holds = None
         if self.samples is None:
-            self._start(self.engine.share(samples.samples.reshape(-1)))
+            self._start(self.engine.share(samples.doubles))
         else:
-            self.samples.send(samples.samples.reshape(-1))  # not with the launches, which may be replayed as one graph
+            self.samples.send(samples.doubles)  # not with the launches, which may be replayed as one graph
             self.repeat(self._start_from_buffer)
         self._holds = weakref.ref(samples)
 
