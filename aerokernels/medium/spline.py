@@ -17,12 +17,11 @@ from itertools import product
 
 import numpy as np
 
-from ..process.threads import in_threads
+from ..process.threads import in_threads, slabs
 
 INTERPOLATIONS = ("cubic", "linear", "monotone")
 SUPPORT = {"linear": 2, "cubic": 4, "monotone": 4}
 STRIDE = {"linear": 1, "cubic": 1, "monotone": 2}
-SLAB = 1 << 18  # speed only: numbers that a thread computes at once
 BAND = 4  # diagonals on either side of the main one in the spline's matrices: the extent of an end row
 
 
@@ -91,9 +90,8 @@ def _spline(samples: np.ndarray, even_first_axis: bool, value_of, made: np.ndarr
 
     if not others:
         return spline_along(value_of(samples), 0, even_first_axis)
-    for work, array in ((along_first, samples[:1].swapaxes(0, 1)), (along_others, made)):
-        some = max(1, SLAB * len(array) // (samples.size if work is along_first else made.size))
-        in_threads(work, [slice(first, first + some) for first in range(0, len(array), some)])
+    in_threads(along_first, slabs(others[0], made.size))
+    in_threads(along_others, slabs(len(made), made.size))
     return made
 
 

@@ -11,6 +11,9 @@ from .machine import core_count
 T = TypeVar("T")
 R = TypeVar("R")
 
+# Most and least numbers in a slab of an array, and share of the array that the slabs of all threads are at most.
+SLAB, LEAST_SLAB, SHARE = 1 << 18, 1 << 14, 1 / 16
+
 # Cores that the current thread may use for a part of its work; None for all that this process may use.
 _share: ContextVar[int | None] = ContextVar("share", default=None)
 
@@ -27,6 +30,13 @@ def in_threads(work: Callable[[T], None], pieces: Sequence[T]) -> None:
         return
     with ThreadPoolExecutor(threads) as pool:
         list(pool.map(work, pieces))
+
+
+def slabs(count: int, size: int, step: int = 1) -> list[slice]:
+    """Divide `count` rows, in all `size` numbers, for `in_threads`, by whole steps: what is made of them is small."""
+    most = min(SLAB, max(LEAST_SLAB, int(SHARE * size) // own_cores()))
+    rows = max(1, most * count // max(size * step, 1)) * step
+    return [slice(first, min(first + rows, count)) for first in range(0, count, rows)]
 
 
 def own_cores() -> int:

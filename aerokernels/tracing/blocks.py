@@ -4,9 +4,11 @@ The nodes of a block are those of its cells; adjacent blocks share the nodes bet
 is repeated until the last block is whole.
 """
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 
 import numpy as np
+
+from ..process.threads import in_threads, slabs
 
 # Number of values that are reduced together.
 SLAB = 1 << 16  # speed only
@@ -26,6 +28,25 @@ def block_maxima(values: np.ndarray, block: int, axes: Iterable[int] | None = No
             np.maximum(part, _along(nodes, axis, here), out=part)
         values = found
     return values
+
+
+def by_slabs(reduce: Callable[[slice], np.ndarray], shape: tuple[int, ...], block: int, axis: int) -> np.ndarray:
+    """Join along an axis what is made of the nodes of some whole blocks at a time: of all it might take much memory.
+
+    Args:
+        reduce: Returns the values of the blocks between these nodes along the axis; it may be called in threads.
+        shape: The shape of the nodes; axes of the values count from the last one.
+        block: Cells in a block.
+        axis: The axis.
+    """
+    cells = slabs(shape[axis] - 1, int(np.prod(shape)), block)
+    found: list = [None] * len(cells)
+
+    def make(number: int) -> None:
+        found[number] = reduce(slice(cells[number].start, cells[number].stop + 1))
+
+    in_threads(make, range(len(cells)))
+    return np.concatenate(found, axis=axis - len(shape))
 
 
 def _along(values: np.ndarray, axis: int, places: slice) -> np.ndarray:

@@ -17,12 +17,14 @@ With k_i = G_i^(1/4) along axis i, G along a direction u of a structure with one
 
 import math
 from dataclasses import dataclass
+from functools import partial
+from typing import Any
 
 import numpy as np
 
 from ..derived import cached_on
 from ..medium.grid import UniformGrid
-from .blocks import axis_back, axis_first, block_maxima, greatest_around
+from .blocks import axis_back, axis_first, block_maxima, by_slabs, greatest_around
 
 BLOCK = 4
 BLOCK_COUNT_LIMIT = 300_000
@@ -39,8 +41,6 @@ TURN = 0.02
 # Sines of the angles with a coordinate axis within which rays look ahead in a cone; other rays use all directions.
 CONE_SINES = (0.02, 0.2)
 
-# Nodes whose differences are in memory together.
-SLAB = 1 << 19  # speed only
 # Tables cached on a grid: for two precisions, some tolerances and some cones.
 CACHED = 32  # speed only
 
@@ -161,17 +161,18 @@ def roughness_of_blocks(grid: UniformGrid) -> tuple[int, list[np.ndarray], list[
     """
     block = block_size(grid)
     fourth, second = [], []
+    _ = grid.coefficients  # made once, not by each thread
     for axis in range(grid.samples.ndim):
-        found = [_roughness_of_slab(grid, axis, slab, block) for slab in _slabs(grid, axis, block)]
-        across = 1 if axis == 0 else 0  # the axis that the slabs divide
-        fourth.append(np.concatenate([slab[0] for slab in found], axis=across) / grid.spacing[axis] ** 4)
-        second.append(np.concatenate([slab[1] for slab in found], axis=across))
+        of_slab = partial(_roughness_of_slab, grid, axis, block)
+        found = by_slabs(of_slab, grid.shape, block, 1 if axis == 0 else 0)
+        fourth.append(np.divide(found[0], grid.spacing[axis] ** 4, dtype=np.float64))
+        second.append(found[1].astype(np.float64))
     return block, fourth, second
 
 
-def potential_at_nodes(grid: UniformGrid) -> np.ndarray:
-    """The potential over the ambient index at the nodes; it equals the contrast where that is small."""
-    return grid.potential_of(grid.samples) / grid.ambient_index
+def potential_at_nodes(grid: UniformGrid, nodes: Any = ...) -> np.ndarray:
+    """The potential over the ambient index at some nodes, float64; it equals the contrast where that is small."""
+    return grid.potential_of(grid.samples[nodes]) / grid.ambient_index
 
 
 def _local(way: np.ndarray, geometry: str) -> np.ndarray:
@@ -196,21 +197,14 @@ def block_size(grid: UniformGrid) -> int:
     return block
 
 
-def _slabs(grid: UniformGrid, axis: int, block: int) -> list[slice]:
-    """Nodes of some whole blocks at a time, along the first of the other axes: memory for all would be five grids."""
-    nodes = grid.shape[1 if axis == 0 else 0]
-    size = max(1, SLAB * nodes // (grid.samples.size * block)) * block
-    return [slice(first, min(first + size + 1, nodes)) for first in range(0, max(nodes - 1, 1), size)]
-
-
-def _roughness_of_slab(grid: UniformGrid, axis: int, slab: slice, block: int) -> tuple[np.ndarray, np.ndarray]:
+def _roughness_of_slab(grid: UniformGrid, axis: int, block: int, slab: slice) -> np.ndarray:
     """Greatest fourth differences along an axis, and kinks, of the blocks in a slab."""
     nodes = _stretched(grid, axis, slab)  # in the grid's own memory order, with that axis first
     nodes /= grid.ambient_index
     fourth = block_maxima(axis_back(np.abs(_differences(nodes, 4)), axis), block)
     if grid.interpolation == "cubic":
-        return fourth, np.zeros_like(fourth)
-    return fourth, block_maxima(axis_back(np.abs(np.diff(nodes[1:-1], 2, axis=0)), axis), block)
+        return np.stack([fourth, np.zeros_like(fourth)])
+    return np.stack([fourth, block_maxima(axis_back(np.abs(np.diff(nodes[1:-1], 2, axis=0)), axis), block)])
 
 
 def _differences(values: np.ndarray, order: int) -> np.ndarray:
@@ -231,7 +225,7 @@ def _stretched(grid: UniformGrid, axis: int, slab: slice) -> np.ndarray:
     if grid.interpolation == "cubic":
         # The coefficients already have one entry beyond each end.
         others = tuple(slice(None) if a == axis else slice(1, -1) for a in range(grid.samples.ndim))
-        inner, missing = np.asarray(axis_first(grid.coefficients[others], axis)[:, slab], np.float64), 1
+        inner, missing = axis_first(grid.coefficients[others], axis)[:, slab], 1
     else:
         inner, missing = grid.potential_of(axis_first(grid.samples, axis)[:, slab]), 2
     high = _continued(inner[::-1], missing)[::-1]
@@ -243,7 +237,7 @@ def _stretched(grid: UniformGrid, axis: int, slab: slice) -> np.ndarray:
         low = _continued(inner, missing)
     shape = list(inner.shape)
     shape[0] += len(low) + len(high)
-    stretched = axis_first(np.empty((*shape[1 : axis + 1], shape[0], *shape[axis + 1 :])), axis)
+    stretched = axis_first(np.empty((*shape[1 : axis + 1], shape[0], *shape[axis + 1 :]), inner.dtype), axis)
     stretched[: len(low)], stretched[len(low) : shape[0] - len(high)] = low, inner
     stretched[shape[0] - len(high) :] = high
     return stretched

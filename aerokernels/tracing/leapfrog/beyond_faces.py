@@ -9,6 +9,8 @@ keeps the slope.
 import numpy as np
 
 from ...medium.grid import UniformGrid
+from ...process.threads import in_threads, slabs
+from ..step_bound import potential_at_nodes
 
 # Cells behind a face in which values fade to that at the face, which has no slope at the new end.
 WIDTH = 4
@@ -17,29 +19,32 @@ WIDTH = 4
 AS_ON_SYMMETRY, NO_SLOPE = 0.5, 1e-6
 
 
-def continued(values: np.ndarray, grid: UniformGrid, axes: list[int]) -> tuple[np.ndarray, tuple[slice, ...]]:
-    """Continue a grid's values beyond its faces across some axes.
+def continued(grid: UniformGrid, axes: list[int], kind: np.dtype) -> tuple[np.ndarray, tuple[slice, ...]]:
+    """Continue the potential over the ambient index beyond a grid's faces across some axes.
 
     Args:
-        values: One for each node.
-        grid: The grid, for the symmetry of its first axis, about which values are even.
+        grid: The grid; about its first axis values may be even.
         axes: The axes.
+        kind: Type of the values.
 
     Returns:
         The values with those behind the faces, and the slices that take the grid's own from them.
     """
-    least = NO_SLOPE * float(max(values.max(initial=0.0), -values.min(initial=0.0)))
+    least = NO_SLOPE * float(np.abs(grid.potential_of(np.array(grid.extremes))).max()) / grid.ambient_index
     inner, shape = [slice(0, count) for count in grid.shape], list(grid.shape)
     for axis in axes:
         is_even = axis == 0 and grid.even_first_axis
-        first = 0 if is_even or not _has_slope(values, axis, least) else WIDTH
-        last = WIDTH if _has_slope(np.flip(values, axis), axis, least) else 0
+        first = 0 if is_even or not _has_slope(grid, axis, (0, 1, 2), least) else WIDTH
+        last = WIDTH if _has_slope(grid, axis, (-1, -2, -3), least) else 0
         inner[axis] = slice(first, first + grid.shape[axis])
         shape[axis] += first + last
-    if shape == list(grid.shape):
-        return values, tuple(inner)
-    whole = np.empty(shape, values.dtype)
-    whole[tuple(inner)] = values
+    whole = np.empty(shape, kind)
+    own = whole[tuple(inner)]
+
+    def fill(rows: slice) -> None:
+        own[rows] = potential_at_nodes(grid, rows)
+
+    in_threads(fill, slabs(len(own), own.size))
     for number, axis in enumerate(axes):
         # What is behind the faces across the next axes is not there yet.
         part = whole[
@@ -51,11 +56,11 @@ def continued(values: np.ndarray, grid: UniformGrid, axes: list[int]) -> tuple[n
     return whole, tuple(inner)
 
 
-def _has_slope(values: np.ndarray, axis: int, least: float) -> bool:
-    """Whether values have slopes at the first face across an axis."""
-    if values.shape[axis] <= WIDTH:
+def _has_slope(grid: UniformGrid, axis: int, layers: tuple[int, int, int], least: float) -> bool:
+    """Whether the potential has slopes at a face across an axis, by the layers of nodes there."""
+    if grid.shape[axis] <= WIDTH:
         return False
-    rows = np.moveaxis(values, axis, 0)
+    rows = [potential_at_nodes(grid, (slice(None),) * axis + (layer,)) for layer in layers]
     slope = np.abs(1.5 * rows[0] - 2.0 * rows[1] + 0.5 * rows[2]).max()
     second = np.abs(rows[0] - 2.0 * rows[1] + rows[2]).max()
     return bool(slope > max(AS_ON_SYMMETRY * second, least))

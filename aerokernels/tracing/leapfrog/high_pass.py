@@ -24,7 +24,7 @@ import numpy as np
 from ...derived import cached_on
 from ...medium.grid import UniformGrid
 from ...medium.grid_places import GridPlaces
-from ...process.threads import in_threads, own_cores
+from ...process.threads import in_threads, own_cores, slabs
 from ..step_bound import block_size, potential_at_nodes
 from .beyond_faces import continued
 from .high_pass_along import PassAlong
@@ -41,8 +41,6 @@ COARSE = 1.35
 LEAST_ALONG, LEAST_IMAGED = 0.01, 0.8
 # Weights of the last transforms are cached with a grid's node positions, if they are no more numbers than this.
 CACHED, MOST_CACHED = 3, 1 << 21  # speed only
-# Weights that a thread computes at once.
-ROWS_AT_ONCE = 1 << 17  # speed only
 # Nodes along an axis up to which matrices are faster than transforms, and number of pairs of matrices in the cache.
 MOST_ALONG, CACHED_ALONG = 512, 16  # speed only
 
@@ -67,35 +65,28 @@ def high_pass(
         is_fine: Whether rounding to single precision would be visible.
         wanted: Blocks (blocks.py) at whose nodes the second edge's result is needed, if not at all; 0 may be elsewhere.
     """
-    from scipy.fft import idctn
+    from scipy.fft import dctn, idctn
 
-    kind = np.dtype(np.float64 if is_fine else np.float32)
-    values = potential_at_nodes(grid).astype(kind)
+    kind = np.result_type(grid.samples.dtype if is_fine else np.float32)  # float32 samples are rounded as much
     rates = steepness * spacing / grid.spacing  # phi H over cycles a cell
     axes = [axis for axis, count in enumerate(grid.shape) if count > 1 and rates[axis] > LEAST_ALONG]
     if not axes:
-        return [np.zeros_like(values) for _ in edges]
+        return [np.zeros(grid.shape, kind) for _ in edges]
 
     given = rates, axes, spacing, edges, kind
     if len(axes) == 1 and grid.shape[axes[0]] <= MOST_ALONG:
-        return _along(values, axes[0], _passes(grid.places, grid.shape, *given), wanted, block_size(grid))
+        return _along(grid, axes[0], _passes(grid.places, grid.shape, *given), wanted, kind)
     beside = [axis for axis in axes if axis != int(np.argmax(rates))]
-    # Several sample counts are tried on one field, and each needs the same transform.
-    found, inner = _transform(grid, axes, beside, kind)
-    is_small = np.prod([found.shape[axis] for axis in axes]) <= MOST_CACHED
-    shares = (_shares if is_small else _shares.function)(grid.places, found.shape, *given)
-    return [idctn(share * found, 1, axes=axes, overwrite_x=True, workers=own_cores())[inner] for share in shares]
-
-
-@cached_on("grid")
-def _transform(
-    grid: UniformGrid, axes: list[int], beside: list[int], kind: np.dtype
-) -> tuple[np.ndarray, tuple[slice, ...]]:
-    """The cosine transform of the potential along some axes, and where the nodes are in its inverse."""
-    from scipy.fft import dctn
-
-    whole, inner = continued(potential_at_nodes(grid).astype(kind), grid, beside)
-    return dctn(whole, 1, axes=axes, workers=own_cores()), inner
+    whole, inner = continued(grid, beside, kind)
+    how = {"axes": axes, "overwrite_x": True, "workers": own_cores()}  # all in the memory of one volume for each edge
+    found = dctn(whole, 1, **how)
+    parts = [*(found.copy() for _ in edges[1:]), found]
+    if np.prod([found.shape[axis] for axis in axes]) <= MOST_CACHED:
+        for part, share in zip(parts, _shares(grid.places, found.shape, *given), strict=True):
+            part *= share
+    else:
+        _weigh(parts, grid.places, *given)
+    return [idctn(part, 1, **how)[inner] for part in parts]
 
 
 @cached_on("places", CACHED_ALONG)
@@ -104,21 +95,26 @@ def _passes(places: GridPlaces, shape: tuple[int, ...], *given) -> list[PassAlon
 
 
 def _along(
-    values: np.ndarray, axis: int, passes: list[PassAlong], wanted: np.ndarray | None, block: int
+    grid: UniformGrid, axis: int, passes: list[PassAlong], wanted: np.ndarray | None, kind: np.dtype
 ) -> list[np.ndarray]:
-    """Pass values along an axis: all nodes for the first edge, the wanted ones for the others."""
-    others = [other for other in range(values.ndim) if other != axis]
-    moved = np.ascontiguousarray(values.transpose(*others, axis))
-    found = [passes[0].of_all(moved)]
-    for each in passes[1:]:
-        if wanted is None:
-            found.append(each.of_all(moved))
-        else:
-            count, blocks = moved.shape[-1], np.flatnonzero(wanted.any(axis=tuple(others)))
-            is_wanted = np.zeros(count, bool)
-            is_wanted[np.minimum(blocks[:, None] * block + np.arange(block + 1), count - 1)] = True
-            found.append(each.of_some(moved, np.flatnonzero(is_wanted)))
-    order = [*range(axis), values.ndim - 1, *range(axis, values.ndim - 1)]
+    """Pass the potential along an axis: all nodes for the first edge, the wanted ones for the others."""
+    dimension, count, block = len(grid.shape), grid.shape[axis], block_size(grid)
+    others = [other for other in range(dimension) if other != axis]
+    found = [np.empty([grid.shape[other] for other in (*others, axis)], kind) for _ in passes]
+    nodes = None
+    if wanted is not None:
+        is_wanted, blocks = np.zeros(count, bool), np.flatnonzero(wanted.any(axis=tuple(others)))
+        is_wanted[np.minimum(blocks[:, None] * block + np.arange(block + 1), count - 1)] = True
+        nodes = np.flatnonzero(is_wanted)
+
+    def fill(part: slice) -> None:
+        some = potential_at_nodes(grid, (slice(None),) * others[0] + (part,)).astype(kind)
+        moved = np.ascontiguousarray(some.transpose(*others, axis))
+        for number, (each, made) in enumerate(zip(passes, found, strict=True)):
+            made[part] = each.of_all(moved) if not number or nodes is None else each.of_some(moved, nodes)
+
+    in_threads(fill, slabs(grid.shape[others[0]], grid.samples.size))
+    order = [*range(axis), dimension - 1, *range(axis, dimension - 1)]
     return [each.transpose(order) for each in found]
 
 
@@ -132,10 +128,27 @@ def _shares(
     edges: tuple[float, ...],
     kind: np.dtype,
 ) -> list[np.ndarray]:
-    """For each edge the weights of the cosines along some axes of values of a shape.
+    """For each edge the weights of the cosines along some axes of values of a shape."""
+    size = [count if axis in axes else 1 for axis, count in enumerate(shape)]
+    shares = [np.ones(size, kind) for _ in edges]
+    _weigh(shares, places, rates, axes, spacing, edges, kind)
+    return shares
+
+
+def _weigh(
+    values: list[np.ndarray],
+    places: GridPlaces,
+    rates: np.ndarray,
+    axes: list[int],
+    spacing: float,
+    edges: tuple[float, ...],
+    kind: np.dtype,
+) -> None:
+    """Multiply an array for each edge by the weights of the cosines along some axes.
 
     `rates` are phi H over cycles a cell.
     """
+    shape = values[0].shape
     # Frequencies of the cosines of a type I transform, in cycles a cell, along the axes.
     cycles = []
     for axis in axes:
@@ -143,19 +156,15 @@ def _shares(
         line = [count if other == axis else 1 for other in range(len(shape))]
         cycles.append((np.arange(count) / (2.0 * (count - 1))).reshape(line))
     steps = np.array([spacing / places.spacing[axis] for axis in axes])
-    size = [count if axis in axes else 1 for axis, count in enumerate(shape)]
-    shares = [np.empty(size, kind) for _ in edges]
     first = axes[0]
 
     def fill(rows: slice) -> None:
         place = (slice(None),) * first + (rows,)
         found = _shares_at([cycles[0][place], *cycles[1:]], rates[axes], steps, edges, kind)
-        for share, part in zip(shares, found, strict=True):
-            share[place] = part
+        for array, share in zip(values, found, strict=True):
+            array[place] *= share
 
-    some = max(1, ROWS_AT_ONCE * size[first] // math.prod(size))
-    in_threads(fill, [slice(row, row + some) for row in range(0, size[first], some)])
-    return shares
+    in_threads(fill, slabs(shape[first], math.prod(shape)))
 
 
 def _shares_at(

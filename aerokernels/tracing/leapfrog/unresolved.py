@@ -29,6 +29,7 @@ MISSED_SLOPE times the size for each cell; where this bound is too large the slo
 part.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import reduce
 
@@ -37,7 +38,7 @@ import numpy as np
 from ...derived import cached_on
 from ...medium import IndexField
 from ...medium.grid import UniformGrid
-from ..blocks import block_maxima, block_means, greatest_around
+from ..blocks import block_maxima, block_means, by_slabs, greatest_around
 from ..scheme import MISSED_SLOPE
 from ..step_bound import block_size, potential_at_nodes, roughness_of_blocks
 from .high_pass import high_pass
@@ -103,7 +104,12 @@ def with_neighbors(values: np.ndarray) -> np.ndarray:
 @cached_on("grid")
 def potential_by_blocks(grid: UniformGrid) -> np.ndarray:
     """Greatest absolute potential over the ambient index in each block."""
-    return block_maxima(np.abs(potential_at_nodes(grid)), block_size(grid))
+    block = block_size(grid)
+
+    def greatest(rows: slice) -> np.ndarray:
+        return block_maxima(np.abs(potential_at_nodes(grid, rows)), block)
+
+    return by_slabs(greatest, grid.shape, block, 0)
 
 
 def missed_in_blocks(field: IndexField, sampling: Sampling, by_rule: bool = False) -> tuple[int, np.ndarray]:
@@ -165,7 +171,7 @@ def _missed(grid: UniformGrid, geometry: str, sampling: Sampling, by_rule: bool)
     if by_rule:
         return block, factor * missed
     parts, _, share = _not_resolved(grid, geometry, sampling)
-    rest = _by_blocks(grid, geometry, sampling, np.abs(parts[0]))
+    rest = _by_blocks(grid, geometry, sampling, lambda nodes: np.abs(parts[0][nodes]))
     main = _main_axis(sampling.steepness, geometry)
     return block, factor * np.minimum(missed, BOTH * share * _with_lobes(rest, main))
 
@@ -183,7 +189,8 @@ def _at_ends(grid: UniformGrid, geometry: str, sampling: Sampling, by_rule: bool
     found = RULE_AT_END * sampling.spacing * _by_rule(grid, geometry, sampling)
     if not by_rule:
         parts, spacing, share = _not_resolved(grid, geometry, sampling)
-        size = block_maxima(np.abs(parts[1]), block_size(grid))
+        block = block_size(grid)
+        size = by_slabs(lambda rows: block_maxima(np.abs(parts[1][rows]), block), grid.shape, block, 0)
         if sampling.ends != EVERYWHERE:  # elsewhere the part is not known, but no greater than twice the whole
             size = np.where(_ends_of(grid, sampling), size, 2.0 * potential_by_blocks(grid))
         found = np.minimum(found, END * share * spacing * size)
@@ -208,18 +215,24 @@ def _changes(grid: UniformGrid, geometry: str, sampling: Sampling) -> np.ndarray
     parts, _, share = _not_resolved(grid, geometry, sampling)
     main = _main_axis(sampling.steepness, geometry)
     obliquity = along_axes(sampling.steepness, geometry)
-    square = np.zeros_like(parts[0])
-    for axis in range(square.ndim):
-        # Along the axis that all rays run along, only the component across the rays counts.
-        across = 1.0 if axis != main else min(1.0, float(np.linalg.norm(np.delete(obliquity, axis))))
-        square += np.square(_slopes(parts[0], axis) * square.dtype.type(across / grid.spacing[axis]))
-    rest = _by_blocks(grid, geometry, sampling, np.sqrt(square))
+
+    def size(nodes: tuple[slice, ...]) -> np.ndarray:
+        square = np.zeros_like(parts[0][nodes])
+        for axis in range(square.ndim):
+            # Along the axis that all rays run along, only the component across the rays counts.
+            across = 1.0 if axis != main else min(1.0, float(np.linalg.norm(np.delete(obliquity, axis))))
+            square += np.square(_slopes(parts[0], axis, nodes) * square.dtype.type(across / grid.spacing[axis]))
+        return np.sqrt(square)
+
+    rest = _by_blocks(grid, geometry, sampling, size)
     return BOTH * share * _with_lobes(rest, main)
 
 
-def _slopes(values: np.ndarray, axis: int) -> np.ndarray:
-    """The greatest slope along an axis of a spline through values, per cell, in both cells beside each node."""
-    rows = np.moveaxis(values, axis, 0)
+def _slopes(values: np.ndarray, axis: int, nodes: tuple[slice, ...]) -> np.ndarray:
+    """The greatest slope along an axis of a spline through values, per cell, in both cells beside some nodes."""
+    first, last, _ = nodes[axis].indices(values.shape[axis])
+    begin = max(first - 2, 0)  # bends about the next nodes count
+    rows = np.moveaxis(values[(*nodes[:axis], slice(begin, last + 2), *nodes[axis + 1 :])], axis, 0)
     steps = np.diff(rows, axis=0)
     bends = np.diff(steps, axis=0)
     np.abs(steps, out=steps)
@@ -230,7 +243,7 @@ def _slopes(values: np.ndarray, axis: int) -> np.ndarray:
     found = np.empty_like(rows)
     found[0], found[-1] = steps[0], steps[-1]
     np.maximum(steps[1:], steps[:-1], out=found[1:-1])
-    return np.moveaxis(found, 0, axis)
+    return np.moveaxis(found[first - begin : last - begin], 0, axis)
 
 
 @cached_on("grid")
@@ -256,16 +269,23 @@ def _ends_of(grid: UniformGrid, sampling: Sampling) -> np.ndarray:
     return np.unpackbits(np.frombuffer(sampling.ends, np.uint8), count=int(np.prod(shape))).reshape(shape)
 
 
-def _by_blocks(grid: UniformGrid, geometry: str, sampling: Sampling, size: np.ndarray) -> np.ndarray:
+def _by_blocks(
+    grid: UniformGrid, geometry: str, sampling: Sampling, size_at: Callable[[tuple[slice, ...]], np.ndarray]
+) -> np.ndarray:
     """Greatest mean that a ray meets on its path through each block, of sizes at nodes, along the rays' main axis."""
     block = block_size(grid)
     obliquity, main = along_axes(sampling.steepness, geometry), _main_axis(sampling.steepness, geometry)
     across = [axis for axis in range(len(obliquity)) if axis != main]
-    if main is None:
-        return block_maxima(size, block)
-    if obliquity[across].max(initial=0.0) > LEVEL:
-        return block_means(block_maxima(size, block, across), block, main)
-    return block_maxima(block_means(size, block, main), block, across)
+
+    def of_slab(nodes: slice) -> np.ndarray:
+        size = size_at(tuple(nodes if axis == across[0] else slice(None) for axis in range(len(grid.shape))))
+        if main is None:
+            return block_maxima(size, block)
+        if obliquity[across].max(initial=0.0) > LEVEL:
+            return block_means(block_maxima(size, block, across), block, main)
+        return block_maxima(block_means(size, block, main), block, across)
+
+    return by_slabs(of_slab, grid.shape, block, across[0])
 
 
 def _with_lobes(rest: np.ndarray, main: int | None) -> np.ndarray:

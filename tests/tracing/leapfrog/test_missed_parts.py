@@ -71,7 +71,7 @@ def test_the_bound_of_blocks(geometry: str, ends: bool):
         used, share = max(spacing, finest), min(spacing / finest, 1.0) ** 4
         edges = (0.92, 0.37) if ends else (0.92,)
         parts = high_pass(grid, obliquity, used, edges, True)
-        means = unresolved._by_blocks(grid, geometry, sampling, np.abs(parts[0]))
+        means = unresolved._by_blocks(grid, geometry, sampling, np.abs(parts[0]).__getitem__)
         rule = unresolved._by_rule(grid, geometry, sampling)
         for axis in range(means.ndim - 1):  # beside the main axis, the last
             means = np.maximum(means, 0.15 * greatest_around(means, -1, 1, axis))
@@ -147,7 +147,7 @@ def test_changes_of_what_is_missed(geometry: str):
         both[1:], both[:-1] = step, np.maximum(both[:-1], step)
         both[1:] = np.maximum(both[1:], step)
         square += np.moveaxis(both, 0, axis) ** 2
-    size = unresolved._by_blocks(grid, geometry, sampling, np.sqrt(square))
+    size = unresolved._by_blocks(grid, geometry, sampling, np.sqrt(square).__getitem__)
     for axis in range(size.ndim - 1):
         size = np.maximum(size, 0.15 * greatest_around(size, -1, 1, axis))
     found = unresolved._changes(grid, geometry, sampling)

@@ -9,8 +9,9 @@ import pytest
 from scipy.ndimage import maximum_filter
 
 from aerokernels.medium import Body, IndexField
+from aerokernels.process import threads
 from aerokernels.rays import RayBundle
-from aerokernels.tracing import Plane, step_bound
+from aerokernels.tracing import Plane
 from aerokernels.tracing.blocks import block_maxima, block_means, greatest_of_neighbors
 from aerokernels.tracing.leapfrog import missed_on_lines, unresolved
 from aerokernels.tracing.leapfrog.high_pass import _held_share, _images, _share_left
@@ -85,7 +86,7 @@ def test_continuations_are_polynomials():
             assert made == pytest.approx(np.stack([expected, 2.0 * expected], axis=1), rel=1e-12)
 
 
-@pytest.mark.parametrize("slab", [1, step_bound.SLAB], ids=["block by block", "all"])
+@pytest.mark.parametrize("slab", [1, threads.SLAB], ids=["block by block", "all"])
 @pytest.mark.parametrize("interpolation", ["cubic", "linear", "monotone"])
 @pytest.mark.parametrize("geometry", GEOMETRIES)
 def test_roughness_of_blocks_is_that_of_differences(geometry: str, interpolation: str, slab: int, monkeypatch):
@@ -93,7 +94,7 @@ def test_roughness_of_blocks_is_that_of_differences(geometry: str, interpolation
 
     Ends are continued by the cubic through the first four, or mirrored at the axis; kinks are second differences.
     """
-    monkeypatch.setattr(step_bound, "SLAB", slab)
+    monkeypatch.setattr(threads, "SLAB", slab)
     field = field_of(geometry, (10, 9, 14), interpolation)
     grid = field.samples
     potential = grid.samples * (1.0 + grid.samples / (2.0 * AMBIENT))
