@@ -96,13 +96,13 @@ def run_dataset(result: RunParts, summary: Mapping[str, Any]) -> "xarray.Dataset
             "opd_without_tilt": (pupil.without_tilt, ("piston", "tilt")),
             "opd_without_focus": (pupil.without_focus, ("piston", "tilt", "focus")),
         }
-        for name, (opd, removed) in maps.items():
+        for map_name, (opd, removed) in maps.items():
             words = f"optical path difference, {', '.join(removed)} removed"
-            variables[name] = variable(("pupil_y", "pupil_x"), opd, "m", words)
+            variables[map_name] = variable(("pupil_y", "pupil_x"), opd, "m", words)
             # The rms of the map that the Strehl ratio is computed from is a number of the summary.
             is_summarised = set(removed) == set(result.scene.strehl.remove)
             error = summary["errors"]["opd_rms_m"] if is_summarised else pupil.opd_error
-            variables[name][2]["rms_error_m"] = number_or_nan(error)
+            variables[map_name][2]["rms_error_m"] = number_or_nan(error)
         coordinates |= {
             "pupil_x": variable("pupil_x", pupil.coordinate, "m", f"along {first} in the pupil"),
             "pupil_y": variable("pupil_y", pupil.coordinate, "m", f"along {second} in the pupil"),
@@ -150,6 +150,6 @@ def run_dataset(result: RunParts, summary: Mapping[str, Any]) -> "xarray.Dataset
     echo = result.echo.to_xarray()
     attributes |= {name: value for name, value in echo.attrs.items() if name not in numbers and "seconds" not in name}
     echo = echo.drop_vars("axis", errors="ignore")
-    for name in echo.variables:
-        echo[name].attrs.setdefault("units", "1")  # labels have no unit
+    for label in echo.variables:
+        echo[label].attrs.setdefault("units", "1")  # labels have no unit
     return xarray.Dataset(variables, coordinates, attributes).merge(echo, combine_attrs="override")

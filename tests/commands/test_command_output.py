@@ -1,5 +1,6 @@
 """What the command line writes, and where: results on stdout, notes on stderr, JSON, help, scenes, folders, pipes."""
 
+import errno
 import io
 import json
 import os
@@ -171,3 +172,17 @@ def test_what_others_wrote_is_shown_without_control_characters(tmp_path: Path):
     assert "\x1b" not in shown and "\x9b" not in shown and "\u202e" not in shown and "&lt;i&gt;" in shown
     with pytest.raises(SceneError, match=r"title = .*: a text cannot contain a zero character"):
         Scene.load("wind-tunnel-mach3", {"title": "a\0b"})
+
+
+def test_a_missing_file_is_bad_input_only_where_the_command_line_names_it():
+    """Its path or a folder of it: "out" does not name "out2/x", although its text is how that begins."""
+    from aerokernels.cli import exit_status
+
+    missing = FileNotFoundError(errno.ENOENT, "no such file", "out2/x")
+    for line, status in (
+        (["--out", "out2"], 2),
+        (["--out=out2/x"], 2),
+        (["--out", "out2/x/y"], 2),
+        (["--out", "out"], 1),
+    ):
+        assert exit_status(missing, line) == status, line

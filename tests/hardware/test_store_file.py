@@ -83,7 +83,7 @@ def test_a_folder_that_may_not_be_written(run_code):
         place.cleanup()
     read, written, log, written_too = done.stdout.splitlines()
     assert read == "1"
-    assert log.startswith("ValueError store killed/e.sqlite: some of its echoes are in e.sqlite-wal beside it")
+    assert log.startswith("FileFault store killed/e.sqlite: some of its echoes are in e.sqlite-wal beside it")
     for line in (written, written_too):
         assert "no permission to write" in line
 

@@ -108,7 +108,7 @@ def test_options_that_do_not_go_together(call, fault, told):
 
 def test_another_order_of_the_same_keys_is_another_sweep(tmp_path):
     found = {"vary": {"a": [1], "b": [2]}, "scene": {}}
-    with pytest.raises(ValueError, match=r"the order of --vary was .*a, b.* and is .*b, a"):
+    with pytest.raises(ValueError, match=r"the order of the keys that vary was .*a, b.* and is .*b, a"):
         records.check_same(tmp_path, found, {"vary": {"b": [2], "a": [1]}, "scene": {}})
     (tmp_path / records.DEFINITION_FILE).write_text("[]")
     with pytest.raises(ValueError, match="is not that of a sweep"):

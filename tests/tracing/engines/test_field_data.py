@@ -129,8 +129,9 @@ def test_the_walls_of_a_body():
     """Rows and boxes of its tree, and their number."""
     body = Body([[0.0, 2.0], [1.0, 3.0], [0.0, 4.0]], "axisymmetric")
     found = made.field_data(grid_field("axisymmetric", body=body), "float64", False)
-    rows, boxes = body.tree.kernel_rows
+    rows, normals, boxes = body.tree.kernel_rows
     np.testing.assert_array_equal(found.arrays["wall"], rows)
+    np.testing.assert_array_equal(found.arrays["wall_normals"], normals)
     np.testing.assert_array_equal(found.arrays["wall_boxes"], boxes)
     np.testing.assert_array_equal(found.arrays["wall_links"], body.tree.links)
     assert found.field["wall_count"] == len(body.tree.boxes) > 0

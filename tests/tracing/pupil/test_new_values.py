@@ -13,7 +13,7 @@ from aerokernels.tracing.leapfrog.unresolved import potential_by_blocks
 from aerokernels.tracing.pupil import job, new_values
 from aerokernels.tracing.pupil.run import PupilRun
 from aerokernels.tracing.step_bound import roughness_of_blocks
-from aerokernels.tracing.support import find_support_box
+from aerokernels.tracing.support import support_box
 from tests.draws.new_values_draws import check, draw
 
 from ..backends import OPENCL, on
@@ -194,7 +194,7 @@ def test_tables_and_wavelengths_are_those_of_each_field(engine: str):
         np.testing.assert_allclose(found, expected, atol=1e-12 * float(np.max(expected)))
     np.testing.assert_allclose(potential_by_blocks(fields[0].samples), potential_by_blocks(fresh), atol=1e-18)
     for limit in np.geomspace(1e-10, 1e-6, 9):
-        boxes = [find_support_box(replace(air(), samples=grid), limit, None) for grid in (fields[0].samples, fresh)]
+        boxes = [support_box(replace(air(), samples=grid), limit, None) for grid in (fields[0].samples, fresh)]
         np.testing.assert_array_equal(*boxes)
     red = replace(air(tilt=0.1), wavelength=1.5 * WAVE)
     other = known.with_field(red)
