@@ -146,6 +146,18 @@ def test_a_store_of_another_schema_is_refused(tmp_path, change: str, part: str, 
         EchoStore(path, read_only=read_only)
 
 
+def test_a_schema_that_is_no_sql_is_told_in_one_line(tmp_path):
+    path = tmp_path / "s.sqlite"
+    with EchoStore(path):
+        pass
+    path.write_bytes(
+        path.read_bytes().replace(b"CREATE TABLE echoes (\n    id INTEGER", b"CREATE TABLE echoes (\n    ((((((((((", 1)
+    )
+    with pytest.raises(ValueError, match=r"s\.sqlite: malformed database schema") as refused:
+        EchoStore(path)
+    assert "\n" not in str(refused.value)
+
+
 def test_an_analysed_and_compacted_store_is_one_still(tmp_path):
     """SQLite's own tables of statistics, and a file that was written anew."""
     path = tmp_path / "s.sqlite"
