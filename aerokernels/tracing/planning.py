@@ -157,7 +157,7 @@ def make_plan(
             "longer one, or let method 'adaptive' choose"
         )
     if max_steps is not None:
-        max_steps = check_count(max_steps, "max_steps")
+        max_steps = check_count(max_steps, "max_steps", most=2**62)  # no ray takes as many: kernels cut it
     chosen, device, why = choose_backend(backend, device)
     if chosen != "reference":
         with memory_of(device):

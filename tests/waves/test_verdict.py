@@ -248,9 +248,9 @@ def test_a_map_too_coarse_for_its_phase_is_not_believed():
     assert "not decided" in doubted.reason and "waves=True" in doubted.reason
     told = validity(field, pupil, wavelength=WAVELENGTH, wavefront=seen, waves=True)
     assert told.answered_by == "waves" and told.decided and not told.good
-    # It is kept with the field, and costs nothing any more.
-    assert validity(field, pupil, wavelength=WAVELENGTH, wavefront=seen) is told
-    assert validity(field, pupil, wavelength=WAVELENGTH) is told
+    # Both are kept with the field, each for its own question, whatever was asked before.
+    assert validity(field, pupil, wavelength=WAVELENGTH, wavefront=seen, waves=True) is told
+    assert validity(field, pupil, wavelength=WAVELENGTH, wavefront=seen) is doubted
 
 
 def test_a_verdict_that_is_kept_is_one_of_the_rays_that_were_given(monkeypatch):
@@ -275,7 +275,8 @@ def test_a_verdict_that_is_kept_is_one_of_the_rays_that_were_given(monkeypatch):
 
     for who in ("affordable", "by_rays", "by_bounds", "by_waves"):
         monkeypatch.setattr(sys.modules["aerokernels.waves.validity"], who, nobody)
-    assert validity(view.field, view.pupil, wavelength=view.wavelength, wavefront=replace(seen)) is told
+    again = validity(view.field, view.pupil, wavelength=view.wavelength, wavefront=replace(seen), waves=True)
+    assert again is told
 
 
 def test_the_strehl_ratio_in_short_is_that_of_the_map():

@@ -96,6 +96,8 @@ def test_a_mesh(geometry: str, precision: str, interpolation: str):
         mesh = field.mesh
         found = made.field_data(field, precision, True)
         first, last = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
+        if geometry == "axisymmetric":
+            first[0] = 0.0  # the box begins at the axis: a hole about it is no cell
         far = np.array([low > 9.0 and geometry == "planar", height > 9.0])
         origin = np.where(far, 0.5 * (first + last), 0.0)
         np.testing.assert_allclose(found.origin, [0.0, *origin])

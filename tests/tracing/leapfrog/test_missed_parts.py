@@ -162,7 +162,7 @@ def test_ends_count_where_the_air_there_is_disturbed(geometry: str):
     grid = field.samples
     potential = np.abs(grid.samples * (1.0 + grid.samples / 2.4))
     worth = block_maxima(potential, 4) * 4 * max(grid.spacing)
-    near = missed_on_lines._blocks_of_ends(grid, geometry, lines, worth.shape) > 0
+    near = missed_on_lines._blocks_of_ends(lines, geometry, grid.low, 4 * grid.spacing, worth.shape) > 0
     for limit in (np.median(worth[near]) / 0.02, 1e-9, 1e9):
         expected = near & (worth > 0.02 * limit)
         found = missed_on_lines.disturbed_ends(field, lines, limit)
@@ -186,7 +186,7 @@ def fitting(tolerance: float = 1e-2, backend: str = "warp", until=STOP) -> leapf
     rng = np.random.default_rng(214)
     pilot = RayBundle(np.c_[np.zeros(64), rng.uniform(-8 * H, 8 * H, 64), np.full(64, -H)], [0.0, 0.05, 1.0])
     plan = TracePlan("leapfrog", backend, "cpu", "float64", 1000, None, tolerance)
-    return leapfrog._Fitting(smooth_field(), pilot, plan, until, 1e-6, lambda low, high: pilot)
+    return leapfrog._Fitting(smooth_field(), pilot, plan, until, 1e-6, pilot)
 
 
 def test_counts_that_pay():
