@@ -49,11 +49,11 @@ def high_pass(
     grid: UniformGrid,
     steepness: np.ndarray,
     spacing: float,
-    edges: tuple[float, ...],
+    edge: float,
     is_fine: bool,
     wanted: np.ndarray | None = None,
-) -> list[np.ndarray]:
-    """For each edge, the potential over the ambient index without low frequencies along the rays [1].
+) -> np.ndarray:
+    """The potential over the ambient index without low frequencies along the rays [1].
 
     Where all rays run along one axis, matrices do what transforms do, except for rounding.
 
@@ -61,9 +61,9 @@ def high_pass(
         grid: The samples.
         steepness: Greatest absolute components of the rays' unit vectors along the grid's axes.
         spacing: H, distance of samples [m].
-        edges: Frequencies times H from about which on components are passed.
+        edge: Frequency times H from about which on components are passed.
         is_fine: Whether rounding to single precision would be visible.
-        wanted: Blocks (blocks.py) at whose nodes the second edge's result is needed, if not at all; 0 may be elsewhere.
+        wanted: Blocks (blocks.py) at whose nodes the result is needed, if not at all; 0 may be elsewhere.
     """
     from scipy.fft import dctn, idctn
 
@@ -71,36 +71,32 @@ def high_pass(
     rates = steepness * spacing / grid.spacing  # phi H over cycles a cell
     axes = [axis for axis, count in enumerate(grid.shape) if count > 1 and rates[axis] > LEAST_ALONG]
     if not axes:
-        return [np.zeros(grid.shape, kind) for _ in edges]
+        return np.zeros(grid.shape, kind)
 
-    given = rates, axes, spacing, edges, kind
+    given = rates, axes, spacing, edge, kind
     if len(axes) == 1 and grid.shape[axes[0]] <= MOST_ALONG:
-        return _along(grid, axes[0], _passes(grid.places, grid.shape, *given), wanted, kind)
+        return _along(grid, axes[0], _pass(grid.places, grid.shape, *given), wanted, kind)
     beside = [axis for axis in axes if axis != int(np.argmax(rates))]
     whole, inner = continued(grid, beside, kind)
-    how = {"axes": axes, "overwrite_x": True, "workers": own_cores()}  # all in the memory of one volume for each edge
+    how = {"axes": axes, "overwrite_x": True, "workers": own_cores()}  # all in the memory of one volume
     found = dctn(whole, 1, **how)
-    parts = [*(found.copy() for _ in edges[1:]), found]
     if np.prod([found.shape[axis] for axis in axes]) <= MOST_CACHED:
-        for part, share in zip(parts, _shares(grid.places, found.shape, *given), strict=True):
-            part *= share
+        found *= _shares(grid.places, found.shape, *given)
     else:
-        _weigh(parts, grid.places, *given)
-    return [idctn(part, 1, **how)[inner] for part in parts]
+        _weigh(found, grid.places, *given)
+    return np.asarray(idctn(found, 1, **how)[inner])
 
 
 @cached_on("places", CACHED_ALONG)
-def _passes(places: GridPlaces, shape: tuple[int, ...], *given) -> list[PassAlong]:
-    return [PassAlong.of_shares(share.ravel()) for share in _shares.function(places, shape, *given)]
+def _pass(places: GridPlaces, shape: tuple[int, ...], *given) -> PassAlong:
+    return PassAlong.of_shares(_shares.function(places, shape, *given).ravel())
 
 
-def _along(
-    grid: UniformGrid, axis: int, passes: list[PassAlong], wanted: np.ndarray | None, kind: np.dtype
-) -> list[np.ndarray]:
-    """Pass the potential along an axis: all nodes for the first edge, the wanted ones for the others."""
+def _along(grid: UniformGrid, axis: int, pass_: PassAlong, wanted: np.ndarray | None, kind: np.dtype) -> np.ndarray:
+    """Pass the potential along an axis, at all nodes or in the wanted blocks."""
     dimension, count, block = len(grid.shape), grid.shape[axis], block_size(grid)
     others = [other for other in range(dimension) if other != axis]
-    found = [np.empty([grid.shape[other] for other in (*others, axis)], kind) for _ in passes]
+    found = np.empty([grid.shape[other] for other in (*others, axis)], kind)
     nodes = None
     if wanted is not None:
         is_wanted, blocks = np.zeros(count, bool), np.flatnonzero(wanted.any(axis=tuple(others)))
@@ -110,12 +106,10 @@ def _along(
     def fill(part: slice) -> None:
         some = potential_at_nodes(grid, (slice(None),) * others[0] + (part,)).astype(kind)
         moved = np.ascontiguousarray(some.transpose(*others, axis))
-        for number, (each, made) in enumerate(zip(passes, found, strict=True)):
-            made[part] = each.of_all(moved) if not number or nodes is None else each.of_some(moved, nodes)
+        found[part] = pass_.of_all(moved) if nodes is None else pass_.of_some(moved, nodes)
 
     in_threads(fill, slabs(grid.shape[others[0]], grid.samples.size))
-    order = [*range(axis), dimension - 1, *range(axis, dimension - 1)]
-    return [each.transpose(order) for each in found]
+    return found.transpose([*range(axis), dimension - 1, *range(axis, dimension - 1)])
 
 
 @cached_on("places", CACHED)
@@ -125,30 +119,29 @@ def _shares(
     rates: np.ndarray,
     axes: list[int],
     spacing: float,
-    edges: tuple[float, ...],
+    edge: float,
     kind: np.dtype,
-) -> list[np.ndarray]:
-    """For each edge the weights of the cosines along some axes of values of a shape."""
-    size = [count if axis in axes else 1 for axis, count in enumerate(shape)]
-    shares = [np.ones(size, kind) for _ in edges]
-    _weigh(shares, places, rates, axes, spacing, edges, kind)
+) -> np.ndarray:
+    """The weights of the cosines along some axes of values of a shape."""
+    shares = np.ones([count if axis in axes else 1 for axis, count in enumerate(shape)], kind)
+    _weigh(shares, places, rates, axes, spacing, edge, kind)
     return shares
 
 
 def _weigh(
-    values: list[np.ndarray],
+    values: np.ndarray,
     places: GridPlaces,
     rates: np.ndarray,
     axes: list[int],
     spacing: float,
-    edges: tuple[float, ...],
+    edge: float,
     kind: np.dtype,
 ) -> None:
-    """Multiply an array for each edge by the weights of the cosines along some axes.
+    """Multiply values by the weights of the cosines along some axes.
 
     `rates` are phi H over cycles a cell.
     """
-    shape = values[0].shape
+    shape = values.shape
     # Frequencies of the cosines of a type I transform, in cycles a cell, along the axes.
     cycles = []
     for axis in axes:
@@ -160,18 +153,16 @@ def _weigh(
 
     def fill(rows: slice) -> None:
         place = (slice(None),) * first + (rows,)
-        found = _shares_at([cycles[0][place], *cycles[1:]], rates[axes], steps, edges, kind)
-        for array, share in zip(values, found, strict=True):
-            array[place] *= share
+        values[place] *= _shares_at([cycles[0][place], *cycles[1:]], rates[axes], steps, edge, kind)
 
     in_threads(fill, slabs(shape[first], math.prod(shape)))
 
 
 def _shares_at(
-    cycles: list[np.ndarray], rates: np.ndarray, steps: np.ndarray, edges: tuple[float, ...], kind: np.dtype
-) -> list[np.ndarray]:
+    cycles: list[np.ndarray], rates: np.ndarray, steps: np.ndarray, edge: float, kind: np.dtype
+) -> np.ndarray:
     """The weights at some frequencies [cycles a cell], one array along each axis; `steps` are H in cells."""
-    shares = [np.zeros((), kind) for _ in edges]
+    share = np.zeros((), kind)
     rest = np.ones((), kind)  # the share that is in no image
     for imaged, image in (*_images(rates), (None, 0)):
         square, along, weight = np.zeros((), kind), np.zeros((), kind), np.ones((), kind)
@@ -184,9 +175,8 @@ def _shares_at(
         weight, rest = (rest, rest) if imaged is None else (weight, rest - weight)
         along *= along
         np.minimum(square, along, out=square)
-        for number, edge in enumerate(edges):
-            shares[number] = shares[number] + weight * _share_left(square, edge)
-    return shares
+        share = share + weight * _share_left(square, edge)
+    return share
 
 
 def _share_left(square: np.ndarray, edge: float) -> np.ndarray:

@@ -170,8 +170,8 @@ def _missed(grid: UniformGrid, geometry: str, sampling: Sampling, by_rule: bool)
     factor = turned(grid, sampling.lever_arm)
     if by_rule:
         return block, factor * missed
-    parts, _, share = _not_resolved(grid, geometry, sampling)
-    rest = _by_blocks(grid, geometry, sampling, lambda nodes: np.abs(parts[0][nodes]))
+    part, _, share = _not_resolved(grid, geometry, sampling, EDGE)
+    rest = _by_blocks(grid, geometry, sampling, lambda nodes: np.abs(part[nodes]))
     main = _main_axis(sampling.steepness, geometry)
     return block, factor * np.minimum(missed, BOTH * share * _with_lobes(rest, main))
 
@@ -188,9 +188,9 @@ def turned(grid: UniformGrid, lever_arm: float) -> float:
 def _at_ends(grid: UniformGrid, geometry: str, sampling: Sampling, by_rule: bool) -> np.ndarray:
     found = RULE_AT_END * sampling.spacing * _by_rule(grid, geometry, sampling)
     if not by_rule:
-        parts, spacing, share = _not_resolved(grid, geometry, sampling)
+        part, spacing, share = _not_resolved(grid, geometry, sampling, EDGE_AT_ENDS)
         block = block_size(grid)
-        size = by_slabs(lambda rows: block_maxima(np.abs(parts[1][rows]), block), grid.shape, block, 0)
+        size = by_slabs(lambda rows: block_maxima(np.abs(part[rows]), block), grid.shape, block, 0)
         if sampling.ends != EVERYWHERE:  # elsewhere the part is not known, but no greater than twice the whole
             size = np.where(_ends_of(grid, sampling), size, 2.0 * potential_by_blocks(grid))
         found = np.minimum(found, END * share * spacing * size)
@@ -212,16 +212,16 @@ def rule_scales(geometry: str, sampling: Sampling) -> list[float]:
 
 @cached_on("grid", CACHED)
 def _changes(grid: UniformGrid, geometry: str, sampling: Sampling) -> np.ndarray:
-    parts, _, share = _not_resolved(grid, geometry, sampling)
+    part, _, share = _not_resolved(grid, geometry, sampling, EDGE)
     main = _main_axis(sampling.steepness, geometry)
     obliquity = along_axes(sampling.steepness, geometry)
 
     def size(nodes: tuple[slice, ...]) -> np.ndarray:
-        square = np.zeros_like(parts[0][nodes])
+        square = np.zeros_like(part[nodes])
         for axis in range(square.ndim):
             # Along the axis that all rays run along, only the component across the rays counts.
             across = 1.0 if axis != main else min(1.0, float(np.linalg.norm(np.delete(obliquity, axis))))
-            square += np.square(_slopes(parts[0], axis, nodes) * square.dtype.type(across / grid.spacing[axis]))
+            square += np.square(_slopes(part, axis, nodes) * square.dtype.type(across / grid.spacing[axis]))
         return np.sqrt(square)
 
     rest = _by_blocks(grid, geometry, sampling, size)
@@ -246,19 +246,19 @@ def _slopes(values: np.ndarray, axis: int, nodes: tuple[slice, ...]) -> np.ndarr
     return np.moveaxis(found[first - begin : last - begin], 0, axis)
 
 
-@cached_on("grid")
-def _not_resolved(grid: UniformGrid, geometry: str, sampling: Sampling) -> tuple[list[np.ndarray], float, float]:
-    """The parts of the potential at nodes that samples some distance apart do not resolve: along rays, and at ends.
+def _not_resolved(
+    grid: UniformGrid, geometry: str, sampling: Sampling, edge: float
+) -> tuple[np.ndarray, float, float]:
+    """The part of the potential at nodes that samples some distance apart do not resolve: along rays, or at ends.
 
-    Also returns that distance [m], and the share of these parts that counts.
+    Also returns that distance [m], and the share of this part that counts. It is not cached: it is as large as the grid.
     """
     obliquity = along_axes(sampling.steepness, geometry)
     # At higher frequencies a spline's images fall off as the fourth power of the frequency.
     finest = FINEST / max(float((obliquity / grid.spacing).max()), 1.0 / float((grid.high - grid.low).max()))
     spacing, share = max(sampling.spacing, finest), min(sampling.spacing / finest, 1.0) ** 4
-    edges = (EDGE, EDGE_AT_ENDS) if sampling.ends else (EDGE,)
-    wanted = None if sampling.ends == EVERYWHERE else _ends_of(grid, sampling)
-    return high_pass(grid, obliquity, spacing, edges, sampling.is_fine, wanted), spacing, share
+    wanted = None if edge == EDGE or sampling.ends == EVERYWHERE else _ends_of(grid, sampling)
+    return high_pass(grid, obliquity, spacing, edge, sampling.is_fine, wanted), spacing, share
 
 
 def _ends_of(grid: UniformGrid, sampling: Sampling) -> np.ndarray:

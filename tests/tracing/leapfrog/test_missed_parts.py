@@ -70,7 +70,7 @@ def test_the_bound_of_blocks(geometry: str, ends: bool):
         finest = 0.8 / (obliquity / grid.spacing).max()
         used, share = max(spacing, finest), min(spacing / finest, 1.0) ** 4
         edges = (0.92, 0.37) if ends else (0.92,)
-        parts = high_pass(grid, obliquity, used, edges, True)
+        parts = [high_pass(grid, obliquity, used, edge, True) for edge in edges]
         means = unresolved._by_blocks(grid, geometry, sampling, np.abs(parts[0]).__getitem__)
         rule = unresolved._by_rule(grid, geometry, sampling)
         for axis in range(means.ndim - 1):  # beside the main axis, the last
@@ -134,7 +134,7 @@ def test_changes_of_what_is_missed(geometry: str):
     field, steep = field_of(geometry), (0.1, 0.2, 1.0)
     grid, sampling = field.samples, Sampling(1.1, steep, 0.4)
     obliquity = {"volume": (0.1, 0.2, 1.0), "planar": (0.2, 1.0), "axisymmetric": (np.hypot(0.1, 0.2), 1.0)}[geometry]
-    (part,) = high_pass(grid, np.array(obliquity), 1.1, (0.92,), True)
+    part = high_pass(grid, np.array(obliquity), 1.1, 0.92, True)
     square = np.zeros(part.shape)
     for axis in range(part.ndim):
         across = np.linalg.norm(obliquity[:-1]) if axis == part.ndim - 1 else 1.0
