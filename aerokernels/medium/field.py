@@ -121,8 +121,9 @@ class IndexField(Derived):
         """Return a field made from samples on a uniform grid.
 
         Args:
-            contrast: n - ambient_index at the nodes, float64 or float32, axes [x, y, z], [y, z] or [r, z]; an array of
-                any library that has DLPack or `__cuda_array_interface__` (one on a GPU is copied to the host once).
+            contrast: n - ambient_index at the nodes, float64 or float32, axes [x, y, z], [y, z] or [r, z]; float32 is
+                kept, and its interpolant rounded alike, in half of the memory. An array of any library that has DLPack
+                or `__cuda_array_interface__` (one on a GPU is copied to the host once).
             origin: Coordinates of the first node [m], one per axis; r starts at 0.
             spacing: Node spacing [m], one per axis.
             geometry: "volume", "planar" or "axisymmetric" (even in r).
@@ -153,7 +154,7 @@ class IndexField(Derived):
         )
         warn_of_index(*grid.extremes)
         if cell_averages:
-            grid = replace(grid, samples=node_values(grid.samples, interpolation, axisymmetric))
+            grid = replace(grid, samples=node_values(grid.samples.astype(np.float64), interpolation, axisymmetric))
         return cls(grid, geometry, ambient_index, body, wavelength=wavelength, upstream=upstream)
 
     @classmethod

@@ -71,7 +71,8 @@ def coefficients(
     if interpolation == "cubic":
         return _spline(samples, even_first_axis, value_of, np.empty([count + 2 for count in samples.shape], kind))
     values = value_of(samples)
-    return np.ascontiguousarray(values if interpolation == "linear" else _limited_hermite(values, even_first_axis), kind)
+    made = values if interpolation == "linear" else _limited_hermite(values, even_first_axis)
+    return np.ascontiguousarray(made, kind)
 
 
 def _spline(samples: np.ndarray, even_first_axis: bool, value_of, made: np.ndarray) -> np.ndarray:

@@ -45,7 +45,7 @@ def test_fields_take_what_is_set_aside_and_give_it_back(memory: PinnedMemory):
     fields = [field(number) for number in (1, 2, 3)]
     assert [memory.holds(each.samples.samples) for each in fields] == [True, True, False]
     assert [float(each.samples.samples[1, 2, 3]) for each in fields] == [1e-6, 2e-6, 3e-6]
-    assert not memory.holds(unused_array((40, 60, 30)))
+    assert not memory.holds(unused_array((40, 60, 30), np.dtype(float)))
     kept = fields[0].samples.samples[3:5]
     place = fields[0].samples.samples.ctypes.data
     del fields

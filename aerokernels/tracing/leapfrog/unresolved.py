@@ -246,12 +246,10 @@ def _slopes(values: np.ndarray, axis: int, nodes: tuple[slice, ...]) -> np.ndarr
     return np.moveaxis(found[first - begin : last - begin], 0, axis)
 
 
-def _not_resolved(
-    grid: UniformGrid, geometry: str, sampling: Sampling, edge: float
-) -> tuple[np.ndarray, float, float]:
+def _not_resolved(grid: UniformGrid, geometry: str, sampling: Sampling, edge: float) -> tuple[np.ndarray, float, float]:
     """The part of the potential at nodes that samples some distance apart do not resolve: along rays, or at ends.
 
-    Also returns that distance [m], and the share of this part that counts. It is not cached: it is as large as the grid.
+    Also returns that distance [m], and the share of this part that counts. It is as large as the grid: not cached.
     """
     obliquity = along_axes(sampling.steepness, geometry)
     # At higher frequencies a spline's images fall off as the fourth power of the frequency.

@@ -152,7 +152,7 @@ class GridFrame:
         self.row = np.stack([air.row[k][cell[:, k]] for k in range(air.axes)], axis=1)
         index = self.row @ air.cell_pitch
         size = (air.support,) * air.axes
-        self.coefficients = air.coefficients[air.offset[:, None] + index].reshape((*size, len(cell)))
+        self.coefficients = air.coefficients[air.offset[:, None] + index].astype(np.float64).reshape((*size, len(cell)))
         there, _ = air.local(place, np.zeros_like(place))
         self.start = there - self.row
 
