@@ -1,6 +1,6 @@
 """Compute the tables of a grid that planning needs on the engine's device.
 
-A GPU does so for every volume, a CPU for grids of many nodes and for those whose values change repeatedly.
+A GPU does so for every volume, a CPU for grids of many float64 nodes and for those whose values change repeatedly.
 
 These are the spline's coefficients, the greatest of their fourth differences in blocks (step_bound.py), of the
 potential in blocks (unresolved.py) and of the coefficients in each plane across an axis (support.py): half of the work
