@@ -1,6 +1,7 @@
 """`aerokernels` and `python -m aerokernels`: the command line."""
 
 import signal
+import sys
 from typing import NoReturn
 
 
@@ -13,4 +14,7 @@ def main() -> NoReturn:
 
 
 if __name__ == "__main__":
+    # `python -m` puts the working directory on the path: what is imported from here on, also in children, is not there.
+    if not sys.flags.safe_path:
+        del sys.path[0]
     main()

@@ -1,48 +1,120 @@
-"""Provide a base for immutable objects that cache the results computed from them."""
+"""Cache the results of functions on an object that they are given, under keys that hold all other arguments."""
 
 from collections.abc import Callable, Hashable
-from dataclasses import fields
-from typing import Any
+from dataclasses import fields, is_dataclass
+from hashlib import blake2b
+from inspect import signature
+from types import FunctionType
+from typing import Any, Generic, ParamSpec, TypeVar
+from weakref import ref
 
 import numpy as np
 
 from .read_only import ReadOnly
 
+P = ParamSpec("P")
+R = TypeVar("R")
+
 # Marks a key without a cached result, since a result may be None.
 NOTHING = object()
+# Arguments of these types are in a key themselves.
+PLAIN = frozenset((type(None), bool, int, str, bytes, frozenset))
+# Larger arrays are in a key by a digest [bytes].
+LARGE = 256  # speed only
+
+
+class Cached(Generic[P, R]):
+    """What `cached_on` makes of a function."""
+
+    def __init__(self, function: Callable[P, R], owner: str, most: int):
+        """Take the function, the name of its parameter that owns the results, and how many of them to cache."""
+        self.function, self.most = function, most
+        self.place = list(signature(function).parameters).index(owner)
+        self.__doc__ = function.__doc__
+
+    def __call__(self, *given: P.args, **named: P.kwargs) -> R:
+        """Return the result for these arguments; the owner is given by position."""
+        results, key = self._place(given, named)
+        found = results.get(key, NOTHING)
+        return _keep(results, key, self.function(*given, **named), self.most) if found is NOTHING else found
+
+    def keep(self, result: R, *given: P.args, **named: P.kwargs) -> None:
+        """Let this be the result for these arguments, unless there is one."""
+        _keep(*self._place(given, named), result, self.most)
+
+    def _place(self, given: tuple, named: dict[str, Any]) -> tuple[dict[Hashable, Any], Hashable]:
+        """The results of the owner, and the key of the other arguments."""
+        others = given[: self.place] + given[self.place + 1 :]
+        return _results(given[self.place], self.function), tuple(map(key_of, (*others, *named.items())))
+
+
+def cached_on(owner: str, most: int = 1) -> Callable[[Callable[P, R]], Cached[P, R]]:
+    """Return a decorator of functions that caches their latest results on one of their arguments, with which they die.
+
+    The key of a result is made of all other arguments by `key_of`, so that no call finds the result of another one.
+    Threads may call the function: two may compute one result, of which the first is taken by both.
+
+    Args:
+        owner: Name of the parameter that owns the results: an object that never changes.
+        most: How many results are cached.
+    """
+    return lambda function: Cached(function, owner, most)
+
+
+def key_of(value: Any) -> Hashable:
+    """Return what identifies an argument: its type and content, or weakly the object itself where that never changes.
+
+    Raises:
+        TypeError: An object that may change, or a function that hides what it depends on.
+    """
+    kind = type(value)
+    if kind in PLAIN:
+        return kind, value
+    if kind is float:
+        return value.hex()  # 0.0 and -0.0 are equal
+    if isinstance(value, (tuple, list)):
+        return kind, *map(key_of, value)
+    if isinstance(value, (np.ndarray, np.generic)):
+        content = value.tobytes()
+        return value.dtype.str, value.shape, content if len(content) <= LARGE else blake2b(content).digest()
+    if isinstance(value, slice):  # cannot be hashed
+        return kind, value.start, value.stop, value.step
+    if hasattr(kind, "key"):
+        return kind, value.key
+    if isinstance(value, dict):
+        return kind, *[(name, key_of(item)) for name, item in value.items()]
+    if is_dataclass(kind) and kind.__eq__ is not object.__eq__:
+        return kind, *[key_of(getattr(value, name)) for name in kind.__dataclass_fields__]
+    if isinstance(value, ReadOnly):
+        return ref(value)
+    if isinstance(value, (type, np.dtype)) or (isinstance(value, FunctionType) and value.__closure__ is None):
+        return value
+    raise TypeError(f"{kind.__name__} is no argument of a cached function: pass what the result depends on")
 
 
 class Derived(ReadOnly):
     """A base of immutable data classes that cache what later stages compute: bounds, tables, copies on a device.
 
-    Each result is computed once, and lives as long as the object from which it was computed. Copies made by
-    `dataclasses.replace` and by pickling start without results.
+    Each result lives as long as the object from which it was computed. Copies made by `dataclasses.replace` and by
+    pickling start without results.
     """
 
     def derive(self, key: Hashable, make: Callable[[], Any], most: int | None = None) -> Any:
         """Return the result under this key, computed by `make()` at the first call.
 
         Args:
-            key: Names the result among all of this object's; the first entry of a tuple names the kind.
+            key: Names the result among all of this object's; the first entry of a tuple names the kind. `cached_on`
+                makes keys by itself: use it where the result depends on anything but this object.
             make: Computes the result from this object.
             most: Greatest number of results of the kind to cache, the latest; None for all.
         """
-        cached: dict[Hashable, Any] = self.__dict__.setdefault("_derived", {})
-        found = cached.get(key, NOTHING)
-        if found is NOTHING:
-            if most is not None:
-                kind = key[0] if isinstance(key, tuple) else key
-                keys: list[Hashable] = self.__dict__.setdefault("_alike", {}).setdefault(kind, [])
-                keys.append(key)
-                for _ in range(len(keys) - most):
-                    cached.pop(keys.pop(0), None)
-            # If two threads compute it at once, the first result is cached; a third may drop it before it is returned.
-            found = cached.setdefault(key, make())
-        return found
+        results = _results(self, key[0] if isinstance(key, tuple) else key)
+        found = results.get(key, NOTHING)
+        return _keep(results, key, make(), most) if found is NOTHING else found
 
     def held(self, key: Hashable) -> Any:
         """Return the cached result under a key; None if there is none."""
-        return self.__dict__.get("_derived", {}).get(key)
+        return _results(self, key[0] if isinstance(key, tuple) else key).get(key)
 
     def equals(self, other: Any) -> bool:
         """Return whether another object is of the same class and has equal fields."""
@@ -50,6 +122,21 @@ class Derived(ReadOnly):
             return self is other
         names = [entry.name for entry in fields(self)]  # type: ignore[arg-type]
         return all(_equal(getattr(self, name), getattr(other, name)) for name in names)
+
+
+def _results(owner: Any, kind: Hashable) -> dict[Hashable, Any]:
+    """The results of one kind that are cached on an object, by key."""
+    results: dict[Hashable, Any] = owner.__dict__.setdefault("_derived", {}).setdefault(kind, {})
+    return results
+
+
+def _keep(results: dict[Hashable, Any], key: Hashable, result: Any, most: int | None) -> Any:
+    """Cache a result, unless there is one under its key, and return what is cached; drop the oldest above `most`."""
+    kept = results.setdefault(key, result)
+    keys = list(results)
+    for old in keys[: 0 if most is None else max(0, len(keys) - most)]:
+        results.pop(old, None)  # another thread may have dropped it
+    return kept
 
 
 def _equal(one: Any, other: Any) -> bool:

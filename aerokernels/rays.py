@@ -1,7 +1,10 @@
 """Ray bundles: start points, directions and weights of rays."""
 
+import weakref
+from collections.abc import Hashable
 from dataclasses import dataclass
 from functools import cached_property, partial
+from hashlib import blake2b
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -51,6 +54,8 @@ def _rows_or_one(rows: np.ndarray) -> np.ndarray:
 
 # Rays of a bundle from whose results the tracing of the others is planned.
 PILOT_RAYS = 512
+# Larger bundles, and those on a device, are in the keys of caches by identity: to read all rays would take too long.
+KEYED_RAYS = 1 << 16  # speed only
 # The unit disc as a pupil.
 UNIT_DISC = SquareMap(RING, 0, 0, np.zeros(1))
 
@@ -199,6 +204,17 @@ class RayBundle(ReadOnly):
         if is_one_row(direction):
             return self.of_units(position, np.broadcast_to(direction[:1], position.shape))
         return self.of_units(position, np.ascontiguousarray(direction[rows]))
+
+    @cached_property
+    def key(self) -> Hashable:
+        """A key for caches that differs for other rays; for up to KEYED_RAYS on the host it is equal for equal ones."""
+        if self.device is not None or self.ray_count > KEYED_RAYS:
+            return weakref.ref(self)
+        direction = self.direction[:1] if is_one_row(self.direction) else self.direction
+        digest = blake2b(digest_size=32)
+        for array in (self.position, direction, np.asarray(self.weight)):
+            digest.update(np.ascontiguousarray(array).data)
+        return self.ray_count, digest.digest()
 
     @cached_property
     def pilot(self) -> "RayBundle":

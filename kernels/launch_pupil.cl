@@ -2,13 +2,14 @@
 // per ray, all in double. There is one seed per replicate and axis; equal areas of the square map to equal shares of
 // the pupil.
 //
-// center [m]; first and second [m]: the pupil's axes times its reach; look: the unit vector of all directions. shape,
+// center [m]; first and second [m]: the pupil's axes times its reach; look: the unit vector of all directions; to_x
+// and to_y: rows of the matrix that makes coordinates across it of those on the pupil (pupils.across_look). shape,
 // row_count, column_count and table_in: the numbers of the map, see pupil_shape.h. seeds (replicate_count, 2); ray r is
 // point order_in[r % per_replicate] of replicate r / per_replicate, an order in which neighbours in the launch are
 // neighbours on the pupil. generator: 0 for Sobol points; else the generator of a lattice of per_replicate points,
 // which is made periodic along the axes whose bits are set in `smoothed`, with the weights weight_out (ray_count): see
 // aerokernels/tracing/pupil/lattice_quadrature.py. Rays from first_ray up to ray_count: position_out [m] and
-// direction_out (ray_count, 3), packed; pupil_out (ray_count), coordinates on the pupil in units of its reach.
+// direction_out (ray_count, 3), packed; pupil_out (ray_count), coordinates across the look direction in units of its reach.
 
 #include "arguments.h"
 #include "pupil_shape.h"
@@ -59,5 +60,6 @@ __kernel void launch_pupil(LAUNCH_PUPIL_ARGUMENTS)
     const double2 place = place_on_pupil(shape, row_count, column_count, table_in, u, v);
     vstore3(center + place.x * first + place.y * second, ray, position_out);
     vstore3(look, ray, direction_out);
-    vstore2(place, ray, pupil_out);
+    const double2 across = (double2)(to_x.x * place.x + to_x.y * place.y, to_y.x * place.x + to_y.y * place.y);
+    vstore2(across, ray, pupil_out);
 }

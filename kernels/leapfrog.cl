@@ -39,6 +39,7 @@ static inline truths have_clearance(
 typedef struct {
     Starts starts;
     reals x0, y0, z0, dx, dy, dz, length;
+    reals kick[3];  // momentum across the rays, by refraction where they leave the body
 } Entries;
 
 APART Entries enter(
@@ -63,6 +64,15 @@ APART Entries enter(
     in.dy = TO_REALS(d.y);
     in.dz = TO_REALS(d.z);
     in.length = TO_REALS(CHOOSE64(zero, in.starts.part.leave - in.starts.part.enter, runs));
+    in.kick[0] = in.kick[1] = in.kick[2] = (reals)R(0.0);
+#if HAS_BODY
+    const reals s = sample_packet(field, arrays, in.x0, in.y0, in.z0).value;
+    const reals cosine = TO_REALS(inner(in.starts.normal, d)), before = (real)bounds->ambient * cosine;
+    const reals kick = CHOOSE((reals)R(0.0), LEAVING_KICK(before, s), before > R(0.0));
+    in.kick[0] = kick * (TO_REALS(in.starts.normal.x) - cosine * in.dx);
+    in.kick[1] = kick * (TO_REALS(in.starts.normal.y) - cosine * in.dy);
+    in.kick[2] = kick * (TO_REALS(in.starts.normal.z) - cosine * in.dz);
+#endif
     return in;
 }
 
@@ -270,7 +280,7 @@ __kernel void leapfrog(LEAPFROG_ARGUMENTS)
         in[packet] = enter(&field, &arrays, &bounds, first + packet * LANES, ray_count, position_in, direction_in);
         rays[packet] = take_off(
             &field, &arrays, &control, ambient, in[packet].x0, in[packet].y0, in[packet].z0, in[packet].dx,
-            in[packet].dy, in[packet].dz, in[packet].length);
+            in[packet].dy, in[packet].dz, in[packet].length, in[packet].kick);
     }
     take_samples(&field, &arrays, &control, ambient, rays);
 #pragma unroll

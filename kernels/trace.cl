@@ -52,7 +52,8 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
         evaluations++;
         real3 force = FORCE(s);
         real pot = AT_FACES ? before_push(s.x, force, push_in, rate) : s.x;
-        momentum = contrast(ambient, pot) * d;
+        momentum = HAS_BODY ? starting_momentum(ambient, pot, d, interval.normal) : contrast(ambient, pot) * d;
+        max_deflection = HAS_BODY ? size3(momentum - dot(momentum, d) * d) / ambient : R(0.0);
         const int cone = cone_of(d0);
         const StopGeometry to_stop = stop_geometry_of(&bounds, &control, &interval, p0, d0);
         const real obliquity = to_stop.obliquity, lever_arm = to_stop.lever_arm;

@@ -20,6 +20,7 @@ from aerokernels import Disc, prepare_strehl, trace
 from aerokernels.benchmark.bundle_scenes import APERTURE, CONE_HALF, SLOPE, WAVELENGTH, bundle_scene, rays_on
 from aerokernels.rays import RayBundle
 from aerokernels.tracing.bundle.family import Family, find_family
+from aerokernels.tracing.bundle.nodes import channels_of
 from aerokernels.tracing.bundle.run import BundleRequest, find_table
 from aerokernels.tracing.engines import Prepared, engine_of
 from aerokernels.tracing.plan import TracePlan
@@ -51,7 +52,9 @@ def kernel_of(field: Any, rays: RayBundle, plan: TracePlan, until: Any) -> Prepa
     choices |= {"max_steps": None, "path_length": None}
     family = find_family(field, rays, until)
     assert isinstance(family, Family)
-    table = find_table(BundleRequest(field, rays, until, WAVELENGTH, outputs, choices, run_plan), family)
+    table = find_table(
+        BundleRequest(field, rays, until, WAVELENGTH, outputs, choices, run_plan), family, channels_of(outputs)
+    )
     assert table is not None
     return engine.prepare_bundle(table, outputs)
 

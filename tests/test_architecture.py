@@ -289,6 +289,16 @@ def test_the_import_reader_sees_every_form(tmp_path: Path):
     }
 
 
+def test_every_child_of_python_is_started_in_one_place():
+    """`python_child` keeps the working directory off the path of children; naming Python's own program bypasses it."""
+    starters = r"sys\.executable|os\.(?:system|spawn\w*|exec\w*|posix_spawn\w*)|ProcessPoolExecutor|get_context"
+    named = {dotted(path) for path in MODULES if re.search(starters, path.read_text(encoding="utf-8"))}
+    named |= {dotted(path) for path in MODULES
+              for node in imports(path) if isinstance(node, ast.Import | ast.ImportFrom)
+              for alias in node.names if alias.name in ("multiprocessing", "Process", "Pool")}  # fmt: skip
+    assert named == {("aerokernels", "process", "machine")}
+
+
 def test_import_is_light():
     """`import aerokernels` loads none of the heavy packages, nor does naming the command line's help."""
     for statement in ("import aerokernels", "import aerokernels.cli", "import aerokernels; dir(aerokernels)"):

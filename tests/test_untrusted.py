@@ -264,3 +264,47 @@ def test_long_names_of_units_take_no_time(tmp_path: Path):
     assert in_brackets("(" * 300_000) == "" and in_brackets("x (axial) [mm]") == "mm"
     assert written_unit("GPa^9 " * 30 + "m") is None and written_unit("m " * 10**6) is None
     assert written_unit("m^12345678901") is None and written_unit("kg m^-3") is not None
+
+
+def test_names_of_a_file_do_not_fill_a_message(tmp_path: Path):
+    """Set-up: 40 arrays of names of 60,000 letters, none of which is what is wanted. Expected: their beginnings."""
+    import h5py
+
+    names = [f"{'n' * 60_000}{k}" for k in range(40)]
+    with h5py.File(tmp_path / "a.nc", "w") as file:
+        (x := file.create_dataset("x", data=np.arange(3.0))).make_scale("x")
+        for name in names:
+            file.create_dataset(name, data=np.ones(3)).dims[0].attach_scale(x)
+    np.savez(tmp_path / "a.npz", **{name: np.ones(3) for name in names})
+    for reader, path in ((open_series, "a.nc"), (recorded_labels, "a.nc"), (read, "a.nc"), (read, "a.npz")):
+        with pytest.raises(ValueError, match=r"n{50,60}\.\.\., .* and \d\d more") as refused:
+            reader(tmp_path / path)
+        assert len(str(refused.value)) < 3000
+
+
+def test_a_compressed_file_that_unpacks_to_no_field_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Set-up: 20 kB that unpack to 8 MB, and bounds of 2 MB and 200 bytes a byte. Expected: refused, not held."""
+    import gzip
+
+    from aerokernels.flow.reading.readers import foam_file
+
+    (mesh := tmp_path / "case/constant/polyMesh").mkdir(parents=True)
+    (time := tmp_path / "case/1").mkdir()
+    (time / "rho").touch()
+    packed = gzip.compress(b"FoamFile { } " + b" " * 8_000_000)
+    (mesh / "points.gz").write_bytes(packed)
+    monkeypatch.setattr(foam_file, "UNPACKED", 2_000_000)
+    monkeypatch.setattr(foam_file, "PIECE", 100_000)
+    with pytest.raises(ValueError, match=rf"points\.gz: its {len(packed)} bytes unpack to more than .* gunzip"):
+        read(tmp_path / "case")
+
+
+def test_an_archive_of_many_arrays_is_read_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Set-up: 300 members. Expected: none is looked for among the names of all, which takes the square of the time."""
+    import zipfile
+
+    axis = np.arange(3.0)
+    np.savez(tmp_path / "a.npz", x=axis, y=np.arange(4.0), rho=np.ones((3, 4)), **{f"a{k}": axis for k in range(300)})
+    asked = []
+    monkeypatch.setattr(zipfile.ZipFile, "namelist", lambda self: asked.append(self) or list(self.NameToInfo))
+    assert read(tmp_path / "a.npz").density.max() == 1.0 and len(asked) < 3

@@ -181,9 +181,13 @@ def _number(option: str, text: str, dimension: str) -> float:
     from aerokernels.inputs.units import quantity
 
     try:
-        return quantity(text, dimension)
+        number = quantity(text, dimension)
     except ValueError as error:
         raise ValueError(f"{option}: {error}") from None
+    unit = {"length": "mm", "angle": "deg"}.get(dimension)
+    if unit and number and not text.strip()[-1].isalpha():  # "2" would be 2 m, or 2 rad
+        raise ValueError(f"{option} {text!r}: give a unit too, such as '{text.strip()} {unit}'")
+    return number
 
 
 def _numbers(option: str, text: str, dimension: str, count: int) -> tuple[float, ...]:

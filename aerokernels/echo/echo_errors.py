@@ -5,8 +5,9 @@ r"""Compute the errors of an echo's numbers.
                    error of the interpolation over the target, and the change of S with more rays over the pupil
                    (pupil_errors.py)
     peak power     P is proportional to the return factor: P x (error of the factor) / factor; the error of the pupil's
-                   open share if a body blocks a part of the pupil; and the greatest error of the peak over positions of
-                   the samples on the pulse, against the pulse between them
+                   open share if a body blocks a part of the pupil; the error of the beam's lost share if a body cuts
+                   the beam (cut_beam.py); and the greatest error of the peak over positions of the samples on the
+                   pulse, against the pulse between them
     peak voltage   as for the power; and the standard deviation of the noise at the peak, and half a digitiser code
     range          systematic: the change of the reading with the error of the peak, read off the waveform scaled by
                    1 +- the relative error (range walk of a fixed threshold; every method if the peak is cut off); the
@@ -171,7 +172,8 @@ def echo_errors(result: EchoResult, probe: EchoProbe) -> EchoErrors:
     factor_error = strehl if depends_on_phases else interpolation
     factor = result.mean_strehl if depends_on_phases else result.beam_mean(result.return_factor)
     blocked = _blocked_pupil_error(result, probe)
-    share = math.hypot(factor_error / factor if factor > 0.0 else math.inf, blocked, QUADRATURE)
+    left = result.information["lost_share_error"] / result.information["beam_share"]
+    share = root_sum_square((factor_error / factor if factor > 0.0 else math.inf, blocked, left, QUADRATURE))
     moved = probe.read_shifted(*SHIFTS)
     # Relative to the height that was read, which may be the lower one.
     heights = [max(abs(change[kind]) / min(1.0 + change[kind], 1.0) for change, _ in moved) for kind in (0, 1)]

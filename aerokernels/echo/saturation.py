@@ -1,12 +1,15 @@
 """Detect records whose peak an amplifier or a digitiser has cut off, and estimate what that changes of a range.
 
-The missing part is restored: by the pulse's shape, fitted to the other samples, or, if the shape is not known, by the
-cubic polynomial of the logarithm through two points on either side of the plateau, which is exact for a Gaussian and
-follows the skew of other pulses. The range of the restored record minus that of the record itself is the estimate, for
-any ranging method: a fraction of the peak is crossed too early, and the centroid of a skew pulse, or the delay at which
-it matches best, moves.
+A peak counts as cut off if its samples are equal, if they are level within the noise beside the pulse over more of the
+pulse's width than those of a rounded pulse are, or, if the pulse's shape is known, if they do not fit that shape. The
+missing part is restored: by the pulse's shape, fitted to the other samples, or, if the shape is not known, by the cubic
+polynomial of the logarithm through two points on either side of the plateau, which is exact for a Gaussian and follows
+the skew of other pulses. The range of the restored record minus that of the record itself is the estimate, for any
+ranging method: a fraction of the peak is crossed too early, and the centroid of a skew pulse, or the delay at which it
+matches best, moves.
 """
 
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -26,46 +29,107 @@ GREATEST = 3.0
 SAFETY = 2.5
 # Shift above which a warning is issued, relative to the width of the pulse: as for too few samples.
 TOLERATED = 3e-4
+# A plateau: least and greatest depth, relative to the peak, within which its samples lie, and the depth in standard
+# deviations of the noise; how many times as wide it is as a rounded pulse is at that depth; and the pulse's width over
+# that of the running mean which reduces the noise.
+DEPTHS, DEVIATIONS, FLAT, SMOOTHED = (1e-3, 0.25), 6.0, 1.6, 6
+# A pulse does not fit its shape if the rms of the rest is above these multiples of the noise and of the peak.
+MISFIT, IMPERFECT = 3.0, 0.01
 
 
 class SaturatedRecordWarning(UserWarning):
     """A record's peak is cut off, and the ranging method depends on the peak."""
 
 
-def plateau(volts: np.ndarray) -> int:
-    """Return the number of consecutive samples at a record's greatest value; 0 if they are too few to be a cut."""
+def cut_samples(volts: np.ndarray, shape: Shape | None = None, period: float = 1.0) -> slice:
+    """Return the samples of a record's peak that are cut off; none for a whole peak.
+
+    Args:
+        volts: The record, shape (n,).
+        shape: The pulse as a function of time [s]; None: not known.
+        period: Sample period [s].
+    """
     top = int(np.argmax(volts))
-    after = np.flatnonzero(volts[top:] != volts[top])
-    count = int(after[0]) if after.size else volts.size - top
-    return count if count >= PLATEAU else 0
+    level = float(volts[top])
+    if not level > 0.0:
+        return slice(0, 0)
+    equal, above = _run(volts == level, top), _run(volts >= LEVELS[1] * level, top)
+    if _length(equal) >= PLATEAU:
+        return equal if _length(equal) > _rounded(0.0, above, shape, period) + 1.0 else slice(0, 0)
+    width = max(1, _length(above) // SMOOTHED)
+    smooth = np.convolve(volts, np.full(width, 1.0 / width), "same")
+    top = above.start + int(np.argmax(smooth[above]))
+    depth = max(DEPTHS[0] * level, DEVIATIONS * _noise(smooth, above))
+    flat = _run(smooth >= smooth[top] - depth, top)
+    wide = FLAT * _rounded(depth / level, above, shape, period) + 2.0
+    if depth < DEPTHS[1] * level and _length(flat) > max(wide, PLATEAU):
+        return flat if shape is None else above
+    if shape is None or _length(above) < PLATEAU:
+        return slice(0, 0)
+    try:
+        delay, height = best_match(volts, shape, period)
+    except ValueError:  # no pulse of that shape
+        return slice(0, 0)
+    place = np.arange(above.start, above.stop)
+    rest = volts[above] - height * np.asarray(shape((place - delay) * period))
+    fits = float(np.sqrt(np.mean(rest**2))) <= max(MISFIT * _noise(volts, above), IMPERFECT * level)
+    return slice(0, 0) if fits else above
+
+
+def _run(these: np.ndarray, place: int) -> slice:
+    """Return the neighbours of a sample for which a condition holds without a gap."""
+    others = np.flatnonzero(~these)
+    before, after = others[others < place], others[others > place]
+    return slice(int(before[-1]) + 1 if before.size else 0, int(after[0]) if after.size else these.size)
+
+
+def _length(part: slice) -> int:
+    return int(part.stop - part.start)
+
+
+def _rounded(depth: float, above: slice, shape: Shape | None, period: float) -> float:
+    """Return how many samples of a pulse lie within a share of its peak; it is Gaussian if its shape is not known."""
+    if shape is None:
+        return _length(above) * math.sqrt(depth / -math.log(LEVELS[1]))
+    reach = 2 * _length(above)
+    own = np.asarray(shape(np.arange(-reach, reach + 1) * period), dtype=np.float64)
+    return float(np.count_nonzero(own >= own.max() * (1.0 - max(depth, 1e-12))))
+
+
+def _noise(volts: np.ndarray, above: slice) -> float:
+    """Return the standard deviation beside the pulse, by the median of deviations; 0 if few samples are beside it."""
+    place, reach = np.arange(volts.size), 2 * _length(above)
+    beside = volts[(place < above.start - reach) | (place >= above.stop + reach)]
+    return 1.4826 * float(np.median(np.abs(beside - np.median(beside)))) if beside.size >= 8 else 0.0
 
 
 def restored(volts: np.ndarray, shape: Shape | None = None, period: float = 1.0) -> np.ndarray:
     """Return a record with the missing part of its peak, shape (n,); it is nowhere below the record.
 
     Args:
-        volts: The record, shape (n,).
+        volts: The record, shape (n,), whose peak is cut off.
         shape: The pulse as a function of time [s]; None: not known.
         period: Sample period [s].
 
     Raises:
         ValueError: The record cuts the pulse on the other sides as well.
     """
-    count, first, level = plateau(volts), int(np.argmax(volts)), float(volts.max())
+    cut = cut_samples(volts, shape, period)
+    found, within = volts.copy(), np.arange(cut.start, cut.stop)
+    if shape is not None:
+        found[within] = np.maximum(_fitted(volts, within, shape, period), volts[within])
+        return found
+    level = float(np.median(volts[within]))
     curve = PulseCurve(volts)
-    rising = _points(volts[:first][::-1] / level, [curve.rise_before_peak(share * level) for share in LEVELS])
-    falling = _points(volts[first + count :] / level, [curve.fall_after_peak(share * level) for share in LEVELS])
-    place = np.array([at if exact else first - 1.0 - at for at, _, exact in rising])
-    place = np.append(place, [at if exact else first + count + at for at, _, exact in falling])
+    rising = _points(volts[: cut.start][::-1] / level, [curve.rise_before_peak(share * level) for share in LEVELS])
+    falling = _points(volts[cut.stop :] / level, [curve.fall_after_peak(share * level) for share in LEVELS])
+    place = np.array([at if exact else cut.start - 1.0 - at for at, _, exact in rising])
+    place = np.append(place, [at if exact else cut.stop + at for at, _, exact in falling])
     height = np.log([value for _, value, _ in (*rising, *falling)])
     middle, half = 0.5 * (place[0] + place[2]), 0.5 * (place[2] - place[0])
     cubic = np.linalg.solve(np.vander((place - middle) / half, 4), height)
-    within = np.arange(first, first + count)
     more = np.clip(np.polyval(cubic, (within - middle) / half), 0.0, GREATEST)
-    found = volts.copy()
-    found[within] = level * np.exp(more)
-    if shape is not None:
-        found[within] = np.maximum(_fitted(found, within, shape, period), level)
+    found[within] = np.maximum(level * np.exp(more), volts[within])
     return found
 
 
@@ -120,7 +184,7 @@ def saturation_shift(
         shape: As for `restored`.
         period: As for `restored` [s].
     """
-    if not plateau(volts):
+    if not _length(cut_samples(volts, shape, period)):
         return 0.0
     try:
         return SAFETY * (read(restored(volts, shape, period)) - read(volts))
@@ -143,22 +207,19 @@ def warn_of_saturation(
     Returns:
         Whether a warning was issued.
     """
-    count = plateau(volts)
-    if not count:
+    cut = cut_samples(volts, shape, period)
+    if not _length(cut):
         return False
-    if shape is not None:
-        own = np.asarray(shape(np.arange(-count, count + 1) * period), dtype=np.float64)
-        if np.count_nonzero(own >= own.max() * (1.0 - 1e-12)) >= count - 1:
-            return False
     shift = saturation_shift(volts, read, shape, period)
     half = int(np.count_nonzero(volts > LEVELS[1] * float(volts.max())))
     if not abs(shift) > TOLERATED * half:
         return False
+    level, metres = float(np.median(volts[cut])), 0.5 * SPEED_OF_LIGHT * period * abs(shift)
     warn_caller(
-        f"the {count} greatest samples of the record are equal, as if an amplifier or a digitiser saturated at "
-        f"{float(volts.max()):.4g} V: if the pulse goes on above them, method {method!r} reads up to "
-        f"{0.5 * SPEED_OF_LIGHT * period * abs(shift):.2g} m too {'little' if shift > 0.0 else 'much'}; attenuate the "
-        "signal, raise the digitiser's range, or take 'leading-edge'",
+        f"the {_length(cut)} samples at the record's peak are equal or level, or lower than the pulse that fits the "
+        f"others, as if an amplifier or digitiser saturated at {level:.4g} V: if the pulse goes on above them, method "
+        f"{method!r} reads up to {metres:.2g} m too {'little' if shift > 0.0 else 'much'}; attenuate the signal, raise "
+        "the digitiser's range, or take 'leading-edge'",
         SaturatedRecordWarning,
     )
     return True

@@ -9,7 +9,7 @@ the point where the ray meets the target: the Strehl ratio of its return path, a
 (return_paths.py). The return path has the same lengths as the outward path. R_i in R_i^2 is an optical path too,
 as in eq 10: 5e-4 of the power at sea level. Path, incidence and return factor are those of the point where the
 refracted ray meets the target. Which rays meet the reflector is decided without the flow: the flow displaces rays by
-0.1 mm, which matters at the edges only.
+0.1 mm, which matters at the edges only. Where rays are lost, as behind a body, the beam has more points (cut_beam.py).
 
 Like a real rangefinder, each method is calibrated on a known echo, the same scene's echo in vacuum: the error of the
 reading of this echo is subtracted. The remaining error is due to air and flow: mainly the range walk of a fixed
@@ -27,8 +27,9 @@ from ..medium import IndexField
 from ..prepare import prepare_field
 from ..scene import Scene
 from ..strehl import StrehlEstimate
+from .cut_beam import cut_beam
 from .echo_errors import EchoProbe, echo_errors
-from .paths import TransmitPaths, still_air, transmit_paths
+from .paths import TransmitPaths, still_air
 from .pulse_curve import PulseCurve, peak_height
 from .rangefinder import Rangefinder
 from .received_power import point_power
@@ -65,7 +66,7 @@ def echo(
     Returns:
         The echo, with a range or the reason why there is none. `receiver.ray_count` x `strehl_node_count`^2 pairs of
         pupil and target points are traced back, in chunks of which only sums are stored; fewer pairs are traced if
-        symmetry allows it. `beam.ray_count` rays go out.
+        symmetry allows it. `beam.ray_count` rays go out, more where some of them are lost.
 
     Raises:
         ValueError: The target is inside the flow or reaches back to the aperture, no ray gets out or arrives, or a
@@ -83,8 +84,9 @@ def echo_through(
     phase_error: float | StrehlEstimate | None = None,
 ) -> EchoResult:
     """Simulate the echo through a field from the echo in vacuum; the other arguments and errors are those of `echo`."""
-    scene, points, pulse, chain = vacuum.scene, vacuum.points, vacuum.pulse, vacuum.chain
-    out = transmit_paths(scene, flow, points)
+    scene, pulse, chain = vacuum.scene, vacuum.pulse, vacuum.chain
+    vacuum, out, lost_error = cut_beam(vacuum, flow)
+    points = vacuum.points
     if not out.arrived.any():
         raise ValueError(
             f"no ray of the beam reaches the target ({out.trace.status_summary() if out.trace else 'none traced'}): "
@@ -146,7 +148,7 @@ def echo_through(
         statistics=rangefinder.statistics(scene, fine, power, stride, scene.detector.trial_count),
         vacuum_peak_power=peaks[0],
         vacuum_peak_voltage=peaks[1],
-        information=_information(points.weight, share, out, back),
+        information=_information(points.weight, share, out, back) | {"lost_share_error": lost_error},
         budget=partial(echo_errors, probe=probe),
     )
 

@@ -56,7 +56,7 @@ class TargetPoints:
     weight: np.ndarray
 
 
-def target_points(scene: Scene, limits: str | None = None) -> TargetPoints:
+def target_points(scene: Scene, limits: str | None = None, finer: float = 1.0) -> TargetPoints:
     """Return the rays of a scene's beam over which its echo is summed.
 
     Args:
@@ -64,6 +64,7 @@ def target_points(scene: Scene, limits: str | None = None) -> TargetPoints:
             divide the beam into bands or a tilt spreads the echo over many pulse lengths.
         limits: "beam": the beam's support, or the reflector's edges where those are nearer; "paper": the whole beam
             in x and one radius either way in y (eq 11), whatever the reflector's size; None: the scene's own.
+        finer: Multiplies the points along each side of the beam.
 
     Raises:
         ValueError: Unknown limits, a target that reaches back to the aperture's plane, or one so deep against the pulse
@@ -77,7 +78,7 @@ def target_points(scene: Scene, limits: str | None = None) -> TargetPoints:
     else:
         outline = clip_polygon(seen_outline(scene), _rectangle(reach, reach))
     side = max(math.ceil(math.sqrt(beam.ray_count)), LEAST_SIDE)
-    across, along = (max(side, count) for count in _resolving_counts(scene, outline))
+    across, along = (math.ceil(finer * max(side, count)) for count in _resolving_counts(scene, outline))
     if across * along > GREATEST_POINT_COUNT:
         raise ValueError(
             f"the target is deep against the pulse: {across} x {along} points of the beam would be needed to sum up "

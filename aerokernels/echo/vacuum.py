@@ -41,6 +41,7 @@ class VacuumEcho:
         points: The points of the beam over which the echo is summed.
         plane: The target's plane.
         paths: The straight paths to the target.
+        limits: The limits of the points, as for `target_points`.
     """
 
     scene: Scene
@@ -49,12 +50,13 @@ class VacuumEcho:
     points: TargetPoints
     plane: Plane
     paths: TransmitPaths
+    limits: str | None = None
 
     @classmethod
-    def of(cls, scene: Scene, limits: str | None = None) -> "VacuumEcho":
-        """Compute the points and paths of a scene; `limits` and errors as for `target_points`."""
-        points, plane = target_points(scene, limits), target_plane(scene)
-        return cls(scene, pulse_of(scene), chain_of(scene), points, plane, vacuum_paths(points, plane))
+    def of(cls, scene: Scene, limits: str | None = None, finer: float = 1.0) -> "VacuumEcho":
+        """Compute the points and paths of a scene; arguments and errors as for `target_points`."""
+        points, plane = target_points(scene, limits, finer), target_plane(scene)
+        return cls(scene, pulse_of(scene), chain_of(scene), points, plane, vacuum_paths(points, plane), limits)
 
     @cached_property
     def point_power(self) -> np.ndarray:

@@ -22,6 +22,7 @@ LEAST_POWER_GAMMA = 1.02  # below this, powers of 1 / (gamma - 1) overflow float
 SEA_LEVEL_DENSITY = 1.225  # [kg/m3], International Standard Atmosphere
 SEA_LEVEL_TEMPERATURE = 288.15  # [K], International Standard Atmosphere
 GREATEST_DENSITY = 1000.0  # [kg/m3], that of a liquid: greater values are mostly g/m3 taken for kg/m3
+LEAST_DENSITY = 1e-6  # [kg/m3], that of air 95 km up: smaller values are mostly other units, or damaged data
 # Least stagnation values of a tunnel [K, Pa]: smaller ones are mostly degrees Celsius or megapascals.
 LEAST_STAGNATION_TEMPERATURE, LEAST_STAGNATION_PRESSURE = 45.0, 10.0
 # What the source paper's tunnel reaches, its Table 1: least and greatest value.
@@ -273,9 +274,11 @@ def check_density(density: float, name: str) -> float:
     """Return a gas density [kg/m3] as a float.
 
     Raises:
-        ValueError: It is not positive and finite, or above 1000 kg/m3, the density of a liquid.
+        ValueError: It is not positive and finite, below 1e-6 kg/m3, or above 1000 kg/m3, the density of a liquid.
     """
     value = check_positive(density, name)
+    if value < LEAST_DENSITY:
+        raise ValueError(f"{name} of {value:g} kg/m3 is too small for a gas (at least {LEAST_DENSITY:g}): give kg/m3")
     if value > GREATEST_DENSITY:
         raise ValueError(
             f"{name} of {value:g} kg/m3 is too great for a gas (at most {GREATEST_DENSITY:g}): give kg/m3, 1.225 for "
@@ -291,11 +294,12 @@ def no_gas(density: np.ndarray, passed: np.ndarray | None = None) -> tuple[str, 
         density: [kg/m3], of any shape.
         passed: Entries that are not used and may have any value, or None.
     """
-    if density.size and density.min() > 0.0 and density.max() <= GREATEST_DENSITY:  # false if there is a NaN
+    if density.size and density.min() >= LEAST_DENSITY and density.max() <= GREATEST_DENSITY:  # false if there is a NaN
         return None
     for fault, bad in (
         ("not finite", ~np.isfinite(density)),
         ("not positive", density <= 0.0),
+        (f"too small for a gas, below {LEAST_DENSITY:g} kg/m3", density < LEAST_DENSITY),
         (f"too great for a gas, above {GREATEST_DENSITY:g} kg/m3", density > GREATEST_DENSITY),
     ):
         bad = bad if passed is None else bad & ~passed

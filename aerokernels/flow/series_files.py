@@ -9,10 +9,13 @@ from typing import Any
 import numpy as np
 
 from ..files.netcdf_reading import open_netcdf
+from ..files.zarr_codecs import check_codecs
 from ..inputs.arguments import seconds
+from ..inputs.listed import listed
 from ..inputs.written_units import unit_of
 from ..medium.labelled_grid import GEOMETRIES
 from ..process.fault_text import FileFault, fault_text
+from ..process.own_files import check_folder
 from ..process.room import check_file, check_room
 from .reading.array_names import known_names
 from .reading.array_units import ambient_attribute, stated_unit
@@ -51,6 +54,8 @@ def _zarr(path: Path, what: str, most_axes: float) -> Any:
         raise ImportError(f"{path}: a Zarr store needs zarr: pip install 'aerokernels[dask]'") from None
     import xarray
 
+    check_folder(path)
+    check_codecs(path)
     check_file(path, what, most_axes)
     try:
         with warnings.catch_warnings():
@@ -84,8 +89,7 @@ def series_of_dataset(data: Any, given: Mapping[str, Any], name: str, identity: 
         found = density if density is not None else next(map(names.get, known_names(names, DENSITY_NAMES)), None)
         if found is None or found not in data.data_vars:
             wanted = density or "density, rho or the like"
-            held = ", ".join(map(str, data.data_vars)) or "nothing"
-            raise ValueError(f"{name}: no variable {wanted}; it holds {held}: give density=NAME")
+            raise ValueError(f"{name}: no variable {wanted}; it holds {listed(data.data_vars)}: give density=NAME")
         array, attributes = data[found], {**data.attrs, **data[found].attrs}
     else:
         array, attributes = data, dict(data.attrs)

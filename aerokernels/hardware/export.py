@@ -18,6 +18,7 @@ from aerokernels.hardware.rows import StoredEcho, encode_label, signed
 from aerokernels.hardware.store import EchoStore
 from aerokernels.hardware.transaction import StoreError
 from aerokernels.inputs.checks import check_path
+from aerokernels.inputs.listed import listed
 
 ECHOES_AT_ONCE = 1024  # most echoes written at a time
 SAMPLES_AT_ONCE = 2**23  # most samples written at a time: one long curve makes every row as long
@@ -84,7 +85,7 @@ def export(store: EchoStore, out: str | Path, label: Mapping[str, str] | None = 
         with store.snapshot():
             extent = _survey(store, label)
             if not extent.count:
-                known = ", ".join(_text_of(one) for one in store.labels()) or "none"
+                known = listed(map(_text_of, store.labels()), "none")
                 raise ValueError(f"store {store.path}: no echoes with label {_text_of(label or {})}; it has: {known}")
             write(store, draft, extent, label)
         draft.replace(out)

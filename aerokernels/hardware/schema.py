@@ -1,5 +1,7 @@
 """Schema of the echo store; docs/hardware.md describes every column."""
 
+import contextlib
+import re
 import sqlite3
 
 APPLICATION_ID = 0x41454348  # marks the SQLite file as an echo store ("AECH")
@@ -91,6 +93,26 @@ def create(connection: sqlite3.Connection) -> None:
         connection.execute(statement)
     connection.execute(f"PRAGMA application_id = {APPLICATION_ID}")
     connection.execute(f"PRAGMA user_version = {SCHEMA_VERSION}")
+
+
+def foreign_part(connection: sqlite3.Connection) -> str:
+    """Return a table, index, view or trigger that a store has and should not have, or the reverse; "" if none.
+
+    A trigger may delete each echo that is stored, a view in place of a table may have no end, an index may refuse rows.
+    Texts are compared without their spaces: an older store has others. SQLite's own statistics do not count.
+    """
+    with contextlib.closing(sqlite3.connect(":memory:")) as new:
+        create(new)
+        differing = sorted(_parts(new) ^ _parts(connection))
+    return " ".join(differing[0][:2]) if differing else ""
+
+
+def _parts(connection: sqlite3.Connection) -> set[tuple[str, str, str]]:
+    found = connection.execute(
+        "SELECT type, name, sql FROM sqlite_master WHERE sql IS NOT NULL AND NOT (type = 'table' AND name LIKE "
+        "'sqlite_stat_')"
+    )
+    return {(str(kind), str(name), re.sub(r"\s*([(),])\s*|\s+", r"\1 ", str(text))) for kind, name, text in found}
 
 
 def upgrade(connection: sqlite3.Connection) -> None:

@@ -8,6 +8,7 @@ single acquisition is started from here. An instrument that supports neither is 
 import re
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -36,6 +37,8 @@ class Dialect:
         acquisition: question for the count of acquisitions, None where there is none.
         single: command that starts a single acquisition, question for its state, and command that ends this mode.
         parse: parser of the answer to `preamble`.
+        maker: name in the answer to `*IDN?` without which the preamble is not believed; empty where its fields have
+            names. Other makers send ten numbers too, and mean other volts by them.
     """
 
     name: str
@@ -45,6 +48,7 @@ class Dialect:
     acquisition: str | None
     single: tuple[str, str, str] | None
     parse: Callable[[str], Preamble]
+    maker: str = ""
 
 
 _TEKTRONIX = ("HEADER ON", "DATA:ENCDG RIBINARY")
@@ -60,6 +64,7 @@ DIALECTS = (
         None,
         (":SINGLE", ":TRIGGER:STATUS?", ":RUN"),
         parse_rigol,
+        "RIGOL",
     ),
 )
 
@@ -179,15 +184,21 @@ def find_dialect(scope: Oscilloscope, name: str = "auto") -> tuple[Dialect, Prea
 
     Args:
         scope: the instrument.
-        name: "auto", or the name of one of `DIALECTS`.
+        name: "auto", or the name of one of `DIALECTS`, which counts where the instrument does not say its maker.
 
     Raises:
-        NoAnswerError: the instrument answers no dialect; the message says what came instead.
+        NoAnswerError: the instrument answers no dialect, or its maker's scale of volts is not known; the message says
+            what came instead.
         OSError, termios.error: the port was lost.
     """
-    why = "no answer"
+    why, identity = "no answer", _identity(scope)
     for dialect in DIALECTS:
         if name not in ("auto", dialect.name):
+            continue
+        named = identity or (dialect.maker if name == dialect.name else "")  # an instrument that does not say its maker
+        if dialect.maker not in named.split(",")[0].upper():
+            if identity:
+                why = f"{identity[:80]!r} is of a maker whose scale of volts is not known, of Tektronix and Rigol it is"
             continue
         for command in dialect.set_up:
             scope.send(command)
@@ -201,6 +212,17 @@ def find_dialect(scope: Oscilloscope, name: str = "auto") -> tuple[Dialect, Prea
             except PreambleError as error:
                 why = str(error)
     raise NoAnswerError(why)
+
+
+def _identity(scope: Oscilloscope) -> str:
+    """Return the answer to `*IDN?`: maker, model, serial number, version; empty if there is none."""
+    for _ in range(2):
+        with suppress(DamagedAnswerError):
+            try:
+                return scope.ask_text("*IDN?", _PROBE_TIME)
+            except NoAnswerError:
+                break
+    return ""
 
 
 def can_answer(scope: Oscilloscope, question: str, words: str) -> bool:

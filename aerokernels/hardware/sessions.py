@@ -8,6 +8,8 @@ its clock fit into a gap of the session: it belongs there, and the gap is smalle
 from collections import deque
 from dataclasses import dataclass
 
+from .rows import Gap
+
 MOST_OPEN_GAPS = 64  # latest gaps into which a late frame may fit
 
 
@@ -54,6 +56,7 @@ class Sessions:
     Attributes:
         last: the latest echo of the port by its number, None before the first.
         missing_count: numbers missing between the echoes of this recording.
+        before_first: gaps before its first echo, which do not count.
         noted: rows of gaps to insert: session, last number before, first number after, count, host time [ns].
         filled: keys of rows to delete first: session, last number before, first number after.
     """
@@ -64,11 +67,18 @@ class Sessions:
         self.missing_count = 0
         self.noted: list[tuple[int, int, int, int, int]] = []
         self.filled: list[tuple[int, int, int]] = []
+        self.before_first: set[Gap] = set()
         self._open: deque[_Gap] = deque(maxlen=MOST_OPEN_GAPS)
         self._has_echo = False  # whether this recording has an echo already
 
-    def follow(self, sequence: int, device_time: int | None, crc: int, host_time_ns: int) -> int:
-        """Return the session of an echo, and note the gap before it or fill the one that it was missing in."""
+    def follow(
+        self, sequence: int, device_time: int | None, crc: int, host_time_ns: int, is_known: bool = False
+    ) -> int:
+        """Return the session of an echo, and note the gap before it or fill the one that it was missing in.
+
+        One that the store has already (`is_known`) and that goes back was sent again, by a board that was not started
+        again.
+        """
         last = self.last
         session, is_back, ahead = 1, False, 1
         if last is not None:
@@ -81,6 +91,8 @@ class Sessions:
                 if gap.before.session == session and gap.holds(sequence, device_time):
                     self._fill(gap, Followed(session, sequence, device_time, crc))
                     return session
+        if is_back and is_known:
+            return session
         here = Followed(session + is_back, sequence, device_time, crc)
         if last is not None and not is_back and ahead > 1:
             self._note(_Gap(last, here, host_time_ns, self._has_echo))
@@ -96,6 +108,8 @@ class Sessions:
         self.noted.append(gap.row)
         self._open.append(gap)
         self.missing_count += gap.missing_count if gap.counts else 0
+        if not gap.counts:
+            self.before_first.add(Gap(*gap.row[:4]))
 
     def _fill(self, gap: _Gap, here: Followed) -> None:
         self._open.remove(gap)

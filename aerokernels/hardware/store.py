@@ -15,9 +15,10 @@ from typing import Any, TypeVar
 from aerokernels.hardware import rows
 from aerokernels.hardware.decoder import DamagedPiece
 from aerokernels.hardware.frames import EchoFrame
+from aerokernels.hardware.gaps import missing_in_store, shared_recordings
 from aerokernels.hardware.preamble import ScopeCurve
 from aerokernels.hardware.rows import Gap, StoredEcho, encode_label
-from aerokernels.hardware.schema import APPLICATION_ID, SCHEMA_VERSION, create, upgrade
+from aerokernels.hardware.schema import APPLICATION_ID, SCHEMA_VERSION, create, foreign_part, upgrade
 from aerokernels.hardware.sessions import Followed, Sessions
 from aerokernels.hardware.store_file import file_identity, free_name, save_copy, store_address
 from aerokernels.hardware.transaction import (
@@ -86,7 +87,6 @@ class EchoStore:
                 create(self._connection)
             elif execute("PRAGMA application_id").fetchone()[0] == APPLICATION_ID:
                 upgrade(self._connection)
-            execute("COMMIT")
         if execute("PRAGMA application_id").fetchone()[0] != APPLICATION_ID:
             raise FileFault(f"store {self.path}: a SQLite file, but not an echo store; give another file name")
         version = execute("PRAGMA user_version").fetchone()[0]
@@ -99,7 +99,10 @@ class EchoStore:
             raise FileFault(
                 f"store {self.path}: schema version {version}, this program knows {SCHEMA_VERSION}; {remedy}"
             )
+        if part := foreign_part(self._connection):
+            raise FileFault(f"store {self.path}: not an echo store's schema ({part}); give another file name")
         if not read_only:
+            execute("COMMIT")
             execute("PRAGMA journal_mode = WAL")
             execute("PRAGMA synchronous = FULL")
             execute(f"PRAGMA wal_autocheckpoint = {_CHECKPOINT_PAGES}")
@@ -158,6 +161,8 @@ class EchoStore:
             self._keys.add(key)
         if not is_new:
             self.duplicate_count += 1
+            if device_time is not None:  # it may have been another recorder that stored it: this one has seen it too
+                self._sessions.follow(sequence, device_time, echo.crc, host_time_ns, is_known=True)
             return False
         session = self._sessions.follow(sequence, device_time, echo.crc, host_time_ns)
         self.pending_bytes += 2 * echo.samples.size + len(echo.raw)
@@ -268,8 +273,14 @@ class EchoStore:
 
     @property
     def missing_count(self) -> int:
-        """Numbers missing between the echoes since `begin_recording`."""
-        return self._sessions.missing_count
+        """Numbers missing between the echoes since `begin_recording`, but for those that another recorder stored."""
+        count = self._sessions.missing_count
+        if not count or self._recording not in shared_recordings(self._rows):
+            return count
+        noted = self._noted(f"WHERE recording = {self._recording}")
+        counted = [(one, gap) for one, gap in noted if gap not in self._sessions.before_first]
+        lacking = sum(gap.missing_count for gap in missing_in_store(self._rows, counted))
+        return count - sum(gap.missing_count for _, gap in counted) + lacking
 
     @property
     def echo_count(self) -> int:
@@ -294,8 +305,7 @@ class EchoStore:
 
     def gaps(self) -> list[Gap]:
         """Return the gaps in the numbers, in the order they were noticed."""
-        found = self._rows("SELECT session, after_sequence, before_sequence, missing_count FROM gaps ORDER BY id")
-        return [self._read(lambda *numbers: Gap(*map(int, numbers)), *row) for row in found]
+        return missing_in_store(self._rows, self._noted())
 
     def snapshot(self) -> AbstractContextManager[None]:
         """Return a context in which all reads show the store at one moment, even while a recorder writes."""
@@ -324,6 +334,11 @@ class EchoStore:
         except (TypeError, ValueError, ArithmeticError, RecursionError) as error:
             reason = " ".join(str(error).split())[:200]
             raise DamagedStoreError(f"store {self.path}: a row is not that of an echo ({reason}); {KEEP_IT}") from None
+
+    def _noted(self, where: str = "") -> list[tuple[int, Gap]]:
+        columns = "recording, session, after_sequence, before_sequence, missing_count"
+        found = self._rows(f"SELECT {columns} FROM gaps {where} ORDER BY id")
+        return [self._read(lambda one, *numbers: (int(one), Gap(*map(int, numbers))), *row) for row in found]
 
     def _is_stored(self, key: tuple[int, int, int]) -> bool:
         query = "SELECT 1 FROM echoes WHERE sequence = ? AND device_time_us = ? AND crc32 = ?"

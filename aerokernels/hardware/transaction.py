@@ -48,7 +48,7 @@ def opening_error(path: Path, error: sqlite3.DatabaseError, read_only: bool, wai
     remedy = "give the file that `record` wrote" if read_only else "give an echo store or a new file name"
     if code == sqlite3.SQLITE_CORRUPT:  # the beginning of the file is that of a database, the rest is not
         remedy = KEEP_IT
-    return FileFault(f"store {path}: {error}; {remedy}")
+    return FileFault(f"store {path}: {' '.join(str(error).split())}; {remedy}")  # SQLite quotes lines of the schema
 
 
 def _code(error: sqlite3.Error) -> int:

@@ -14,6 +14,8 @@ from .kinds import as_whole
 UNEVENNESS = 1e-3
 # No rangefinder has a longer sample period [s]: the times are in nanoseconds, or are sample numbers.
 LONGEST_PERIOD = 1e-3
+# Of rays, pixels, samples: kernels number them by 32 bits.
+GREATEST_COUNT = 2**31 - 1
 
 # Times [s], samples, and the sample period [s], as `as_waveform` returns them.
 Waveform = tuple[np.ndarray, np.ndarray, float]
@@ -60,15 +62,16 @@ def check_at_least(value: float, name: str, least: float = -math.inf) -> float:
     return number
 
 
-def check_count(count: float, name: str = "ray_count", least: int = 1, most: int | None = None) -> int:
+def check_count(count: float, name: str = "ray_count", least: int = 1, most: int = GREATEST_COUNT) -> int:
     """Return a whole number, which may be given as a float, that is not below `least`, nor above `most`.
 
     Raises:
         ValueError: It is not.
     """
     number = as_whole(count)
-    if number is None or number < least or (most is not None and number > most):
-        limits = f"of at least {least}" if most is None else f"from {least} to {most}"
+    if number is None or not least <= number <= most:
+        is_small = most == GREATEST_COUNT and (number is None or number < least)
+        limits = f"of at least {least}" if is_small else f"from {least} to {most}"
         raise ValueError(f"{name} must be a whole number {limits}, got {count!r}")
     return number
 
@@ -107,8 +110,8 @@ def check_aperture(diameter: float, distance: float) -> None:
     """
     if diameter > distance:
         raise ValueError(
-            f"a receiver of {diameter:g} m diameter is wider than its target is far, {distance:g} m: give both in "
-            "metres, 12e-3 for 12 mm"
+            f"a receiver of {diameter:g} m diameter is wider than its target is far, {distance:g} m: give both, "
+            "receiver.diameter and target.distance, in metres, 12e-3 for 12 mm"
         )
 
 

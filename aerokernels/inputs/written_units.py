@@ -1,4 +1,4 @@
-"""Parse units as files write them in attributes and names: "kg m-3", "kilogram / meter ** 3", "hPa", "lb/ft^3".
+"""Parse units as files write them in attributes and names: "kg m-3", "kilogram / meter ** 3", "hPa", "0.2 kg/m3".
 
 `units.quantity` reads what a user types: a number and one unit of a short list. Programs write products and quotients
 of units beside their arrays, in many spellings; this module converts them to a factor to SI.
@@ -77,6 +77,8 @@ _SPELLING = str.maketrans(
 _TOKEN = re.compile(r"(?P<over>/)|(?P<open>\()|(?P<close>\))|(?P<one>1(?![\d.]))|(?P<unit>[A-Za-z]+)"
                     r"(?:\^?(?:\((?P<inner>[-+]?\d{1,2})\)|(?P<power>[-+]?\d{1,2})))?|[\s.*]+")  # fmt: skip
 
+_NUMBER = re.compile(r"(\d{1,30}(?:\.\d{0,30})?(?:[eE][-+]?\d{1,3})?)[\s*]+(?=[A-Za-z(])")  # 0.2 kg/m3
+
 
 @dataclass(frozen=True)
 class WrittenUnit:
@@ -101,7 +103,9 @@ def written_unit(text: str) -> WrittenUnit | None:
     if (found := _FROM_ANOTHER_ZERO.get(re.sub(r"[\s_]", "", plain.lower()))) is not None:
         return WrittenUnit(*found, DIMENSIONS["temperature"])
     plain = re.sub(r"\s*(\^|/)\s*", r"\1", re.sub(r"\bper\b", "/", plain))
-    factor, exponents, at = Fraction(1), list(NONE), 0  # exact, so that a g/cm3 is 1000 kg/m3 and not its neighbour
+    number = _NUMBER.match(plain)
+    # Exact, so that a g/cm3 is 1000 kg/m3 and not its neighbour.
+    factor, exponents, at = Fraction(number[1] if number else 1), list(NONE), number.end() if number else 0
     sign, group = 1, [1]
     while at < len(plain):
         match = _TOKEN.match(plain, at)

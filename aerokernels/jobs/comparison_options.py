@@ -53,4 +53,4 @@ class CompareOptions:
         if self.threshold is not None and not (np.isfinite(self.threshold) and self.threshold > 0.0):
             raise ValueError(f"threshold = {self.threshold}: give a positive voltage")
         check_count(self.ranged_count, "ranged_count", least=2)  # a spread needs two echoes
-        check_count(self.seed, "seed", least=0)
+        check_count(self.seed, "seed", 0, 2**63 - 1)

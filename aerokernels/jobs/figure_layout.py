@@ -42,13 +42,24 @@ LEAST_WIDTH = 5.2  # least width of a figure, so that its title fits [in]
 def house_style(style: Mapping[Any, Any] | None = None) -> Iterator[None]:
     """Draw the block in Matplotlib's own defaults and `style`, whatever a user's matplotlibrc says.
 
-    One with `text.usetex` needs LaTeX, which reads "%", "#" and "_" in a name as commands.
+    One with `text.usetex` needs LaTeX, which reads "%", "#" and "_" in a name as commands. Nor is a text read as a
+    formula: labels and names of files may hold "$".
     """
     from matplotlib import rc_context, rcParamsDefault
 
     own = {name: value for name, value in rcParamsDefault.items() if not name.startswith(NOT_DRAWN)}
-    with rc_context({**own, **(style or {})}):
+    with rc_context({**own, "text.parse_math": False, **(style or {})}):
         yield
+
+
+def plain_decades(axes: "Axes") -> None:
+    """Label logarithmic axes by plain numbers: by default Matplotlib writes them as formulas."""
+    from matplotlib.ticker import LogFormatter
+
+    for axis in (axes.xaxis, axes.yaxis):
+        if axis.get_scale() == "log":
+            axis.set_major_formatter(LogFormatter())
+            axis.set_minor_formatter(LogFormatter())
 
 
 @dataclass(frozen=True)

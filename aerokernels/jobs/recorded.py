@@ -21,6 +21,7 @@ import numpy as np
 from aerokernels.files.netcdf_reading import open_netcdf
 from aerokernels.hardware.store import EchoStore
 from aerokernels.inputs.checks import check_path
+from aerokernels.inputs.listed import listed
 from aerokernels.inputs.units import quantity
 from aerokernels.jobs.recorded_csv import csv_echoes
 from aerokernels.process.fault_text import FileFault
@@ -139,9 +140,7 @@ def waveforms(data: "xarray.Dataset", path: Path) -> Iterator[RecordedEcho]:
     """
     with _naming_file(path):
         if "voltage" not in data.variables or data["voltage"].ndim not in (1, 2):
-            raise FileFault(
-                f"{path}: holds no `voltage` over (echo, sample); it has: {', '.join(map(str, data.variables))}"
-            )
+            raise FileFault(f"{path}: holds no `voltage` over (echo, sample); it has: {listed(data.variables)}")
         keys = [str(name) for name in data.variables if str(name).startswith("label_")]
         timed = "time" in data.variables
         volts = _in_si(path, _echoes_first(path, data), "voltage", "V")

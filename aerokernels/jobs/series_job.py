@@ -1,7 +1,7 @@
 """Run a series job: OPD maps of flow snapshots, their statistics, and a report.
 
-DIR/series.zarr holds the maps, DIR/statistics.nc their statistics, DIR/summary.json the scalar statistics, each with
-its standard error, and DIR/report.html figures and a film.
+DIR/series.zarr holds the maps, DIR/statistics.nc their statistics with standard errors, DIR/summary.json the scalar
+statistics, each with its error, which is two standard errors, and DIR/report.html figures and a film.
 """
 
 import json
@@ -123,15 +123,18 @@ def _run_alone(scene: Scene, out: Path, progress: Progress | None) -> dict[str, 
 
 
 def summarise(scene: Scene, maps: "xarray.Dataset", found: "xarray.Dataset") -> dict[str, Any]:
-    """Return the scalar statistics with their standard errors and the provenance; NaN becomes None."""
+    """Return the scalar statistics with their errors and the provenance; NaN becomes None."""
     names = [str(name) for name in found.data_vars if found[name].ndim == 0 and not str(name).endswith("_error")]
+    from aerokernels.jobs.series_report import STANDARD_ERRORS
+
     errors = np.asarray(maps["error"].values)
     return to_json(
         {
             "scene": scene.name,
             "title": scene.title,
             **{name: float(found[name]) for name in names},
-            "errors": {name: float(found[f"{name}_error"]) for name in names},
+            "errors": {name: STANDARD_ERRORS * float(found[f"{name}_error"]) for name in names},
+            "independent_count": found.attrs["independent_count"],
             "drifting": found.attrs["drifting"],
             "skipped": found.attrs["skipped"],
             "snapshot_count": int(maps.sizes["time"]),

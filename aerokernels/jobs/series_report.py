@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from aerokernels.display.quantities import Quantity
-from aerokernels.jobs.figure_layout import Panel, panelled_figure
+from aerokernels.jobs.figure_layout import Panel, panelled_figure, plain_decades
 from aerokernels.jobs.page import (
     Picture,
     cards,
@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     import xarray
     from matplotlib.figure import Figure
 
+STANDARD_ERRORS = 2.0  # of which an error consists: it contains the truth in 95 of 100 cases
 MOST_FRAMES, FRAME_SIDE = 60, 320  # most frames of the film, and least pixels along a side
 HEADLINES = (
     ("opd_rms", "OPD, rms, tilt removed", "nm", 1e9),
@@ -61,23 +62,20 @@ def headline_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
 
 def series_report(scene: Scene, maps: "xarray.Dataset", found: "xarray.Dataset", summary: Mapping[str, Any]) -> str:
     """Return the HTML page of a finished series."""
-    lead = f"{summary['snapshot_count']} snapshots, {summary['traced_count']} of them traced in full; "
+    lead = f"{summary['snapshot_count']} snapshots, as many as {summary['independent_count']:.3g} independent ones, "
+    lead += f"{summary['traced_count']} traced in full; "
     lead += f"{summary['provenance']}; aerokernels {summary['version']}"
     notes = [("Warning", text) for text in summary["warnings"]]
     notes += [(words, summary[key]) for key, words in (("drifting", "Drifts"), ("skipped", "Skipped")) if summary[key]]
     if summary["known_share"] < 1.0 - GREATEST_SHARE:
         lost = f"{100.0 * (1.0 - summary['known_share']):.3g} % of the pupil has no optical path; no number includes it"
         notes.append(("Known air", lost))
-    numbers = [
-        (name, Quantity(float(found[name]), float(found[f"{name}_error"])).text(), str(found[name].attrs["units"]))
-        for name in map(str, found.data_vars)
-        if found[name].ndim == 0 and not name.endswith("_error")
-    ]
+    numbers = [(name, quantity_of(summary, name).text(), str(found[name].attrs["units"])) for name in summary["errors"]]
     parts = [
         remarks(notes) + cards(headline_rows(summary)),
         section("Film of the optical path difference", film(maps)),
         section("Pictures", pictures(_pictures(maps, found))),
-        section("Numbers (SI), each with its standard error", table(("quantity", "value", "unit"), numbers)),
+        section("Numbers (SI), each with two standard errors", table(("quantity", "value", "unit"), numbers)),
         section("How the maps were computed", paragraph(str(summary["plan"]))),
         section("Scene as it was run", text_block(scene_toml(scene))),
     ]
@@ -176,6 +174,7 @@ def _spectra_figure(found: "xarray.Dataset") -> "Figure":
     opd.set(xlabel=words, ylabel="nm²/Hz")
     tilt.set(xlabel=words, ylabel="µrad²/Hz")
     for axes in (opd, tilt):
+        plain_decades(axes)
         if axes.get_legend_handles_labels()[0]:
             axes.legend()
     return figure
@@ -195,7 +194,8 @@ def _modes_figure(found: "xarray.Dataset") -> "Figure":
     count = min(3, int((found.pod_energy.values > 0.0).sum()))
     figure, panels = panelled_figure(*[Panel(2.6, 2.6, bar=True)] * count)
     for k, (axes, bar) in enumerate(panels):
-        share = Quantity(100.0 * float(found.pod_share[k]), 100.0 * float(found.pod_share_error[k])).text()
+        error = 100.0 * STANDARD_ERRORS * float(found.pod_share_error[k])
+        share = Quantity(100.0 * float(found.pod_share[k]), error).text()
         _map(figure, axes, bar, found, found.pod_mode.values[k], "", True)
         axes.set_title(f"{share} %", y=1.0)
     return figure

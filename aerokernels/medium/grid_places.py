@@ -1,8 +1,6 @@
 """Positions of a uniform grid's nodes, on which results that depend only on them are cached for all fields."""
 
-from collections.abc import Callable, Hashable
 from dataclasses import dataclass
-from typing import Any
 from weakref import WeakValueDictionary
 
 import numpy as np
@@ -36,18 +34,3 @@ def places_of(shape: tuple[int, ...], origin: np.ndarray, spacing: np.ndarray, e
     in_use: WeakValueDictionary[tuple, GridPlaces] = OPENED.once("positions of nodes in use", WeakValueDictionary)
     key = shape, origin.tobytes(), spacing.tobytes(), even_first_axis
     return in_use.get(key) or in_use.setdefault(key, GridPlaces(shape, origin, spacing, even_first_axis))
-
-
-def known(samples: Any, key: Hashable, make: Callable[[], Any], most: int) -> Any:
-    """Return the result of `make()`, cached with the positions of a uniform grid's nodes.
-
-    For other samples `make()` is called each time.
-
-    Args:
-        samples: The samples of a field.
-        key: Names the result, as in `Derived.derive`. A result that depends on node values needs them in its key.
-        make: Computes the result.
-        most: Greatest number of results of this kind that are cached, the latest.
-    """
-    places: GridPlaces | None = getattr(samples, "places", None)
-    return make() if places is None else places.derive(key, make, most)

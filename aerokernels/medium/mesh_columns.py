@@ -4,10 +4,9 @@ A line is cut where it crosses edges of cells (in an axisymmetric mesh: the cone
 Each piece is in one cell, the one that contains its midpoint.
 """
 
-from functools import partial
-
 import numpy as np
 
+from ..derived import cached_on
 from .bodies.crossings import as_lines, crossings
 from .grid import local_coordinates
 from .mesh import QuadMesh
@@ -39,15 +38,13 @@ def mesh_columns(mesh: QuadMesh, values: np.ndarray, position, direction, ends=N
     ends = None if ends is None else np.asarray(ends, dtype=np.float64)
     if not len(position):
         return np.zeros(0)
-    cut = partial(_pieces, mesh, position, direction, ends)
-    if len(position) <= KEPT_LINES:  # the next call may have other values on the mesh along the same lines
-        given = (position.tobytes(), direction.tobytes(), None if ends is None else ends.tobytes())
-        line, cell, length = mesh.derive(("pieces of lines", *given), cut, most=1)
-    else:
-        line, cell, length = cut()
+    # The next call may have other values on the mesh along the same lines.
+    pieces = _pieces if len(position) <= KEPT_LINES else _pieces.function
+    line, cell, length = pieces(mesh, position, direction, ends)
     return np.bincount(line, np.where(cell >= 0, values[cell], 0.0) * length, len(position))
 
 
+@cached_on("mesh")
 def _pieces(mesh: QuadMesh, position: np.ndarray, direction: np.ndarray, ends) -> tuple[np.ndarray, ...]:
     """Return the pieces of lines between cuts: number of the line, cell (-1 for none), and length [m]."""
     edges = np.unique(np.sort(np.stack([mesh.cells, np.roll(mesh.cells, -1, axis=1)], axis=-1).reshape(-1, 2)), axis=0)

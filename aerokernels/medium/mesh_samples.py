@@ -58,6 +58,11 @@ class MeshSamples(Derived):
             raise ValueError("interpolation 'cells' needs averages over cells, and there are values at vertices only")
 
     @property
+    def places(self) -> QuadMesh:
+        """The positions of the nodes, on which is cached what depends on nothing else."""
+        return self.mesh
+
+    @property
     def low(self) -> np.ndarray:
         """Lowest corner of the bounding box [m]."""
         return self.mesh.box[0]

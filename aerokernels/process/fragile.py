@@ -19,8 +19,9 @@ from pathlib import Path
 from typing import IO, Any, NamedTuple
 
 from .fault_text import FileFault
-from .machine import address_space, child_environment, host_memory
+from .machine import address_space, host_memory, python_child
 from .opened import OPENED
+from .own_files import LISTS, check_own_files
 
 # A damaged file may announce more than it holds. The limits of memory and time are therefore proportional to the file's
 # size, with room for compressed data. Files that only list other files may use most of the machine's memory.
@@ -29,7 +30,7 @@ LEAST_MEMORY, MEMORY_FOR_BYTE = 2.0e9, 200.0  # [bytes], and bytes per byte of t
 LEAST_TIME, TIME_FOR_BYTE = 20.0, 1e-6  # [s], and s per byte: a twentieth of a slow disk's speed
 # A library in an endless loop on a damaged file is ended by its computing time; a small file takes 2 s.
 LEAST_COMPUTING = 6.0  # [s], and TIME_FOR_BYTE per byte
-LISTS, TIME_FOR_LISTS = (".pvd", ".series", ".vtm", ".vtmb", ".pvti", ".pvtr", ".pvts", ".pvtu"), 600.0  # [s]
+TIME_FOR_LISTS = 600.0  # [s]
 # Readers need no linear algebra, whose threads would each take address space: on many cores more than the limit.
 ONE_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 DAMAGED = "the file is damaged or of another format: write it again"
@@ -62,11 +63,10 @@ class _Child:
 
     def __init__(self):
         self.process = subprocess.Popen(
-            [sys.executable, "-m", __name__],
+            **python_child(["-m", __name__], ONE_THREAD),
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
-            env=child_environment(ONE_THREAD),
         )
 
     def ask(self, request: Any, time_limit: float) -> Any:
@@ -111,9 +111,12 @@ def in_child(path: Path, function: str, *arguments: Any) -> Any:
 
     Raises:
         LibraryEndedError: The child ended, or exceeded its limits.
+        OwnFilesError: The file names others that it may not.
         Exception: Any exception of the function.
     """
-    bounds = bounds_of(path)
+    bounds, folder = bounds_of(path), os.sep
+    with suppress(OSError):  # the working directory is gone
+        folder = os.getcwd()
     with OPENED.lock:
         idle = _idle()  # empty in a forked process: the parent's children stay the parent's
         used = idle.pop() if idle else None
@@ -124,7 +127,7 @@ def in_child(path: Path, function: str, *arguments: Any) -> Any:
     for child in (used, None) if used is not None else (None,):
         child = child or _Child()
         try:
-            raised, answer, open_still = child.ask((path, bounds, function, arguments), bounds.time)
+            raised, answer, open_still = child.ask((folder, path, bounds, function, arguments), bounds.time)
             break
         except (EOFError, OSError):
             status = child.end()
@@ -175,11 +178,14 @@ def _serve(requests: IO[bytes], answers: IO[bytes]) -> None:
     inherited = address_space()
     while True:
         try:
-            path, bounds, function, arguments = pickle.load(requests)
+            folder, path, bounds, function, arguments = pickle.load(requests)
         except EOFError:
             return
+        with suppress(OSError):
+            os.chdir(folder)  # paths may be relative, and the caller may have changed it since the child was started
         limit(bounds, inherited)
         try:
+            check_own_files(path)
             module, _, name = function.partition(":")
             raised, answer = False, getattr(import_module(module), name)(*arguments)
         except Exception as fault:

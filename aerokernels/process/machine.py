@@ -3,9 +3,10 @@
 import math
 import os
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 from .opened import OPENED
 
@@ -57,13 +58,16 @@ def free_memory() -> float:
     return max(0.0, min(_available(), *free))
 
 
-def child_environment(own: Mapping[str, str] | None = None) -> dict[str, str]:
-    """Return the environment of a child Python process: this one's and `own`, with this process's `sys.path`.
+def python_child(arguments: Sequence[str], own: Mapping[str, str] | None = None) -> dict[str, Any]:
+    """Return `args` and `env` of a child Python process for `subprocess`; every child of this package is started so.
 
-    Packages may have been added to `sys.path` while this process ran; this package may be one of them.
+    The environment is this process's and `own`, with this process's `sys.path`: packages may have been added to it
+    while this process ran, and this package may be one of them. `-P` keeps the working directory off the child's path:
+    a `random.py` beside somebody's flow file is not imported.
     """
     paths = dict.fromkeys([*filter(None, sys.path), str(Path(__file__).resolve().parents[2])])
-    return {**os.environ, **(own or {}), "PYTHONPATH": os.pathsep.join(paths)}
+    environment = {**os.environ, **(own or {}), "PYTHONPATH": os.pathsep.join(paths)}
+    return {"args": [sys.executable, "-P", *arguments], "env": environment}
 
 
 def _available() -> float:

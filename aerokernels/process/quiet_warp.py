@@ -12,7 +12,7 @@ from pathlib import Path
 import warp as wp
 
 from .opened import OPENED
-from .spare_cache import NoCacheError, spare_cache, temporary_folder, why_misread, why_unusable
+from .spare_cache import NoCacheError, spare_cache, temporary_folder, why_misread, why_untrusted, why_unusable
 from .warp_cache import lend_modules, remove_damaged
 
 FLAGS = "AEROKERNELS_WARP_FLAGS"
@@ -36,7 +36,7 @@ def _start() -> None:
     try:
         _silently(wp.init)
         usual = Path(wp.config.kernel_cache_dir)
-        why = why_unusable(usual) or why_misread(usual)
+        why = why_unusable(usual) or why_untrusted(usual) or why_misread(usual)
     except OSError as error:
         why = f"Warp's kernel cache cannot be made ({error})"
     place = _spare(why, usual) if why else str(usual)

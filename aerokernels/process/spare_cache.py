@@ -3,6 +3,7 @@
 import atexit
 import os
 import shutil
+import stat
 import tempfile
 import warnings
 from contextlib import suppress
@@ -25,6 +26,30 @@ def why_unusable(folder: Path) -> str:
     if not os.access(folder, os.W_OK | os.X_OK):
         return f"{folder} cannot be written (no right to write)"
     return f"the disk of {folder} is full" if _free_space(folder) < LEAST_SPACE else ""
+
+
+def why_untrusted(folder: Path) -> str:
+    """Return why another user could have put code into a folder; empty if none could.
+
+    It, its links and the folders that contain it belong to this user or to root; others may write in none of them, but
+    in those above it that keep each user's files from the others, as /tmp does.
+    """
+    if not hasattr(os, "geteuid"):  # Windows gives each user folders of his own
+        return ""
+    trusted = {os.geteuid(), 0, os.stat("/").st_uid}
+    whole, real = Path(os.path.abspath(folder)), Path(os.path.realpath(folder))
+    for place in dict.fromkeys((real, *real.parents, whole, *whole.parents)):
+        try:
+            state = os.lstat(place)
+        except OSError as error:
+            return f"{place} cannot be examined ({error.strerror or type(error).__name__})"
+        if state.st_uid not in trusted:
+            return f"{place} belongs to another user"
+        others = stat.S_IWOTH | (stat.S_IWGRP if place == real and state.st_gid != os.getegid() else 0)
+        if state.st_mode & others and not stat.S_ISLNK(state.st_mode):
+            if place == real or not state.st_mode & stat.S_ISVTX:
+                return f"{place} may be written by other users"
+    return ""
 
 
 def why_misread(folder: Path) -> str:

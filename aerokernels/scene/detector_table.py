@@ -93,7 +93,9 @@ class DetectorTable(Table):
         "Whether the recorded voltage has noise. If the bandwidth is unlimited, the noise has a bandwidth of half the "
         "sample rate.",
     )
-    seed: Annotated[Whole, Field(ge=0)] = key(0, "Seed of the noise: the same seed gives the same record.")
+    seed: Annotated[Whole, Field(ge=0, le=2**63 - 1)] = key(
+        0, "Seed of the noise: the same seed gives the same record."
+    )
     saturation: Annotated[Voltage | None, absent("unlimited")] = key(
         None, 'Greatest voltage of the amplifier, or "unlimited" (default).'
     )
@@ -119,7 +121,7 @@ class DetectorTable(Table):
         False,
         "Whether the leading edge's range is corrected for the peak's height, using the echo without flow.",
     )
-    trial_count: Annotated[Whole, Field(ge=0)] = key(
+    trial_count: Annotated[Whole, Field(ge=0, le=10**6)] = key(
         0, "Number of noisy records that are ranged to find the random error, at least 2; 0: none."
     )
 

@@ -7,7 +7,7 @@ import numpy as np
 from pydantic import BeforeValidator, model_validator
 
 from ..pupils import Annulus, Disc, Pupil, Rectangle
-from .values import Coordinate, Count, Fraction, Length, Number, Power, Share, Table, Tilt, Time, key
+from .values import Coordinate, Fraction, Length, Number, PointCount, Power, Share, Table, Tilt, Time, key
 
 LEAST_PULSE_SAMPLES = 4
 
@@ -33,8 +33,8 @@ def _pulse_samples(value: Any) -> tuple[float, ...]:
         raise ValueError(
             "a sample of the pulse is negative or not finite: subtract the record's offset, and cut off its noise"
         )
-    if value and not max(value) > 0.0:
-        raise ValueError("all samples of the pulse are zero")
+    if value and not 1e-12 <= max(value) <= 1e12:
+        raise ValueError("the pulse's greatest sample must be from 1e-12 to 1e12: 1, say")
     return tuple(map(float, value))
 
 
@@ -75,7 +75,9 @@ class BeamTable(Table):
         (), 'Relative power at equal time steps, for pulse "sampled"; the peak is at t = 0 and has peak_power.'
     )
     pulse_sample_period: Time = key("1 ns", "Time between two of pulse_samples.")
-    ray_count: Count = key(512, "Number of target points in the sum of the echo (eq 10), one emitted ray each.")
+    ray_count: PointCount = key(
+        512, "Number of target points in the sum of the echo (eq 10), one emitted ray each; more where rays are lost."
+    )
 
     @model_validator(mode="after")
     def _samples_go_with_the_shape(self) -> "BeamTable":
@@ -163,7 +165,7 @@ class ReceiverTable(Table):
     )
     inner_diameter: Length | None = key(None, 'Diameter of the central obstruction, for shape "annulus".')
     height: Length | None = key(None, 'Extent of the pupil in y, for shape "rectangle"; absent: a square.')
-    ray_count: Count = key(256, "Rays over the pupil for each target point, for its Strehl ratio.")
+    ray_count: PointCount = key(256, "Rays over the pupil for each target point, for its Strehl ratio.")
     return_factor: Literal["strehl", "bucket", "none"] = key(
         "strehl",
         'Factor by which the flow reduces the returning light. "strehl": the Strehl ratio, the relative peak intensity '

@@ -2,13 +2,9 @@
 
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BeforeValidator, FiniteFloat, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
-from .values import Angle, Length, Number, Table, key, measured
-
-Pressure = Annotated[float, measured("pressure")]
-Temperature = Annotated[float, measured("temperature")]
-Density = Annotated[float, measured("density")]
+from .values import Angle, Density, Length, Number, Pressure, Table, Temperature, key
 
 
 def _axis(value: str) -> str:
@@ -38,6 +34,7 @@ def _time(value: Any) -> str | float:
 
 
 Axis = Annotated[str, AfterValidator(_axis)]
+Place = Annotated[float, Field(ge=-1e12, le=1e12)]
 
 
 class FileTable(Table):
@@ -54,7 +51,7 @@ class FileTable(Table):
     )
     optical: Axis | None = key(None, 'The optical axis in the file\'s axes: "-x" looks against a flow along +x.')
     up: Axis | None = key(None, "Direction of +y in the file's axes, at right angles to the optical axis.")
-    origin: tuple[FiniteFloat, FiniteFloat, FiniteFloat] = key(
+    origin: tuple[Place, Place, Place] = key(
         (0.0, 0.0, 0.0), "The point of the file that becomes the origin, in the file's unit of length."
     )
     rotation: Angle = key("0 deg", "Angle about x by which the optical axis is turned toward up.")
@@ -80,6 +77,12 @@ class FileTable(Table):
     spacing: Length | None = key(None, "Greatest node spacing of the grid to which a volume is resampled.")
     mesh: str | None = key(None, "The mesh that belongs to an SU2 restart file.")
     solution: str | None = key(None, "The solution that belongs to a Plot3D grid.")
+
+    order: str | None = key(
+        None,
+        'The axes of the arrays in an NPZ or HDF5 file, such as "yx" for those of numpy.meshgrid; if absent, lengths '
+        "tell, or else they are taken in the order x, y, z, or r, z, with a warning.",
+    )
 
     @model_validator(mode="after")
     def _density_from_one_source(self) -> "FileTable":
@@ -112,5 +115,5 @@ class FileTable(Table):
             "walls": self.walls,
             "spacing": self.spacing,
         }
-        companions = {"mesh": self.mesh, "solution": self.solution}
+        companions = {"mesh": self.mesh, "solution": self.solution, "order": self.order}
         return options | {name: value for name, value in companions.items() if value is not None}

@@ -16,6 +16,7 @@ from .errors import SceneError
 
 _SHIPPED = files("aerokernels") / "scenes"
 _COMMON = _SHIPPED / "common" / "laser_rangefinder.toml"  # the tables from [beam] on, which end every shipped scene
+MOST = 4 << 20  # [bytes] of a scene
 DEEPEST = 100  # greatest nesting of tables and lists: deeper than any scene, below Python's recursion limit
 CHANGED = "-changed"  # ends the name of a scene whose values were changed
 _PART = r"""(?:"[^"\n]*+"|'[^'\n]*+'|[\w-]++)"""
@@ -53,9 +54,9 @@ def read_scene(place: str | Path) -> tuple[str, str, dict[str, Any]]:
     """
     path, name = Path(place), str(place)
     if name == "-":
-        read, label, stem = sys.stdin.buffer.read, "standard input", "scene"
+        read, label, stem = lambda: sys.stdin.buffer.read(MOST + 1), "standard input", "scene"
     elif os.path.isfile(path):
-        read, label, stem = path.read_bytes, str(path), path.stem
+        read, label, stem = lambda: _start_of(path), str(path), path.stem
     elif name in shipped_scenes():
         read, label, stem = shipped_scene_text(name).encode, f"{name}.toml", name
     else:
@@ -65,17 +66,26 @@ def read_scene(place: str | Path) -> tuple[str, str, dict[str, Any]]:
         what = "is a folder" if os.path.isdir(path) else "there is no such scene file"
         raise SceneError(f"{name}: {what}; {hint}give a TOML file or a shipped scene: {', '.join(shipped_scenes())}")
     try:
-        return label, stem, _toml(read().decode("utf-8-sig"))  # Windows editors may write a byte-order mark
+        if len(text := read()) > MOST:
+            raise SceneError(f"{label}: longer than {MOST >> 20} MiB, which no scene is: give a TOML file")
+        return label, stem, _toml(text.decode("utf-8-sig"))  # Windows editors may write a byte-order mark
     except OSError as fault:
         raise SceneError(f"{label}: cannot be read, {fault.strerror}: check the file and its permissions") from None
     except UnicodeDecodeError as fault:
         raise SceneError(f"{label}: byte {fault.start} is not UTF-8: save the scene as UTF-8 text") from None
     except RecursionError:
         raise SceneError(f"{label}: tables and lists are nested too deeply, more than {DEEPEST} times") from None
+    except SceneError:
+        raise
     except ValueError as fault:  # not TOML, or a number of thousands of digits
         raise SceneError(
             f'{label}: not valid TOML, {fault}: write key = value, and texts such as "1.5 m" in quotes'
         ) from None
+
+
+def _start_of(path: Path) -> bytes:
+    with path.open("rb") as file:
+        return file.read(MOST + 1)
 
 
 def _toml(text: str) -> dict[str, Any]:

@@ -126,7 +126,10 @@ class Scene(Table):
             if source in shipped_names()
             else read(Path(source).expanduser(), species=self.flow.species, **self.flow.file.read_options())
         )
-        return field if own else field.scaled(density)
+        try:
+            return field if own else field.scaled(density)
+        except ValueError as fault:
+            raise ValueError(f"flow.density = {density:g} kg/m3: {fault}") from None
 
     def as_dict(self) -> dict[str, Any]:
         """Return all values, defaults included, in SI units, as plain JSON types: the provenance in results."""

@@ -4,9 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from .values import Angle, Count, Elevation, Length, Speed, Table, Time, key, measured
-
-Density = Annotated[float, measured("density"), Field(gt=0.0)]
+from .values import Angle, Count, Density, Elevation, Length, Speed, Table, Time, key
 
 
 class SeriesTable(Table):
@@ -29,7 +27,7 @@ class SeriesTable(Table):
     elevation: Elevation | None = key(
         None, "Angle toward +y at which the rays leave the pupil; pupil.elevation if absent."
     )
-    pixel_count: Annotated[Count, Field(ge=2)] = key(64, "Pixels across the pupil.")
+    pixel_count: Annotated[Count, Field(ge=2, le=10_000)] = key(64, "Pixels across the pupil.")
     remove: tuple[Literal["piston", "tilt"], ...] = key(("piston", "tilt"), "Terms that are removed from each map.")
     velocity: Speed | None = key(None, "Speed in the Strouhal number, 'm/s'; without it, spectra are over frequency.")
     length: Length | None = key(None, "Length in the Strouhal number; the pupil's width if absent.")

@@ -9,7 +9,7 @@ detector in detector_table.py.
 import os
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BeforeValidator, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from ..flow import gladstone_dale_constant, refractivity_model, shipped_names
 from ..flow.gas import check_density
@@ -39,8 +39,8 @@ def _density(value: Any) -> float | str:
         number = quantity(value, "density")
     except (TypeError, ValueError):
         raise ValueError("give 'tunnel', 'sea-level' or a density such as '0.5 kg/m3'") from None
-    if number <= 0.0:
-        raise ValueError("a density must be above 0 kg/m3")
+    if number < 1e-12:
+        raise ValueError("a density must be at least 1e-12 kg/m3")
     return check_density(number, "a density")
 
 
@@ -169,7 +169,7 @@ class GridTable(Table):
 class StrehlTable(Table):
     """[strehl]: the Strehl ratio of a plane wave through the pupil of [pupil] or [receiver]."""
 
-    ray_count: Count = key(1_000_000, "Rays over the pupil.")
+    ray_count: Annotated[Count, Field(ge=16)] = key(1_000_000, "Rays over the pupil.")
     remove: tuple[Literal["piston", "tilt", "focus"], ...] = key(
         ("piston",),
         'Terms removed from the wavefront first: ["piston"], ["piston", "tilt"] or ["piston", "tilt", "focus"].',

@@ -8,7 +8,6 @@ computed as well, makes no such assumption: the ratio of the two is the error of
 in time at a point of the pupil, with the mean over the pupil and the tilt of each map included.
 """
 
-import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -19,7 +18,7 @@ from ..flow import DensityField, GridMesh, Series, refractivity_model
 from ..rays import as_unit_vector
 from .line_integrals import LineIntegrals
 from .modes import first_zero_weights, integral_length
-from .uncertainty import Mean, mean_of, root_of
+from .uncertainty import Mean, about_mean_of, root_of, standard_errors
 
 RAYS = 49
 # Greatest difference between times of one snapshot, over the step between snapshots.
@@ -70,8 +69,11 @@ def linking_equation(
     lines = LineIntegrals(series.mesh, chosen, as_unit_vector(direction, "direction"), "linear")
     factor = float(model.constant(wavelength))
     densities = np.stack([lines.along(_on_grid(series, number)) for number in numbers])
-    linked, path = factor**2 * _linked_and_path(densities, lines.path_weights())
-    return {"opd_rms_linking": root_of(mean_of(linked)), "opd_rms_path": root_of(mean_of(path))}
+    weights = lines.path_weights()
+    names = "opd_rms_linking", "opd_rms_path"
+    squares = factor**2 * _linked_and_path(densities, weights)
+    independent = float(standard_errors(np.einsum("tnp,np->tn", densities, weights))[1].mean())
+    return {name: root_of(about_mean_of(one, independent)) for name, one in zip(names, squares, strict=True)}
 
 
 def snapshots_at(series: Series, times: np.ndarray) -> list[int]:
@@ -113,13 +115,14 @@ def _on_grid(series: Series, number: int) -> np.ndarray:
 def _linked_and_path(densities: np.ndarray, weights: np.ndarray) -> np.ndarray:
     """Return the contribution of each snapshot to the two variances over K^2 [kg2/m4], means over rays, shape (2, t).
 
+    The variances are those about the mean of the snapshots, which is not corrected for.
+
     Args:
         densities: Along the rays [kg/m3], shape (t, n, planes).
         weights: The length of each ray that each plane represents [m], shape (n, planes).
     """
-    count = len(densities)
-    left = (densities - densities.mean(axis=0)) * math.sqrt(count / (count - 1))
-    found = np.zeros((2, count))
+    left = densities - densities.mean(axis=0)
+    found = np.zeros((2, len(densities)))
     for along, step in zip(np.moveaxis(left, 1, 0), weights, strict=True):
         covariance = along.T @ along  # of any scale: its shape alone counts below
         pitch = float(step.max())

@@ -112,9 +112,10 @@ def optical_series(
     check_positive(tolerance, "tolerance", "waves")
     if len(series) == 0:
         raise ValueError("the series is empty: no snapshot")
-    grid = pupil_grid(pupil, pixel_count)
+    look = None if direction is None else as_unit_vector(direction, "direction")
+    grid = pupil_grid(pupil, pixel_count, look)
+    look = pupil.normal if look is None else look
     terms = check_terms(remove)
-    look = pupil.normal if direction is None else as_unit_vector(direction, "direction")
     options = {"backend": backend, "device": device, "precision": precision}
     wavelength = check_wavelength(wavelength)
     settings = SnapshotSettings(
@@ -287,8 +288,8 @@ def _template(
         {"weight": (("y", "x"), grid.weight, meaning("1", "share of the pixel in means over the pupil"))},
         {
             "time": ("time", np.asarray(series.time), meaning("s", "time")),
-            "y": ("y", grid.y, meaning("m", "along the pupil's second axis")),
-            "x": ("x", grid.x, meaning("m", "along the pupil's first axis")),
+            "y": ("y", grid.y, meaning("m", "along the pupil's second axis, across the look direction")),
+            "x": ("x", grid.x, meaning("m", "along the pupil's first axis, across the look direction")),
         },
         {
             "title": "optical path difference in time",
@@ -298,7 +299,7 @@ def _template(
             "remove": ",".join(remove),
             "direction": settings.direction.tolist(),
             "pupil_center": pupil.center.tolist(),
-            "pupil_axes": np.concatenate(pupil.axes).tolist(),
+            "pupil_axes": np.concatenate(grid.aperture.axes).tolist(),
             "relation": settings.relation or model.name,
             **({} if settings.constant is None else {"constant": settings.constant}),
             # Of a composition as well, unless it varies in space.

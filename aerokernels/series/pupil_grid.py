@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..inputs.checks import check_count
-from ..pupils import Pupil
+from ..pupils import Projected, Pupil, seen_along
 from ..wavefront import exact_weights, remove_terms, weighted_mean
 from ..wavefront.pixel_weights import three_in_a_row
 from .map_errors import MapErrors, PixelErrors
@@ -27,6 +27,7 @@ class PupilGrid:
         points: Centres of the pixels with a weight, in space [m], shape (n, 3).
         pixel: Side of a pixel [m].
         pupil: The pupil.
+        aperture: The pupil as it is seen along the look direction.
     """
 
     x: np.ndarray
@@ -35,6 +36,7 @@ class PupilGrid:
     points: np.ndarray
     pixel: float
     pupil: Pupil
+    aperture: Pupil | Projected
 
     @property
     def lit(self) -> np.ndarray:
@@ -54,7 +56,7 @@ class PupilGrid:
         pixels = self.coordinates[good], weight[rows, columns], remove, wavelength
         if not three_in_a_row(weight > 0.0):
             return MapReader(*pixels)
-        lacking = exact_weights(weight, self.pixel, self.pupil) - weight
+        lacking = exact_weights(weight, self.pixel, self.aperture) - weight
         return MapReader(*pixels, lacking[rows, columns], 2 * (rows % 2) + columns % 2)
 
     def spread(self, values: np.ndarray, fill: Any = np.nan) -> np.ndarray:
@@ -64,8 +66,8 @@ class PupilGrid:
         return found
 
 
-def pupil_grid(pupil: Any, pixel_count: int) -> PupilGrid:
-    """Cover a pupil with `pixel_count` square pixels along its greater side.
+def pupil_grid(pupil: Any, pixel_count: int, look: np.ndarray | None = None) -> PupilGrid:
+    """Cover a pupil with `pixel_count` square pixels along its greater side, across a look direction if that is given.
 
     Raises:
         TypeError: No pupil.
@@ -74,18 +76,19 @@ def pupil_grid(pupil: Any, pixel_count: int) -> PupilGrid:
     if not isinstance(pupil, Pupil):
         raise TypeError(f"pupil must be a Disc or another pupil, got {type(pupil).__name__}")
     check_count(pixel_count, "pixel_count", 2)
-    half = pupil.half_extent
+    aperture = seen_along(pupil, look)
+    half = aperture.half_extent
     pixel = 2.0 * max(half) / int(pixel_count)
     # Enough pixels to cover the whole pupil: a missing rim would be missing in every mean.
     counts = [max(1, math.ceil(2.0 * extent / pixel - ROUNDING)) for extent in half]
     edges = [pixel * (np.arange(count + 1) - 0.5 * count) for count in counts]
-    weight = pupil.coverage(edges[0], edges[1])
+    weight = aperture.coverage(edges[0], edges[1])
     x, y = (0.5 * (edge[1:] + edge[:-1]) for edge in edges)
     lit = weight > 0.0
     columns, rows = np.meshgrid(x, y)
-    first, second = pupil.axes
+    first, second = aperture.axes
     points = pupil.center + columns[lit][:, None] * first + rows[lit][:, None] * second
-    return PupilGrid(x, y, weight / weight.sum(), points, pixel, pupil)
+    return PupilGrid(x, y, weight / weight.sum(), points, pixel, pupil, aperture)
 
 
 @dataclass(frozen=True, eq=False)

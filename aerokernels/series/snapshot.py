@@ -14,7 +14,7 @@ import numpy as np
 
 from ..device_arrays import host_array
 from ..flow import DensityField, Series, refractivity_model
-from ..flow.gas import GREATEST_DENSITY
+from ..flow.gas import GREATEST_DENSITY, LEAST_DENSITY
 from ..inputs.doubtful import refuse_half_precision
 from ..medium import IndexField, QuadMesh
 from ..medium.refined import has_seam
@@ -231,7 +231,7 @@ class Snapshots:
 
         Fields have checked theirs. Samples on a GPU are checked when the bending is measured, which copies them anyway.
         """
-        if samples.size and not (samples.min() > 0.0 and samples.max() <= GREATEST_DENSITY):
+        if samples.size and not (samples.min() >= LEAST_DENSITY and samples.max() <= GREATEST_DENSITY):
             try:
                 self.series.field(samples, number)
             except ValueError as fault:

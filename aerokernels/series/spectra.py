@@ -4,6 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .uncertainty import spread_share
+
 EVEN = 1e-3  # greatest relative deviation of time steps from even ones
 LEAST_SEGMENT = 8
 COLUMNS = 256  # processed together
@@ -58,13 +60,20 @@ def welch(values: np.ndarray, rate: float, segment: int | None = None) -> Spectr
     length = max(LEAST_SEGMENT, 2 * count // (SEGMENTS + 1)) if segment is None else int(segment)
     if not LEAST_SEGMENT <= length <= count:
         raise ValueError(f"a segment of {length} samples: give {LEAST_SEGMENT} to {count}")
-    frequency, density = signal.welch(
-        values - values.mean(axis=0), rate, "hann", length, length // 2, detrend=False, axis=0
-    )
-    # Half-overlapping Hann segments: (36 K^2) / (19 K - 1) / 2 independent pairs of a sine and a cosine.
+    flat = values - values.mean(axis=0)
+    frequency, density = signal.welch(flat, rate, "hann", length, length // 2, detrend=False, axis=0)
+    # Half-overlapping Hann segments: (36 K^2) / (19 K - 1) / 2 independent pairs of a sine and a cosine, or single
+    # ones at zero and at half the rate.
     segments = max(1, (count - length // 2) // (length - length // 2))
     independent = max(1.0, 18.0 * segments**2 / (19.0 * segments - 1.0)) if segments > 1 else 1.0
-    return Spectrum(frequency, density, density / np.sqrt(independent), independent)
+    freedom = np.full(len(frequency), 2.0 * independent)
+    freedom[[0, *([-1] if length % 2 == 0 else [])]] = independent
+    noise = density * spread_share(freedom).reshape(-1, *(1,) * (values.ndim - 1))
+    # Segments of half the length are a second rule, which tells what a finite length smooths.
+    half = length // 2
+    rough, other = signal.welch(flat, rate, "hann", half, half // 2, detrend=False, axis=0)
+    change = np.apply_along_axis(lambda one: np.interp(frequency, rough, one), 0, other) - density
+    return Spectrum(frequency, density, np.hypot(noise, change), independent)
 
 
 def mean_spectrum(values: np.ndarray, weight: np.ndarray, rate: float, segment: int | None = None) -> Spectrum:

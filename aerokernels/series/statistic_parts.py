@@ -7,10 +7,10 @@ import numpy as np
 
 from ..pupils import Disc
 from .linking import linking_equation, snapshots_at
-from .modes import Modes, about_mean, first_zero_weights, integral_length, two_point_correlation
+from .modes import Modes, about_mean, integral_length, two_point_correlation
 from .pupil_grid import MapReader
 from .spectra import Spectrum, mean_spectrum, sample_rate, welch
-from .uncertainty import Mean, mean_of, root_of
+from .uncertainty import Mean, about_mean_of, mean_of, root_of, standard_errors, student_share
 
 BLOCKS = 10  # blocks of the series, whose differences give the error of numbers that are not plain means
 APERTURES = (0.25, 0.5, 0.75, 1.0)  # of the pupil, by default
@@ -124,31 +124,35 @@ def add_modes(table, coordinates, modes: Modes | None, lit) -> None:
     """Add proper orthogonal modes; None: there are none."""
     if modes is None:
         return
-    squares = [mean_of(modes.coefficient[:, k] ** 2) for k in range(len(modes.energy))]
-    errors = np.array([one.error for one in squares])
+    squares, counts = standard_errors(modes.coefficient**2)
+    _, independent = standard_errors(modes.coefficient)
+    share, mixed = _mixing(modes.energy, counts)
+    # A mode takes energy of others that it mixes with, and loses that of its mean.
+    about = np.hypot(np.sum(share * mixed, axis=1), modes.energy / np.maximum(independent - 1.0, 1.0))
+    errors = np.hypot(squares, about)
     table.array("pod_energy", ("mode",), modes.energy, errors, "m2", "mean square of a proper orthogonal mode")
-    share = modes.energy / modes.total if modes.total > 0.0 else np.full(len(errors), np.nan)
-    error = errors / modes.total if modes.total > 0.0 else np.full(len(errors), np.nan)
-    table.array("pod_share", ("mode",), share, error, "1", "share of the unsteady mean square in a mode")
+    whole = modes.total if modes.total > 0.0 else math.nan
+    words = "share of the unsteady mean square in a mode"
+    table.array("pod_share", ("mode",), modes.energy / whole, errors / whole, "1", words)
     shapes = np.stack([spread_map(one, lit) for one in modes.shape])
-    off = np.stack([spread_map(one, lit) for one in _shape_errors(modes, [one.effective_count for one in squares])])
+    mixture = np.sqrt(share**2 @ np.nan_to_num(modes.shape) ** 2) + 0.0 * modes.shape
+    off = np.stack([spread_map(one, lit) for one in mixture])
     table.array("pod_mode", ("mode", "y", "x"), shapes, off, "1", "proper orthogonal mode, mean square 1")
     table.array("pod_coefficient", ("time", "mode"), modes.coefficient, None, "m", "coefficient of a mode")
     coordinates["mode"] = np.arange(len(modes.energy))
 
 
-def _shape_errors(modes, counts: list[float]) -> np.ndarray:
-    """Return standard errors of the shapes of modes, shape (mode_count, n), from their mixing with one another.
+def _mixing(energy: np.ndarray, counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the share of each mode j in each mode k, and the error of their covariance, shapes (k, j).
 
-    The share of mode j in mode k is sqrt(e_k e_j / N) / (e_k - e_j) (G. R. North et al., Mon. Weather Rev. 110 (1982)
-    699), and 1 where their energies are practically equal.
+    The share is sqrt(e_k e_j / N) / (e_k - e_j) (G. R. North et al., Mon. Weather Rev. 110 (1982) 699), and 1 where
+    their energies are practically equal.
     """
-    energy = modes.energy
     gap = np.abs(energy[:, None] - energy)
-    mixed = np.sqrt(np.outer(energy, energy) / np.maximum(np.array(counts)[:, None], 1.0))
+    mixed = np.sqrt(np.outer(energy, energy) / np.maximum(counts[:, None], 1.0))
     share = np.where(mixed < gap, mixed / np.where(gap > 0.0, gap, 1.0), 1.0)
     np.fill_diagonal(share, 0.0)
-    return np.asarray(np.sqrt(share**2 @ np.nan_to_num(modes.shape) ** 2) + 0.0 * modes.shape)
+    return share, mixed
 
 
 def add_correlation(table, coordinates, opd, lit, x, y) -> None:
@@ -168,17 +172,18 @@ def add_correlation(table, coordinates, opd, lit, x, y) -> None:
     # Neighbouring parts are correlated, so that their spread is too small: scale it by the ratio for the mean square.
     by_parts = _error_by_parts([part[middle] for part in parts]) if parts else 0.0
     more = max(1.0, mean_of(np.mean(left**2, axis=1)).error / by_parts) if by_parts > 0.0 else 1.0
+    more *= student_share(blocks)
     error = more * _error_by_parts(differences) if differences else np.full(found.shape, np.nan)
     table.array("correlation", ("lag_y", "lag_x"), ratio, error, "1", "correlation of unsteady opd at two points")
     lines = {"y": (slice(middle[0], None), middle[1]), "x": (middle[0], slice(middle[1], None))}
     for axis, step in zip("yx", steps, strict=True):
         line = lines[axis]
         value = integral_length(found[line], step)
-        weights = first_zero_weights(found[line], step)
-        each = [np.nan_to_num(difference[line]) @ weights for difference in differences]
-        off = float(more * _error_by_parts(each)) if each else math.nan
+        # Leaving out one part at a time shows where the first zero may jump, which no linear estimate does.
+        without = [integral_length((found - part / blocks)[line], step) for part in parts]
+        off = float(more * (blocks - 1) * _error_by_parts(without)) if parts else math.nan
         words = f"correlation length along {axis}, integral to the first zero"
-        table.number(f"correlation_length_{axis}", Mean(value, off, float(len(each)), math.nan), "m", words)
+        table.number(f"correlation_length_{axis}", Mean(value, off, float(len(parts)), math.nan), "m", words)
     coordinates["lag_y"] = steps[0] * (np.arange(found.shape[0]) - middle[0])
     coordinates["lag_x"] = steps[1] * (np.arange(found.shape[1]) - middle[1])
 
@@ -219,6 +224,7 @@ def add_linking(table, dataset, series, time, opd, points, weight, wavelength) -
         whole += in_time(dataset, "piston")
     if "tilt" in terms:
         whole += in_time(dataset, "boresight_x", "boresight_y") @ centred.T
-    unsteady = (whole - whole.mean(axis=0)) ** 2 @ weight * len(whole) / max(len(whole) - 1, 1)
+    unsteady = (whole - whole.mean(axis=0)) ** 2 @ weight
     described = "rms of optical path differences in time at a point, by the maps"
-    table.number("opd_rms_point", root_of(mean_of(unsteady)), "m", described)
+    independent = float(weight @ standard_errors(whole)[1])
+    table.number("opd_rms_point", root_of(about_mean_of(unsteady, independent)), "m", described)

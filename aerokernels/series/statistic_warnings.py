@@ -1,9 +1,10 @@
-"""What a reader of statistics in time has to know of the maps they are made of: lost pixels and uneven times."""
+"""What a reader of statistics in time has to know of the maps they are made of: lost pixels, uneven times, few maps."""
 
 import numpy as np
 
 LOST = 1e-3  # share of the pupil that may be in no statistic
 UNEVEN = 0.05  # share of the time that snapshots may have too much, where each counts once
+FEW = 10.0  # independent snapshots below which errors are themselves uncertain
 
 
 def lost_pixels(finite: np.ndarray, share: np.ndarray) -> str:
@@ -41,4 +42,14 @@ def uneven_times(time: np.ndarray) -> str:
         f"the times are uneven, with steps of {steps.min():.3g} to {steps.max():.3g} s, and each snapshot counts once: "
         "numbers are means over the snapshots and not over time; for those interpolate the maps to even times by "
         "dataset.interp(time=...), or leave out snapshots where they are dense"
+    )
+
+
+def few_independent(independent: float, count: int) -> str:
+    """Return a warning of maps that count as few independent ones, of `count` snapshots; empty if these suffice."""
+    if not independent < FEW:
+        return ""
+    return (
+        f"the statistics rest on {independent:.2g} independent snapshots (of {count}), fewer than {FEW:g}: they and "
+        "their errors are uncertain; take snapshots over a longer time"
     )

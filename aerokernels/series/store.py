@@ -19,6 +19,7 @@ import numpy as np
 
 from aerokernels.files.drafts import FULL, OutputError
 from aerokernels.files.one_writer import only_writer
+from aerokernels.files.zarr_codecs import check_codecs
 from aerokernels.process.fault_text import fault_text
 
 from .journal import DamagedError, OtherSeriesError, line_of, read_journal
@@ -126,6 +127,7 @@ class ZarrStore:
         self._kept_size = self._read_size = 0  # bytes of the journal that are kept, and of its whole lines
         self._arrays: dict[str, Any] = {}
         if self.journal.is_file() and path.is_dir():
+            check_codecs(path)
             self._read(is_unchanged, earlier)
         elif path.exists() and (not path.is_dir() or any(path.iterdir())):
             raise ValueError(f"out={path}: something else is there; take another name, or remove it")

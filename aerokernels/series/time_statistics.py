@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,7 +18,7 @@ from ..inputs.wavelength import DEFAULT_WAVELENGTH, check_wavelength
 from ..inputs.written_units import unit_of
 from ..wavefront import weighted_mean
 from .linking import NotLinkedError
-from .modes import Modes, orthogonal_modes
+from .modes import orthogonal_modes
 from .pupil_grid import MapReader
 from .statistic_parts import (
     Table,
@@ -32,8 +33,8 @@ from .statistic_parts import (
     spread_map,
     terms_of,
 )
-from .statistic_warnings import lost_pixels, uneven_times
-from .uncertainty import Mean, mean_of, root_of
+from .statistic_warnings import few_independent, lost_pixels, uneven_times
+from .uncertainty import Mean, about_mean_of, deviations_of, mean_of, root_of, standard_errors
 
 if TYPE_CHECKING:
     import xarray
@@ -53,9 +54,11 @@ def statistics(
 ) -> "xarray.Dataset":
     """Return statistics of optical path differences in time.
 
-    Means are over the snapshots, each of which counts once. Standard errors account for the correlation of neighbouring
-    samples (see uncertainty.py); variables that drift are listed in the attribute `drifting`. Below four snapshots
-    errors are NaN.
+    Means are over the snapshots, each of which counts once. Standard errors account for the correlation of snapshots
+    and for a series too short to tell it: two of them contain the truth in 95 of 100 series of four independent
+    snapshots or more (see uncertainty.py). Variances about a mean in time are corrected for the error of that mean. The
+    attribute `independent_count` says how many independent snapshots there are, `drifting` lists the variables that
+    drift. Below four snapshots errors are NaN.
 
     Args:
         dataset: Of `optical_series`, or any with `opd` over (time, y, x), NaN outside the pupil, in metres and
@@ -87,7 +90,7 @@ def statistics(
 
     Warns:
         UserWarning: Pixels that have no number in some snapshots, and are in no statistic; times so uneven that means
-            over snapshots are not means over time.
+            over snapshots are not means over time; fewer than ten independent snapshots.
 
     Raises:
         TypeError: Not a dataset.
@@ -105,19 +108,23 @@ def statistics(
     points = np.stack([grid_x[lit], grid_y[lit]], axis=1)
     table, skipped = Table(), []
     warned = [text for text in (lost, uneven_times(time)) if text]
-    for text in warned:
-        warn_caller(text)
     tilts, squares, ratios = _readings(dataset, opd, points, weight, wave)
     modes = orthogonal_modes(opd, weight, int(mode_count)) if len(opd) > 1 else None
-    _maps(table, opd, weight, lit, modes)
+    independent = _maps(table, opd, weight, lit)
+    if few := few_independent(independent, len(opd)):
+        warned.append(few)
+    for text in warned:
+        warn_caller(text)
     table.number("opd_rms", root_of(mean_of(squares[:, 1])), "m", "optical path difference, mean and tilt removed, rms")
     table.number(
         "opd_rms_with_tilt", root_of(mean_of(squares[:, 0])), "m", "optical path difference, mean removed, rms"
     )
     for k, axis in enumerate("xy"):
         table.number(f"boresight_{axis}", mean_of(tilts[:, k]), "rad", f"tilt along {axis}")
-        about = (tilts[:, k] - tilts[:, k].mean()) ** 2
-        table.number(f"jitter_{axis}", root_of(mean_of(about)), "rad", f"tilt along {axis} about its mean, rms")
+        value, error = (float(one) for one in deviations_of(tilts[:, k]))
+        about = mean_of((tilts[:, k] - tilts[:, k].mean()) ** 2)
+        jitter = replace(about, value=value, error=error)
+        table.number(f"jitter_{axis}", jitter, "rad", f"tilt along {axis} about its mean, rms")
     table.number("strehl", mean_of(ratios), "1", "Strehl ratio, exact mean")
     variance = squares[:, 1] if "tilt" in terms_of(dataset) else squares[:, 0]
     large = np.exp(-((2.0 * np.pi / wave) ** 2) * variance)
@@ -137,7 +144,8 @@ def statistics(
             add_linking(table, dataset, series, time, opd, points, weight, wave)
         except NotLinkedError as fault:
             skipped.append(str(fault))
-    return _dataset(table, coordinates, dataset, wave, {"skipped": skipped, "warnings": warned})
+    found = _dataset(table, coordinates, dataset, wave, {"skipped": skipped, "warnings": warned})
+    return found.assign_attrs(independent_count=independent)
 
 
 def _in_order(dataset: Any) -> Any:
@@ -207,38 +215,26 @@ def _readings(dataset: Any, opd: np.ndarray, points: np.ndarray, weight: np.ndar
     return left + removed, squares, np.array([one.strehl for one in found])
 
 
-def _maps(table: Table, opd: np.ndarray, weight: np.ndarray, lit: np.ndarray, modes: Modes | None) -> None:
-    """Add the steady map and the unsteady part."""
-    count = len(opd)
+def _maps(table: Table, opd: np.ndarray, weight: np.ndarray, lit: np.ndarray) -> float:
+    """Add the steady map and the unsteady part; return the number of independent maps, mean over the pupil."""
     mean = opd.mean(axis=0)
+    error, each = standard_errors(opd)
+    independent = float(weight @ each)
+    words = "steady optical path difference, mean over time"
+    table.array("opd_mean", ("y", "x"), spread_map(mean, lit), spread_map(error, lit), "m", words)
+    spread, off = (spread_map(one, lit) for one in deviations_of(opd))
+    table.array("opd_std", ("y", "x"), spread, off, "m", "unsteady optical path difference, rms in time")
     left = opd - mean
-    spread = left.std(axis=0, ddof=1) if count > 1 else np.full(len(mean), np.nan)
     unsteady = left**2 @ weight
-    # The effective number of independent maps is that of their mean square or of their first mode: the lesser.
-    first = np.zeros(count) if modes is None else modes.coefficient[:, 0]
-    effective = min(mean_of(unsteady).effective_count, mean_of(first).effective_count)
-    known = count >= 4
-    table.array(
-        "opd_mean",
-        ("y", "x"),
-        spread_map(mean, lit),
-        spread_map(spread / math.sqrt(effective) if known else np.full(len(mean), np.nan), lit),
-        "m",
-        "steady optical path difference, mean over time",
-    )
-    error = spread / math.sqrt(2.0 * effective) if known else np.full(len(mean), np.nan)
-    table.array(
-        "opd_std",
-        ("y", "x"),
-        spread_map(spread, lit),
-        spread_map(error, lit),
-        "m",
-        "unsteady optical path difference, rms in time",
-    )
-    steady = float(np.sqrt(weight @ (mean - weight @ mean) ** 2))
-    noise = float(np.sqrt(weight @ spread**2 / effective)) if known else math.nan
-    table.number("opd_rms_steady", Mean(steady, noise, effective, math.nan), "m", "steady optical path difference, rms")
-    table.number("opd_rms_unsteady", root_of(mean_of(unsteady)), "m", "unsteady optical path difference, rms")
+    # What of the steady map is noise of a mean over few independent maps, about its own mean over the pupil.
+    noise = float(np.mean(unsteady - (left @ weight) ** 2)) / max(independent - 1.0, 1.0)
+    steady = math.sqrt(max(float(weight @ (mean - weight @ mean) ** 2) - noise, 0.0))
+    rms = math.sqrt(float(weight @ error**2))
+    words = "steady optical path difference, rms"
+    table.number("opd_rms_steady", Mean(steady, rms, independent, math.nan), "m", words)
+    found = root_of(about_mean_of(unsteady, independent))
+    table.number("opd_rms_unsteady", found, "m", "unsteady optical path difference, rms")
+    return independent
 
 
 UNITS = {

@@ -7,6 +7,7 @@ line integral of the field, however weak it is, and the result is accurate to th
 
 import numpy as np
 
+from ..derived import cached_on
 from ..medium import IndexField
 from ..medium.grid import UniformGrid
 from .blocks import over_lines
@@ -21,18 +22,9 @@ SOME, ROUNDING = 4, 1e-9
 CACHED = 4  # speed only
 
 
+@cached_on("field", CACHED)
 def error_limit(field: IndexField, tolerance: float) -> float:
     """The OPD error [m] allowed to a ray, at most the requested `tolerance` [m]."""
-    limit: float = field.derive(("error limit", tolerance), lambda: _find_limit(field, tolerance), CACHED)
-    return limit
-
-
-def keep_error_limit(field: IndexField, tolerance: float, limit: float) -> None:
-    """Let a stricter limit [m] be the one that `error_limit` returns for a field."""
-    field.derive(("error limit", tolerance), lambda: limit, CACHED)
-
-
-def _find_limit(field: IndexField, tolerance: float) -> float:
     if path_exceeds(field, tolerance / SHARE):
         return tolerance
     greatest = greatest_path(field)
@@ -48,8 +40,7 @@ def path_exceeds(field: IndexField, size: float) -> bool:
     longest = float((grid.spacing * grid.shape).max())
     if max(high, -low) * longest <= size:
         return False
-    some: float = field.derive("some paths", lambda: _find_some_path(grid))
-    return some > size * (1.0 + ROUNDING) or greatest_path(field) > size
+    return _some_path(grid) > size * (1.0 + ROUNDING) or greatest_path(field) > size
 
 
 def greatest_path(field: IndexField) -> float:
@@ -57,16 +48,17 @@ def greatest_path(field: IndexField) -> float:
     grid = field.samples
     if not isinstance(grid, UniformGrid):
         return 0.0
-    greatest: float = field.derive("greatest path", lambda: _find_greatest_path(grid))
-    return greatest
+    return _greatest_path(grid)
 
 
-def _find_some_path(grid: UniformGrid) -> float:
+@cached_on("grid")
+def _some_path(grid: UniformGrid) -> float:
     """The greatest path along some lines of the last axis [m]."""
     rows = grid.samples[tuple(slice(None, None, max(1, count // SOME)) for count in grid.shape[:-1])]
     return float(np.abs(rows).sum(axis=-1).max()) * float(grid.spacing[-1])
 
 
-def _find_greatest_path(grid: UniformGrid) -> float:
+@cached_on("grid")
+def _greatest_path(grid: UniformGrid) -> float:
     sums = over_lines(grid.samples, np.add)
     return max(float(found.max()) * float(spacing) for found, spacing in zip(sums, grid.spacing, strict=True))

@@ -15,12 +15,15 @@ from typing import Any
 
 import numpy as np
 
+from ..derived import Cached, cached_on
 from ..medium.grid import FETCH, UniformGrid
-from ..medium.grid_places import known
+from ..medium.grid_places import GridPlaces
 from ..medium.spline import pivots
 from .engines import Engine
 from .engines.kernel_table import GRID_KERNELS
-from .step_bound import block_size
+from .leapfrog.unresolved import potential_by_blocks
+from .step_bound import block_size, roughness_of_blocks
+from .support import potential_peaks
 
 # Grids of fewer nodes are as fast on the host: volumes, and those of two axes, for which a CPU makes the spline.
 LEAST_NODES = 1 << 15  # speed only
@@ -76,10 +79,10 @@ def has_tables(engine: Engine, grid: UniformGrid) -> bool:
     return bool(engine.grid_tables) and 8 * math.prod(count + 2 for count in shape) <= engine.memory[1]
 
 
-def keep_tables(grid: UniformGrid, tables: dict[str, Any]) -> None:
+def keep_tables(grid: UniformGrid, tables: dict[Cached, Any]) -> None:
     """Cache tables that `GridTables.read` has returned on the grid from whose samples they were made."""
-    for name, table in tables.items():
-        grid.derive(name, partial(lambda table: table, table))
+    for function, table in tables.items():
+        function.keep(table, grid)
 
 
 def _nothing() -> None:
@@ -138,19 +141,19 @@ class GridTables:
         """The buffer of the greatest fourth differences along three axes in each block, and of the potential there."""
         return self.reading.buffers[0]
 
-    def read(self) -> dict[str, Any]:
-        """Copy the tables of the last `start` to the host, and return them by name."""
+    def read(self) -> dict[Cached, Any]:
+        """Copy the tables of the last `start` to the host, and return them by the functions whose results they are."""
         _, *lines = self.reading.buffers
         if lines:
             self._peaks(*lines)
         self.reading.start()
         in_blocks, *greatest = (array.copy() for array in self.reading.wait())
         *fourth, potential = in_blocks.reshape(4, *self.blocks)  # of a grid of two axes the first is of no axis
-        found = {"roughness": self._by_axis(*fourth), "potential by blocks": potential}
+        found: dict[Cached, Any] = {roughness_of_blocks: self._by_axis(*fourth), potential_by_blocks: potential}
         if greatest:
             first, second, third = _three(self.grid.coefficient_shape)
             peaks = _peaks_of(greatest[0].reshape(second, third), greatest[1].reshape(first, third))
-            found["potential peaks"] = peaks[-len(self.blocks) :]
+            found[potential_peaks] = peaks[-len(self.blocks) :]
         return found
 
     def _spline(self, values: Any) -> None:
@@ -161,18 +164,13 @@ class GridTables:
         for axis, made in enumerate(buffers):
             nodes, pitch = shape[axis], math.prod(shape[axis + 1 :])
             even = self.grid.even_first_axis and axis == 0
-            inverse = known(
-                self.grid, ("pivots", *engine.grid_key, nodes, even), partial(self._pivots, nodes, even), CACHED
-            )
+            inverse = _pivots(self.grid.places, engine, nodes, even)
             lines = math.prod(shape) // nodes
             shape[axis] += 2
             ambient = self.grid.ambient_index if axis == 0 else 0.0
             before = [values, inverse, nodes, pitch, int(even), ambient]
             engine.launch(self.kernels[axis]["spline_lines"], before, [made], lines)
             values = made
-
-    def _pivots(self, nodes: int, even: bool) -> Any:
-        return self.engine.put(pivots(nodes, even))
 
     def _by_blocks(self, samples: Any, made: Any) -> None:
         """Launch the greatest fourth differences along each axis and potential in each block, into this buffer."""
@@ -206,6 +204,11 @@ class GridTables:
         """
         places = outer * _blocks(count, block) * pitch
         self.engine.launch(self.kernels[number]["block_maxima"], [values, count, pitch, block], [made], places)
+
+
+@cached_on("places", CACHED)
+def _pivots(places: GridPlaces, engine: Engine, nodes: int, even: bool) -> Any:
+    return engine.put(pivots(nodes, even))
 
 
 def _fetched(engine: Engine, coefficients: Any, on_host: np.ndarray | None, shape: tuple[int, ...]) -> np.ndarray:

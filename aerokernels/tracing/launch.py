@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 
+from ..derived import cached_on
 from ..device_arrays import DeviceArray, rows_where
 from ..medium import IndexField
-from ..medium.grid_places import known
 from ..process.clock import stage, staged
 from ..rays import RayBundle
 from .coherence import coherent_order
-from .engines import OUTPUT_TYPES, Prepared, engine_of
+from .engines import OUTPUT_TYPES, Engine, Prepared, engine_of
 from .engines.device_memory import lacks_memory, memory_of
 from .engines.layout import REAL_TYPES
 from .error_limit import error_limit
@@ -35,8 +35,6 @@ CHUNK, LEAST_CHUNK = 1 << 21, 64  # speed only
 FEWER = 4  # speed only
 # Up to this many rays, fetching all arrays from a GPU together is faster than one after the other.
 FEW = 1 << 14  # speed only
-# Number of pilots whose rays are cached on a device with a grid's node positions.
-CACHED = 4  # speed only
 # Share of the device's memory that a chunk may take.
 MEMORY_SHARE = 0.25
 
@@ -197,12 +195,7 @@ class Trials:
         self.plan, self.count = plan, rays.ray_count
         self.prepared = engine.prepare(field, plan, until, wavelength, outputs, rays.direction)
         with stage("upload"):
-            self.starts = known(
-                field.samples,
-                ("pilot's rays", *engine.grid_key, rays),
-                lambda: [engine.put(np.asarray(array)) for array in (rays.position, rays.direction)],
-                CACHED,
-            )
+            self.starts = _put(rays, engine)
 
     def __call__(self, *asked: tuple[int, float, float]) -> list[dict[str, np.ndarray]]:
         """Return the outputs for each (number of samples, quadrature scale, trajectory scale), see TracePlan."""
@@ -214,6 +207,11 @@ class Trials:
             self.prepared.engine.side_by_side(repeated.launches)
             reading.start()
             return repeated.outputs(reading.taken())
+
+
+@cached_on("rays")
+def _put(rays: RayBundle, engine: Engine) -> list:
+    return [engine.put(np.asarray(array)) for array in (rays.position, rays.direction)]
 
 
 class RepeatedTrials:

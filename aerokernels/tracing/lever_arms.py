@@ -9,9 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..derived import cached_on
 from ..medium import IndexField
 from ..rays import RayBundle
-from .lines import crossing_of_box
+from .lines import BOXES, crossing_of_box
 from .scheme import LEAST_COSINE
 from .stop import ArcLength, Plane
 
@@ -41,7 +42,12 @@ def lever_arms_of(field: IndexField, rays: RayBundle, until) -> LeverArms | None
         until: None (the end of the box), a Plane or an ArcLength.
     """
     low, high = (np.asarray(corner, dtype=float)[0 if field.geometry == "volume" else 1 :] for corner in field.box)
-    enter, leave, cosine = crossing_of_box(rays.position, rays.direction, low, high, field.geometry)
+    return _lever_arms(rays, field.geometry, low, high, until)
+
+
+@cached_on("rays", BOXES)
+def _lever_arms(rays: RayBundle, geometry: str, low: np.ndarray, high: np.ndarray, until) -> LeverArms | None:
+    enter, leave, cosine = crossing_of_box(rays.position, rays.direction, low, high, geometry)
     stop = leave
     if isinstance(until, Plane):
         cosine = rays.direction @ until.normal

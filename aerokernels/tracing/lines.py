@@ -10,16 +10,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..derived import cached_on
 from ..medium import IndexField
-from ..medium.grid_places import known
+from ..rays import RayBundle
 
 # Names of the faces by number: 2 axis + (0 low, 1 high); the side of a cylinder is SIDE.
 FACES = ("low x", "high x", "low y", "high y", "low z", "high z", "r")
 SIDE = 6
-# Geometries for which the size of a box is cached with a grid's node positions.
-CACHED = 3  # speed only
 # A line outside a face by less than this share of the box's size counts as running in the face: rounding.
 ROUNDING = 1e-9
+# Boxes of which a bundle caches something.
+BOXES = 2  # speed only
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,19 +48,13 @@ class BoxSpan:
         return self.leave >= self.enter
 
 
+@cached_on("field")
 def box_size(field: IndexField) -> float:
     """Diagonal of the field's box [m]; an axis without ends is ignored."""
-
-    def find() -> float:
-        size: float = known(field.samples, ("box size", field.geometry), lambda: _find_box_size(field), CACHED)
-        return size
-
-    found: float = field.derive("box size", find)
-    return found
+    return _diagonal(*field.box)
 
 
-def _find_box_size(field: IndexField) -> float:
-    low, high = field.box
+def _diagonal(low: np.ndarray, high: np.ndarray) -> float:
     return float(np.linalg.norm(np.where(np.isfinite(high - low), high - low, 0.0)))
 
 
@@ -73,9 +68,18 @@ def cell_along(field: IndexField, direction: np.ndarray) -> np.ndarray:
 
 def box_span(field: IndexField, position: np.ndarray, direction: np.ndarray) -> BoxSpan:
     """Return where lines from `position` [m] along unit vectors `direction`, both (n, 3), cross the field's box."""
-    low, high = field.box
-    tolerance = ROUNDING * box_size(field)
-    round_box = field.geometry == "axisymmetric"
+    return _span(position, direction, field.geometry, *field.box)
+
+
+@cached_on("rays", BOXES)
+def bundle_span(rays: RayBundle, geometry: str, low: np.ndarray, high: np.ndarray) -> BoxSpan:
+    """Return where the undisturbed rays of a bundle cross a field's box, given by its corners in x, y, z [m]."""
+    return _span(rays.position, rays.direction, geometry, low, high)
+
+
+def _span(position: np.ndarray, direction: np.ndarray, geometry: str, low: np.ndarray, high: np.ndarray) -> BoxSpan:
+    tolerance = ROUNDING * _diagonal(low, high)
+    round_box = geometry == "axisymmetric"
     count = len(position)
     near, far = np.full(count, -np.inf), np.full(count, np.inf)
     near_face, far_face = np.full(count, -1), np.full(count, -1)

@@ -1,19 +1,14 @@
 """Reject a bundle of which no ray meets the field: its result would be that of empty air."""
 
-import weakref
-from itertools import chain
-
 import numpy as np
 
+from ..derived import cached_on
 from ..medium import IndexField
 from ..medium.grid import UniformGrid
-from ..medium.grid_places import known
 from ..rays import RayBundle
-from .lines import box_span
+from .lines import BOXES, bundle_span
 
 CHUNK = 1 << 14
-# Bundles whose test result is cached with a grid's node positions.
-CACHED = 4  # speed only
 
 
 class NoRayMeetsField(ValueError):
@@ -29,12 +24,13 @@ def greatest_contrast(field: IndexField) -> float:
     return field.samples.derive("greatest contrast", lambda: float(max(values.max(), -values.min())))
 
 
-def is_any_meeting(field: IndexField, rays: RayBundle) -> bool:
-    """Whether any ray of a bundle meets the field's box ahead of its start."""
-    chunks = (slice(first, first + CHUNK) for first in range(0, rays.ray_count, CHUNK))
-    parts = ((rays.held("position")[rows], rays.held("direction")[rows]) for rows in chunks)
-    pilot = rays.pilot.position, rays.pilot.direction  # nearly always enough
-    return any(box_span(field, *part).meets.any() for part in chain([pilot], parts))
+@cached_on("rays", BOXES)
+def is_any_meeting(rays: RayBundle, geometry: str, low: np.ndarray, high: np.ndarray) -> bool:
+    """Whether any ray of a bundle meets a field's box, given by its corners in x, y, z [m], ahead of its start."""
+    if bundle_span(rays.pilot, geometry, low, high).meets.any():  # nearly always
+        return True
+    chunks = (rays.rows(slice(first, first + CHUNK)) for first in range(0, rays.ray_count, CHUNK))
+    return any(bundle_span(chunk, geometry, low, high).meets.any() for chunk in chunks)
 
 
 def check_meeting(field: IndexField, rays: RayBundle, what: str) -> None:
@@ -43,12 +39,9 @@ def check_meeting(field: IndexField, rays: RayBundle, what: str) -> None:
     Raises:
         NoRayMeetsField: No ray meets the box; the message gives the positions of box and rays and says what to check.
     """
-    place = "meeting", field.geometry, weakref.ref(rays)
-    if known(field.samples, place, lambda: is_any_meeting(field, rays), CACHED):
-        return
-    if greatest_contrast(field) == 0.0:
-        return
     low, high = field.box
+    if is_any_meeting(rays, field.geometry, low, high) or greatest_contrast(field) == 0.0:
+        return
     box = ", ".join(
         f"{axis} from {a:.4g} to {b:.4g} m" for axis, a, b in zip("xyz", low, high, strict=True) if np.isfinite(b - a)
     )

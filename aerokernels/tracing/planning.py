@@ -6,7 +6,6 @@ engines/choice.py.
 """
 
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 
@@ -20,7 +19,7 @@ from .engines.device_memory import memory_of
 from .error_limit import error_limit
 from .grid_tables import prepare_once
 from .leapfrog.sample_cost import pays_once
-from .leapfrog.sample_count import fit_leapfrog, may_be_leapfrog, spread_of
+from .leapfrog.sample_count import fit_leapfrog, may_be_leapfrog
 from .lever_arms import lever_arms_of
 from .lines import box_size
 from .long_mesh import seen_in_mesh
@@ -73,7 +72,7 @@ def plan_rays(
     *,
     method,
     wavelength,
-    spread=None,
+    rays: RayBundle | None = None,
     like=None,
     sure_count: int | None = None,
     is_once: bool = False,
@@ -81,8 +80,7 @@ def plan_rays(
 ) -> TracePlan:
     """Return the plan of a bundle: leapfrog where that meets the tolerance; `pilot()` makes some of its rays.
 
-    `spread(low, high)` returns enough rays to show the extent of the whole bundle in a part of the field given by its
-    corners; None if the pilot rays already show it.
+    `rays` is the whole bundle; None if the pilot rays already show its extent.
     `like` is the plan of such rays through a field like this one; its number of samples is taken if the pilot confirms
     it. `sure_count` is the number of rays that are traced in any case, where others may not be: it decides whether a
     table pays. `is_once` tells that the plan has to pay for itself at the first trace.
@@ -107,9 +105,8 @@ def plan_rays(
         pays = not is_once or pays_once(field, ray_count, evaluations, trial.backend, trial.device)
         if trial.backend != "reference" and pays:
             trial = replace(trial, method=LEAPFROG, reasons=trial.reasons[1:])  # without the reason for the method
-            examined = spread or (lambda low, high: pilot())
             with memory_of(trial.device):
-                plan = fit_leapfrog(field, pilot(), trial, until, wavelength, examined, like, sure_count or ray_count)
+                plan = fit_leapfrog(field, pilot(), trial, until, wavelength, rays, like, sure_count or ray_count)
             if plan is not None:
                 return plan
     plan = make_plan(field, method=method, wavelength=wavelength, **choices)
@@ -129,7 +126,7 @@ def plan_bundle(
         step=step,
         directions=rays.direction if rays.device is None else rays.pilot.direction,
         is_once=is_once,
-        spread=partial(spread_of, field.geometry, rays, until),
+        rays=rays,
         **choices,
     )
 
@@ -160,7 +157,7 @@ def make_plan(
             "longer one, or let method 'adaptive' choose"
         )
     if max_steps is not None:
-        max_steps = check_count(max_steps, "max_steps")
+        max_steps = check_count(max_steps, "max_steps", most=2**62)  # no ray takes as many: kernels cut it
     chosen, device, why = choose_backend(backend, device)
     if chosen != "reference":
         with memory_of(device):

@@ -7,6 +7,7 @@ with the step bounds of step_bound.py; OVERHEAD and FIRST were fitted to traces 
 
 import numpy as np
 
+from ..derived import cached_on
 from ..medium import IndexField
 from ..medium.grid import UniformGrid
 from .lines import box_size
@@ -41,13 +42,9 @@ def predict_evaluations(field: IndexField, budget: float, directions: np.ndarray
     return evaluations
 
 
+@cached_on("grid")
 def greatest_turn(grid: UniformGrid) -> float:
     """A bound on the angle by which a ray across the box can turn [rad], cached on the grid."""
-    found: float = grid.derive("greatest turn", lambda: _greatest_turn(grid))
-    return found
-
-
-def _greatest_turn(grid: UniformGrid) -> float:
     samples, steepest = grid.samples, 0.0
     rows = max(1, SLAB * len(samples) // samples.size)
     for first in range(0, len(samples), rows):

@@ -20,6 +20,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..derived import cached_on
 from ..medium.grid import UniformGrid
 from .blocks import axis_back, axis_first, block_maxima, greatest_around
 
@@ -101,6 +102,7 @@ class StepBound:
     block: int
 
 
+@cached_on("grid", CACHED)
 def step_bound(grid: UniformGrid, geometry: str, budget: float, cone: Cone) -> StepBound:
     """Return the table of step bounds; zero where STEP_LIMIT applies. The last few are cached on the grid.
 
@@ -110,11 +112,6 @@ def step_bound(grid: UniformGrid, geometry: str, budget: float, cone: Cone) -> S
         budget: OPD error allowed for a whole ray [m].
         cone: Where the rays point.
     """
-    key = ("step_bound", geometry, budget, cone)
-    return grid.derive(key, lambda: _step_bound(grid, geometry, budget, cone), CACHED)
-
-
-def _step_bound(grid: UniformGrid, geometry: str, budget: float, cone: Cone) -> StepBound:
     block, smooth, kink = roughness_along(grid, geometry, cone)
     way = _local(cone.axis_vector, geometry)
     extent = float(np.linalg.norm(grid.high - grid.low))
@@ -156,12 +153,20 @@ def roughness_along(grid: UniformGrid, geometry: str, cone: Cone) -> tuple[int, 
     return block, smooth, kink
 
 
+@cached_on("grid")
 def roughness_of_blocks(grid: UniformGrid) -> tuple[int, list[np.ndarray], list[np.ndarray]]:
     """Cells in a block, and each block's greatest |fourth derivative| [1/m4] and kink [1] along each axis; cached.
 
     They are those of the potential over the ambient index, which is the contrast where that is small.
     """
-    return grid.derive("roughness", lambda: _roughness_of_blocks(grid))
+    block = block_size(grid)
+    fourth, second = [], []
+    for axis in range(grid.samples.ndim):
+        found = [_roughness_of_slab(grid, axis, slab, block) for slab in _slabs(grid, axis, block)]
+        across = 1 if axis == 0 else 0  # the axis that the slabs divide
+        fourth.append(np.concatenate([slab[0] for slab in found], axis=across) / grid.spacing[axis] ** 4)
+        second.append(np.concatenate([slab[1] for slab in found], axis=across))
+    return block, fourth, second
 
 
 def potential_at_nodes(grid: UniformGrid) -> np.ndarray:
@@ -189,17 +194,6 @@ def block_size(grid: UniformGrid) -> int:
     while math.prod(-(-(count - 1) // block) for count in grid.shape) > BLOCK_COUNT_LIMIT:
         block *= 2
     return block
-
-
-def _roughness_of_blocks(grid: UniformGrid) -> tuple[int, list[np.ndarray], list[np.ndarray]]:
-    block = block_size(grid)
-    fourth, second = [], []
-    for axis in range(grid.samples.ndim):
-        found = [_roughness_of_slab(grid, axis, slab, block) for slab in _slabs(grid, axis, block)]
-        across = 1 if axis == 0 else 0  # the axis that the slabs divide
-        fourth.append(np.concatenate([slab[0] for slab in found], axis=across) / grid.spacing[axis] ** 4)
-        second.append(np.concatenate([slab[1] for slab in found], axis=across))
-    return block, fourth, second
 
 
 def _slabs(grid: UniformGrid, axis: int, block: int) -> list[slice]:

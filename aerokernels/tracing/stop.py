@@ -28,6 +28,11 @@ class Plane:
         object.__setattr__(self, "point", as_vector(self.point, "Plane point"))
         object.__setattr__(self, "normal", as_unit_vector(self.normal, "Plane normal"))
 
+    @property
+    def key(self) -> tuple[bytes, bytes]:
+        """A key for caches that is equal for equal stops."""
+        return self.point.tobytes(), self.normal.tobytes()
+
 
 @checked
 @dataclass(frozen=True, eq=False)
@@ -41,12 +46,10 @@ class ArcLength:
         if not (np.isfinite(self.length) and self.length >= 0.0):
             raise ValueError(f"ArcLength needs a finite length of at least 0 m, got {self.length!r}")
 
-
-def stop_key(until: "Plane | ArcLength | None") -> tuple | None:
-    """Return a key for caches that is equal for equal stops."""
-    if isinstance(until, Plane):
-        return until.point.tobytes(), until.normal.tobytes()
-    return None if until is None else (until.length,)
+    @property
+    def key(self) -> float:
+        """A key for caches that is equal for equal stops."""
+        return self.length
 
 
 def stop_distance(position: np.ndarray, direction: np.ndarray, until) -> np.ndarray:

@@ -1,13 +1,12 @@
 """The straight lines of undisturbed rays through a part of a field, from their entry to their end."""
 
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 
-from ..derived import Derived
-from ..medium import IndexField
-from ..medium.grid import UniformGrid, local_coordinates
+from ..derived import Derived, cached_on
+from ..medium import Body, IndexField, SolidBody
+from ..medium.grid import local_coordinates
 from ..process.threads import in_turn, own_cores
 from ..rays import RayBundle
 from .lines import crossing_of_box, span_of_box
@@ -18,6 +17,8 @@ from .stop import Plane, stop_distance
 BESIDE_BODY = 192
 # Lines that are searched together for the outermost ones.
 CHUNK = 15 << 10  # speed only: larger arrays come as new pages
+# Parts of fields, and stops, for which a bundle caches its lines.
+CACHED = 4  # speed only
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,15 +47,24 @@ class Lines(Derived):
 
 def lines_through(field: IndexField, rays: RayBundle, until, low: np.ndarray, high: np.ndarray) -> Lines:
     """Lines of the rays that meet the part of the field from `low` to `high` [m, along the field's own axes]."""
+    grid = field.samples
+    return _lines(rays, field.geometry, field.body, np.stack([low, high]), np.stack([grid.low, grid.high]), until)
+
+
+@cached_on("rays", CACHED)
+def _lines(
+    rays: RayBundle, geometry: str, body: Body | SolidBody | None, part: np.ndarray, box: np.ndarray, until
+) -> Lines:
+    """As `lines_through`; `part` and the whole `box` are given by their corners along the field's own axes [m]."""
     p, d = rays.position, rays.direction
-    if field.body is not None and len(p) > BESIDE_BODY:  # each line is tested against every segment of the body
+    if body is not None and len(p) > BESIDE_BODY:  # each line is tested against every segment of the body
         some = np.linspace(0, len(p) - 1, BESIDE_BODY).astype(int)
-        rows = np.concatenate([some, outermost_rays(field.geometry, p, d, until, low, high)])
+        rows = np.concatenate([some, outermost_rays(geometry, p, d, until, part[0], part[1])])
         p, d = p[rows], d[rows]
-    enter, leave, _ = crossing_of_box(p, d, low, high, field.geometry)
-    if field.body is not None:
+    enter, leave, _ = crossing_of_box(p, d, part[0], part[1], geometry)
+    if body is not None:
         # A ray that begins inside the body is traced from where it leaves it.
-        wall = field.body.derive(("walls on the lines of rays", rays), partial(field.body.crossings, p, d), most=1)
+        wall = body.crossings(p, d)
         inside = (np.count_nonzero(wall <= 0.0, axis=1) % 2).astype(bool)
         first = np.where(wall > 0.0, wall, np.inf).min(axis=1, initial=np.inf)
         enter = np.where(inside, np.maximum(enter, first), enter)
@@ -64,9 +74,7 @@ def lines_through(field: IndexField, rays: RayBundle, until, low: np.ndarray, hi
             stop = np.where(stop > 0.0, stop, np.inf)
             leave = np.minimum(leave, stop)
         else:
-            grid = field.samples
-            assert isinstance(grid, UniformGrid)
-            _, stop, cosine = crossing_of_box(p, d, grid.low, grid.high, field.geometry)
+            _, stop, cosine = crossing_of_box(p, d, box[0], box[1], geometry)
         tangent = np.sqrt(np.maximum(1.0 - cosine**2, 0.0)) / np.maximum(cosine, LEAST_COSINE)
         tangent = np.where(np.isfinite(stop), tangent, 0.0)
         lever_arm = np.where(np.isfinite(stop), tangent * (stop - enter), 0.0)

@@ -7,6 +7,7 @@ A (lever_arms.py), its slope is below share / (L A).
 
 import numpy as np
 
+from ..derived import cached_on
 from ..medium import IndexField
 from ..medium.grid import UniformGrid
 from .blocks import over_lines
@@ -21,6 +22,7 @@ MARGIN_NODES = 3
 CACHED = 8  # speed only
 
 
+@cached_on("field", CACHED)
 def support_box(
     field: IndexField, tolerance: float, lever_arms: LeverArms | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -36,28 +38,11 @@ def support_box(
         lever_arms: How far the rays fly and at what angle they meet their stop; None takes a line across the box that
             ends on a surface across it.
     """
-    low, high = field.derive(
-        ("support box", tolerance, lever_arms), lambda: find_support_box(field, tolerance, lever_arms), CACHED
-    )
-    return low, high
-
-
-def keep_support_box(
-    field: IndexField, tolerance: float, lever_arms: LeverArms | None, box: tuple[np.ndarray, np.ndarray]
-) -> None:
-    """Let a box that contains the support be the one that `support_box` returns for a field."""
-    field.derive(("support box", tolerance, lever_arms), lambda: box, CACHED)
-
-
-def find_support_box(
-    field: IndexField, tolerance: float, lever_arms: LeverArms | None
-) -> tuple[np.ndarray, np.ndarray]:
-    """As `support_box`, without caching it."""
     grid = field.samples
     assert isinstance(grid, UniformGrid)
     potential, slope = left_out(field, tolerance, lever_arms)
     low, high = np.array(grid.low, dtype=float), np.array(grid.high, dtype=float)
-    for axis, peaks in enumerate(_potential_peaks(grid)):
+    for axis, peaks in enumerate(potential_peaks(grid)):
         supported = peaks > potential
         if np.isfinite(slope):
             supported |= _slope_peaks(grid)[axis] > slope
@@ -94,26 +79,19 @@ def left_out(field: IndexField, tolerance: float, lever_arms: LeverArms | None) 
     return potential, SUPPORT_SHARE * tolerance / (path_length * lever_arm) if lever_arm > 0.0 else np.inf
 
 
-def _potential_peaks(grid: UniformGrid) -> list[np.ndarray]:
+@cached_on("grid")
+def potential_peaks(grid: UniformGrid) -> list[np.ndarray]:
     """Along each axis, the greatest absolute coefficient in each plane across it."""
-    return grid.derive("potential peaks", lambda: _peaks_along_axes(grid.coefficients))
+    return peaks_along_axes(grid.coefficients)
 
 
-def keep_potential_peaks(grid: UniformGrid, coefficients: np.ndarray) -> None:
-    """Cache what `support_box` needs of a grid, from its spline's coefficients."""
-    grid.derive("potential peaks", lambda: _peaks_along_axes(coefficients))
-
-
+@cached_on("grid")
 def _slope_peaks(grid: UniformGrid) -> list[np.ndarray]:
     """Along each axis, the greatest absolute difference of neighbouring coefficients over the spacing [1/m]."""
-    return grid.derive("slope peaks", lambda: _find_slope_peaks(grid))
-
-
-def _find_slope_peaks(grid: UniformGrid) -> list[np.ndarray]:
     peaks = [np.zeros(count) for count in grid.coefficients.shape]
     for axis, spacing in enumerate(grid.spacing):
         change = np.diff(grid.coefficients, axis=axis) / spacing
-        for other, found in enumerate(_peaks_along_axes(change)):
+        for other, found in enumerate(peaks_along_axes(change)):
             # A difference belongs to both of its coefficients.
             if other == axis:
                 np.maximum(peaks[axis][:-1], found, out=peaks[axis][:-1])
@@ -123,7 +101,7 @@ def _find_slope_peaks(grid: UniformGrid) -> list[np.ndarray]:
     return peaks
 
 
-def _peaks_along_axes(values: np.ndarray) -> list[np.ndarray]:
+def peaks_along_axes(values: np.ndarray) -> list[np.ndarray]:
     """Along each axis, the greatest absolute value in each plane across it."""
     over_first, *others = over_lines(values, np.maximum)
     peaks = [others[-1].max(axis=tuple(range(1, values.ndim - 1)))]

@@ -11,7 +11,7 @@ from aerokernels.jobs.figure_layout import STYLE, styled_figure
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-GRID_STYLE = {**STYLE, "axes.grid": True, "axes.axisbelow": True}
+GRID_STYLE = {**STYLE, "axes.grid": True, "axes.axisbelow": True, "text.parse_math": True}
 
 
 @contextmanager

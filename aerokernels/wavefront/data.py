@@ -1,18 +1,19 @@
 """Data class of a wavefront on a square grid over its pupil; checks its values."""
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Hashable
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
+from ..derived import key_of
 from ..inputs.arguments import checked
 from ..inputs.checks import check_positive, check_share
 from ..inputs.doubtful import refuse_masked
 from ..inputs.wavelength import check_wavelength
 from ..process.clock import clocked, stage
-from ..pupils import Pupil
+from ..pupils import Projected, Pupil, seen_along
 
 SIGN_CONVENTION = "OPD is positive where light is delayed"
 
@@ -24,7 +25,8 @@ class WavefrontMap:
 
     Attributes:
         opd: Optical path difference [m], positive where light is delayed, shape (n, n), axes [y, x]: rows along the
-            pupil's second axis, columns along its first, both ascending; NaN where `weight` is 0.
+            pupil's second axis, columns along its first, both ascending, or along those of a pupil that faces along
+            `direction`; NaN where `weight` is 0.
         weight: Amplitude transmission of each pixel, averaged over its area, shape (n, n).
         pixel: Side of a pixel [m].
         wavelength: Vacuum wavelength [m].
@@ -58,6 +60,11 @@ class WavefrontMap:
     plan: Any = None
     seconds: dict[str, float] = field(default_factory=dict)
     budget: Callable[[], dict[str, float]] | None = None
+
+    @property
+    def key(self) -> Hashable:
+        """A key for caches that is equal for equal maps, however long they took."""
+        return key_of([getattr(self, each.name) for each in fields(self) if each.name not in ("seconds", "budget")])
 
     def __post_init__(self):
         """Check the values and store read-only copies."""
@@ -102,6 +109,11 @@ class WavefrontMap:
     def sign_convention(self) -> str:
         """What a positive OPD means."""
         return SIGN_CONVENTION
+
+    @cached_property
+    def aperture(self) -> Pupil | Projected | None:
+        """The pupil as it is seen along `direction`, on whose grid the map is."""
+        return None if self.pupil is None else seen_along(self.pupil, self.direction)
 
     @property
     def coordinate(self) -> np.ndarray:

@@ -4,7 +4,7 @@ import numpy as np
 
 from ..inputs.checks import check_count
 from ..process.machine import free_memory
-from ..pupils import Mask, Pupil
+from ..pupils import Mask, Projected, Pupil
 
 PIXEL_COUNT = 128
 # A pixel whose covered share is below this share of the greatest one is dropped: it is rounding.
@@ -13,7 +13,7 @@ LEAST_COVER = 1e-9
 PIXEL_MEMORY = 64
 
 
-def pupil_grid(pupil: Pupil, pixel_count: int | None) -> tuple[np.ndarray, float, np.ndarray, np.ndarray]:
+def pupil_grid(pupil: Pupil | Projected, pixel_count: int | None) -> tuple[np.ndarray, float, np.ndarray, np.ndarray]:
     """Return the smallest square grid that holds a pupil.
 
     Returns:

@@ -31,12 +31,12 @@ def halved(wavefront: Any) -> tuple[np.ndarray, np.ndarray]:
     weight = np.asarray(wavefront.weight)
     found = _interleaved([np.where(lit, one, 0.0) for one in parts])
     whole = np.repeat(np.repeat(weight, 2, axis=0), 2, axis=1)
-    if wavefront.pupil is None:
+    if wavefront.aperture is None:
         return found, whole
     rows, columns = weight.shape
     side = 0.5 * wavefront.pixel
     edges = [side * (np.arange(2 * count + 1) - count) for count in (columns, rows)]
-    share = wavefront.pupil.coverage(*edges)
+    share = wavefront.aperture.coverage(*edges)
     mean = np.repeat(np.repeat(share.reshape(rows, 2, columns, 2).mean(axis=(1, 3)), 2, axis=0), 2, axis=1)
     return found, np.where(mean > 0.0, whole * share / np.where(mean > 0.0, mean, 1.0), whole)
 

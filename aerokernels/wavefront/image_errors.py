@@ -132,7 +132,7 @@ def _transfers(wavefront: WavefrontMap) -> Iterator[Transfer]:
     rest = np.sqrt(np.maximum(intensity - weight**2, 0.0))
     more, perfect = (autocorrelation(one) / wavefront.power for one in (wave(rest), rest))
     yield _at_rest(replace(plain, value=plain.value + more, perfect=plain.perfect + perfect.real))
-    exact = exact_weights(weight, wavefront.pixel, wavefront.pupil)
+    exact = exact_weights(weight, wavefront.pixel, wavefront.aperture)
     value, perfect = (autocorrelation(one) / wavefront.power for one in (wave(exact), exact))
     yield _at_rest(replace(plain, value=value, perfect=perfect.real))
     finer, shares = halved(wavefront)
@@ -174,6 +174,6 @@ def grid_errors(wavefront: Any, number: Callable[[Any], Any]) -> np.ndarray:
         return np.full(plain.shape, np.nan)
     spread = np.std(grids, axis=0, ddof=1) / np.sqrt(len(grids))
     # Slivers with a negative exact weight are left out: a Wavefront allows none.
-    exact = np.maximum(exact_weights(np.asarray(wavefront.weight), wavefront.pixel, wavefront.pupil), 0.0)
+    exact = np.maximum(exact_weights(np.asarray(wavefront.weight), wavefront.pixel, wavefront.aperture), 0.0)
     second_order = SAFETY * (np.asarray(number(replace(wavefront, weight=exact, intensity=None))) - plain)
     return np.sqrt((np.mean(grids, axis=0) - plain) ** 2 + second_order**2 + spread**2)

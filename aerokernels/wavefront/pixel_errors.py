@@ -25,7 +25,7 @@ def pixel_errors(wavefront: Any) -> dict[str, float]:
     if not three_in_a_row(lit):
         return dict.fromkeys(("strehl", "opd_rms", "tilt_x", "tilt_y", "peak_to_valley"), math.nan)
     weight = np.asarray(wavefront.weight)
-    exact = exact_weights(weight, wavefront.pixel, wavefront.pupil)
+    exact = exact_weights(weight, wavefront.pixel, wavefront.aperture)
 
     def read(weights: np.ndarray) -> np.ndarray:
         flat = removed_again(wavefront, weights)[lit]
@@ -57,7 +57,7 @@ def zernike_pixel_errors(wavefront: Any, modes: np.ndarray) -> np.ndarray:
     if not three_in_a_row(lit):
         return np.full(modes.shape[1], np.nan)
     weight = np.asarray(wavefront.weight)
-    exact = exact_weights(weight, wavefront.pixel, wavefront.pupil)
+    exact = exact_weights(weight, wavefront.pixel, wavefront.aperture)
 
     def fit(values: np.ndarray, weights: np.ndarray, pixels: np.ndarray) -> np.ndarray:
         return _fit(modes[pixels], values[pixels], weights[lit][pixels] / weights.sum())

@@ -14,7 +14,7 @@ quantity with either weights is its error due to the pixels, up to third order.
 
 import numpy as np
 
-from ..pupils import Pupil
+from ..pupils import Projected, Pupil
 
 # Subdivisions of a pixel's side over which its moments are summed; fewer for fine maps, whose moments matter less.
 PARTS, MOST_CELLS = 4, 1024
@@ -38,7 +38,7 @@ def three_in_a_row(lit: np.ndarray) -> bool:
     return any(bool((one[:-2] & one[1:-1] & one[2:]).any()) for one in (lit, lit.T))
 
 
-def exact_weights(weight: np.ndarray, pixel: float, pupil: Pupil | None) -> np.ndarray:
+def exact_weights(weight: np.ndarray, pixel: float, pupil: Pupil | Projected | None) -> np.ndarray:
     """Return weights by which a sum over pixels is the mean over the pupil to second order in the pixels' side.
 
     Args:
@@ -57,7 +57,7 @@ def exact_weights(weight: np.ndarray, pixel: float, pupil: Pupil | None) -> np.n
     return found
 
 
-def _moments(weight: np.ndarray, pixel: float, pupil: Pupil | None) -> list[tuple[np.ndarray, np.ndarray]]:
+def _moments(weight: np.ndarray, pixel: float, pupil: Pupil | Projected | None) -> list[tuple[np.ndarray, np.ndarray]]:
     """Return first and second moments of the shares about the pixels' centres, in pixels, along y and along x."""
     inside = weight / 12.0
     if pupil is None:

@@ -33,7 +33,7 @@ def spread_errors(wavefront: Any, angle: np.ndarray) -> np.ndarray:
     if not three_in_a_row(wavefront.lit):
         return np.full((len(angle), len(angle)), np.nan)
     weight = np.asarray(wavefront.weight)
-    exact = exact_weights(weight, wavefront.pixel, wavefront.pupil)
+    exact = exact_weights(weight, wavefront.pixel, wavefront.aperture)
     phase = complex_amplitude(wavefront.opd, wavefront.lit.astype(np.float64), wavefront.wavelength)
     plain, lacking = phase * weight / weight.sum(), phase * (exact / exact.sum() - weight / weight.sum())
     finer, shares = halved(wavefront)

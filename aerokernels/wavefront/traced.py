@@ -6,7 +6,7 @@ import numpy as np
 
 from ..inputs.arguments import Numbers, checked
 from ..medium import IndexField
-from ..pupils import Pupil, as_unit_vector
+from ..pupils import Pupil, as_unit_vector, seen_along
 from ..rays import RayBundle
 from ..tracing.beyond import plane_beyond
 from ..tracing.pupil.air import pupil_air
@@ -35,8 +35,8 @@ def wavefront(
     """Trace the optical path difference over a pupil, as a map.
 
     Rays leave the pupil along its normal (or `direction`) and stop on a plane across that line, beyond the field's box:
-    by reciprocity this is the wavefront that arrives from a distant point on the line. A pixel on the pupil's edge
-    counts by its exact share in the pupil.
+    by reciprocity this is the wavefront that arrives from a distant point on the line. The map is across the line: of a
+    pupil seen askew it is the projection. A pixel on the pupil's edge counts by its share in the pupil.
 
     Args:
         field: The refractive index.
@@ -70,10 +70,11 @@ def wavefront(
     wavelength = field.wavelength_for(wavelength)
     look = pupil.normal if direction is None else as_unit_vector(direction, "direction")
     pupil_air(field, pupil, look, tolerance * wavelength).check(allow_truncation)
-    coordinate, pixel, weight, intensity = pupil_grid(pupil, pixel_count)
+    aperture = seen_along(pupil, look)
+    coordinate, pixel, weight, intensity = pupil_grid(aperture, pixel_count)
     lit = weight > 0.0
     rows, columns = np.nonzero(lit)
-    first, second = pupil.axes
+    first, second = aperture.axes
     start = pupil.center + coordinate[columns, None] * first + coordinate[rows, None] * second
     traced = trace(
         field,

@@ -25,6 +25,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..derived import cached_on
 from ..medium import IndexField
 from ..medium.grid import UniformGrid
 from ..pupils import Pupil
@@ -54,14 +55,9 @@ class ChangeBound:
     distance: float
 
 
+@cached_on("field", KEPT)
 def change_bound(field: IndexField, pupil: Pupil, look: np.ndarray, wavelength: float) -> ChangeBound:
     """Return the bound for light that leaves a pupil along the unit vector `look`."""
-    key = ("bound of the wave's change", pupil.key, look.tobytes(), wavelength)
-    found: ChangeBound = field.derive(key, lambda: _change_bound(field, pupil, look, wavelength), KEPT)
-    return found
-
-
-def _change_bound(field: IndexField, pupil: Pupil, look: np.ndarray, wavelength: float) -> ChangeBound:
     wave_number, samples = 2.0 * math.pi / wavelength, field.samples
     if not is_clear(field, pupil, look, wavelength):
         return ChangeBound(math.inf, math.inf, math.inf)

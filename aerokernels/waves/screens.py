@@ -11,6 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
+from ..derived import cached_on
 from ..medium import IndexField
 from ..medium.grid import UniformGrid
 from ..medium.tensor_points import contrast_without_gradient
@@ -134,29 +135,9 @@ class Disturbance:
     until: float
 
 
+@cached_on("field", KEPT)
 def disturbance(field: IndexField, pupil: Pupil, look: np.ndarray) -> Disturbance:
-    """Return the range over which a pupil's light is disturbed, cached on the field."""
-    key = ("disturbance", pupil.key, look.tobytes())
-    found: Disturbance = field.derive(key, lambda: _on_lines(field, pupil, look), KEPT)
-    return found
-
-
-def stride_of(count: int, pixel: float, feature: float) -> int:
-    """Return the stride at which the pixels of a map are used."""
-    stride = -(-count // MOST_PIXELS)
-    while count // (2 * stride) >= FEWEST_PIXELS and feature >= PER_FEATURE * 2.0 * stride * pixel:
-        stride *= 2
-    return stride
-
-
-def places_across(pupil: Pupil, count: int) -> np.ndarray:
-    """Return coordinates across a pupil [m] that are not commensurate with any grating."""
-    reach = max(pupil.half_extent)
-    return np.array([reach * (2.0 * ((number + 0.5) * GOLDEN % 1.0) - 1.0) for number in range(count)])
-
-
-def _on_lines(field: IndexField, pupil: Pupil, look: np.ndarray) -> Disturbance:
-    """Return the range over which light is disturbed, from a few lines through the pupil."""
+    """Return the range over which a pupil's light is disturbed, from a few lines through it."""
     place = places_across(pupil, LINES).tolist()
     x, y = np.array(LINES * place), np.array([one for one in place for _ in range(LINES)])
     lit = pupil.transmission(x, y) > 0.0
@@ -175,6 +156,20 @@ def _on_lines(field: IndexField, pupil: Pupil, look: np.ndarray) -> Disturbance:
     points = start + depth[:, None, None] * look
     layers = contrast_without_gradient(field, points.reshape(-1, 3)).reshape(LINE_LAYERS, len(start))
     return spread_along(layers, begin, end)
+
+
+def stride_of(count: int, pixel: float, feature: float) -> int:
+    """Return the stride at which the pixels of a map are used."""
+    stride = -(-count // MOST_PIXELS)
+    while count // (2 * stride) >= FEWEST_PIXELS and feature >= PER_FEATURE * 2.0 * stride * pixel:
+        stride *= 2
+    return stride
+
+
+def places_across(pupil: Pupil, count: int) -> np.ndarray:
+    """Return coordinates across a pupil [m] that are not commensurate with any grating."""
+    reach = max(pupil.half_extent)
+    return np.array([reach * (2.0 * ((number + 0.5) * GOLDEN % 1.0) - 1.0) for number in range(count)])
 
 
 def _by_nodes(field: IndexField, grid: UniformGrid, pupil: Pupil, sign: float, x, y) -> Disturbance:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..derived import cached_on
 from ..medium import IndexField
 from ..pupils import Pupil
 from ..tracing.pupil.air import meets_wall
@@ -104,9 +105,7 @@ def is_clear(field: IndexField, pupil: Pupil, look: np.ndarray, wavelength: floa
     """Return whether a field's body is far from a pupil's light, by straight lines through and beside the pupil."""
     if field.body is None:
         return True
-    key = ("clear of the body", pupil.key, look.tobytes(), wavelength)
-    found: bool = field.derive(key, lambda: _is_clear(field, pupil, look, wavelength), KEPT)
-    return found
+    return _is_clear(field, pupil, look, wavelength)
 
 
 def fringes(field: IndexField, wavelength: float) -> float:
@@ -116,6 +115,7 @@ def fringes(field: IndexField, wavelength: float) -> float:
     return FRINGES * math.sqrt(wavelength * float(size))
 
 
+@cached_on("field", KEPT)
 def _is_clear(field: IndexField, pupil: Pupil, look: np.ndarray, wavelength: float) -> bool:
     first, second = pupil.axes
     x, y = (half + fringes(field, wavelength) for half in pupil.half_extent)

@@ -31,10 +31,10 @@ wavefront only a wave is evaluated.
 """
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
+from ..derived import cached_on
 from ..inputs.arguments import checked
 from ..inputs.checks import check_positive
 from ..medium import IndexField
@@ -103,28 +103,25 @@ def validity(
         raise TypeError(f"pupil must be a Disc, Annulus, Rectangle, Polygon or Mask, got {type(pupil).__name__}")
     check_positive(limit, "limit")
     wavelength = field.wavelength_for(wavelength)
-    feature, look, paths, map_key, resolved = None, pupil.normal, None, None, True
+    if wavefront is not None and wavefront.pupil is not None and not _same_light(wavefront.pupil, pupil):
+        raise ValueError(f"wavefront was traced for another pupil, {wavefront.pupil!r}: give that one")
+    return _judged(field, pupil, wavelength, wavefront, limit, waves)
+
+
+@cached_on("field", KEPT)
+def _judged(
+    field: IndexField, pupil: Pupil, wavelength: float, wavefront: Wavefront | None, limit: float, waves: bool | None
+) -> Validity:
+    feature, look, paths, resolved = None, pupil.normal, None, True
     if wavefront is not None:
-        if wavefront.pupil is not None and not _same_light(wavefront.pupil, pupil):
-            raise ValueError(f"wavefront was traced for another pupil, {wavefront.pupil!r}: give that one")
         if wavefront.direction is not None:
             look = np.asarray(wavefront.direction)
         if len(wavefront.opd) >= FEWEST_MAPPED:
             paths = paths_of(wavefront)
-            feature, squares = finest_and_squares(paths.path, paths.pixel, wavelength)
+            feature = finest_and_squares(paths.path, paths.pixel, wavelength)[0]
             # A phase as fine as the map's pixels may be finer in the field: then the wave measures it again.
             resolved = feature >= RESOLVED * paths.pixel
-            map_key = (len(paths.path), squares, wavefront.wavelength, wavefront.blocked, wavefront.removed)
-    # A verdict is cached on the field by the light and the map. The map's pixels and squares distinguish it from one
-    # traced with another tolerance.
-    key = ("verdict", pupil.key, look.tobytes(), wavelength, limit, map_key)
-    # A wave that the caller did not request has a key of its own: it may have been limited.
-    key_of_limited = ("verdict of a limited wave", *key[1:])
-    cached: Validity | None = field.held(key)
-    if cached is None and waves is not True:
-        cached = field.held(key_of_limited)
-    if cached is not None:
-        return cached
+    # A wave that the caller did not request may be limited.
     seen, limited = None, wavefront is not None and waves is None
     if wavefront is not None:
         if paths is not None and feature is not None and resolved:
@@ -133,7 +130,7 @@ def validity(
             if waves is False or not cheap or not affordable(field, look, wavefront):
                 answer = by_rays(field, pupil, look, wavefront, paths, wavelength, feature, limit)
                 if answer is not None:
-                    return _cache(field, key, answer)
+                    return answer
         if waves is None:
             waves = affordable(field, look, wavefront)
         if not waves or paths is None:
@@ -143,14 +140,7 @@ def validity(
         if paths is not None and _is_whole(wavefront, wavelength):
             seen = paths
     through = pupil if np.array_equal(look, pupil.normal) else replace(pupil, normal=look)  # type: ignore[type-var]
-    key = key_of_limited if limited else key
-    return _cache(field, key, by_waves(field, through, wavelength, feature, limit, seen, resolved, limited))
-
-
-def _cache(field: IndexField, key: tuple[Any, ...], answer: Validity) -> Validity:
-    """Cache an answer on the field and return it."""
-    kept: Validity = field.derive(key, lambda: answer, KEPT)
-    return kept
+    return by_waves(field, through, wavelength, feature, limit, seen, resolved, limited)
 
 
 def _is_whole(wavefront: Wavefront, wavelength: float) -> bool:

@@ -174,7 +174,7 @@ static inline Crossings piece_crossings(const Arrays *arrays, const WallLine *li
 static inline WallMeeting meet_wall(
     const Field *field, const Arrays *arrays, const WallLine *line, double first, double last)
 {
-    WallMeeting found = {NEVER, NEVER, 0};
+    WallMeeting found = {NEVER, NEVER, 0, 0};
     int node = 0;
     while (node < field->wall_count) {
         const int3 links = vload3(node, arrays->wall_links);
@@ -189,7 +189,10 @@ static inline WallMeeting meet_wall(
                     if (t >= first && t <= last) {
                         found.odd = !found.odd;
                         found.entry = enters ? lesser64(found.entry, t) : found.entry;
-                        found.exit = enters ? found.exit : lesser64(found.exit, t);
+                        if (!enters && t < found.exit) {
+                            found.exit = t;
+                            found.piece = k;
+                        }
                     }
                 }
             }

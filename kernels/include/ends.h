@@ -19,6 +19,7 @@ APART int start_of(
     int meets = span.x <= span.y && span.y >= 0.0;
     double stop_distance = span.y;
     int has_stop = 1;
+    double3 normal = (double3)0.0;
     interval->side = R(1.0);
 #if STOP == PLANE
     const double height = dot(VECTOR64(bounds->plane_normal), p - VECTOR64(bounds->plane_point));
@@ -47,7 +48,8 @@ APART int start_of(
     // A ray that starts inside the body begins where it leaves the body. If the body extends beyond the box, a ray may
     // hit the body before it reaches the box.
     if (meets) {
-        const double leaves = body_exit(field, arrays, p, d, enter);
+        const WallMeeting met = body_exit(field, arrays, p, d, enter);
+        const double leaves = met.exit;
         const double hits = body_entry(field, arrays, p, d, enter);
         if (hits < NEVER) {
             status = RAY_HIT_BODY;
@@ -58,6 +60,9 @@ APART int start_of(
             status = RAY_INSIDE_BODY;  // it comes out where the box ends, if at all
         } else {
             enter = leaves;
+            if (met.odd) {
+                normal = outward_normal(arrays, met.piece, p + leaves * d);
+            }
         }
     }
 #endif
@@ -66,6 +71,7 @@ APART int start_of(
     interval->stop_distance = stop_distance;
     interval->has_stop = has_stop;
     interval->meets = meets;
+    interval->normal = normal;
     return status;
 }
 

@@ -29,7 +29,7 @@ typedef struct {
 } Flying;
 
 // The state of rays before their first sample: they start at (x0, y0, z0), in cells from the grid's first node (x, y
-// from the axis), and run along (dx, dy, dz) for `length` metres.
+// from the axis), and run along (dx, dy, dz) for `length` metres, with the momentum `kick` across.
 APART Flying take_off(
     const Field *field,
     const Arrays *arrays,
@@ -41,7 +41,8 @@ APART Flying take_off(
     reals dx,
     reals dy,
     reals dz,
-    reals length)
+    reals length,
+    const reals *kick)
 {
     const reals zero = (reals)R(0.0);
     Flying ray;
@@ -49,8 +50,9 @@ APART Flying take_off(
     ray.path = path_of(field, arrays, x0, y0, z0, dx, dy, dz, ray.h);
 #pragma unroll
     EACH(c) {
-        ray.p[c] = ray.q[c] = ray.impulse[c] = ray.moment[c] = zero;
-        ray.momentum_diff[c] = ray.deviation_diff[c] = ray.f[c] = zero;
+        ray.p[c] = ray.impulse[c] = part_across(&ray.path, kick, c);
+        ray.momentum_diff[c] = -ray.p[c];  // no error of the sums
+        ray.q[c] = ray.moment[c] = ray.deviation_diff[c] = ray.f[c] = zero;
     }
     ray.sigma = ray.bend = ray.max_deflection = ray.s = ray.ahead = zero;
     ray.slowness = (reals)(R(1.0) / ambient);

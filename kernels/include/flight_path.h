@@ -82,6 +82,12 @@ static inline reals last_sample(
     return last.value;
 }
 
+// Component c across the path of a vector in x, y, z.
+static inline reals part_across(const Path *path, const reals *vector, int c)
+{
+    return vector[0] * path->ex + vector[1] * path->ey;
+}
+
 // A vector across the path in x, y, z.
 static inline void spread(const Path *path, const reals *across, reals *out)
 {
@@ -148,6 +154,8 @@ static inline reals last_sample(
     f[2] = across[2];
     return s;
 }
+
+static inline reals part_across(const Path *path, const reals *vector, int c) { return vector[c]; }
 
 static inline void spread(const Path *path, const reals *across, reals *out)
 {

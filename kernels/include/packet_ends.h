@@ -18,6 +18,7 @@ typedef struct {
     truths uniform;        // whether they end in uniform air
     truths surface;        // if not, the surface on which they end, else -1
     truths status;
+    Triples normal;        // outward, where they leave the body in which they start; zero for other rays
 } Starts;
 
 #if HAS_BODY
@@ -32,7 +33,8 @@ static inline void start_at_walls(
         }
         const double3 place = TRIPLE_AT(p, lane), direction = TRIPLE_AT(d, lane);
         const double first = DOUBLE_AT(*enter, lane), stop_distance = DOUBLE_AT(starts->stop_distance, lane);
-        const double leaves = body_exit(field, arrays, place, direction, first);
+        const WallMeeting met = body_exit(field, arrays, place, direction, first);
+        const double leaves = met.exit;
         const double hits = body_entry(field, arrays, place, direction, first);
         if (hits < NEVER) {
             NUMBER_AT(starts->status, lane) = RAY_HIT_BODY;
@@ -46,6 +48,12 @@ static inline void start_at_walls(
             NUMBER_AT(starts->status, lane) = RAY_INSIDE_BODY;  // it comes out where the box ends, if at all
         } else {
             DOUBLE_AT(*enter, lane) = leaves;
+            if (met.odd) {
+                const double3 normal = outward_normal(arrays, met.piece, place + leaves * direction);
+                DOUBLE_AT(starts->normal.x, lane) = normal.x;
+                DOUBLE_AT(starts->normal.y, lane) = normal.y;
+                DOUBLE_AT(starts->normal.z, lane) = normal.z;
+            }
         }
     }
 }
@@ -55,6 +63,7 @@ static inline Starts start_each(const Field *field, const Arrays *arrays, const 
 {
     Starts starts;
     starts.status = (truths)RAY_OK;
+    starts.normal = in_all_lanes((double3)0.0);
     starts.has_stop = (truths)0 == (truths)0;
 
     // Where the undisturbed rays stop, and whether they meet the box before.

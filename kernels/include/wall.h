@@ -6,19 +6,66 @@
 #define WALL_H
 
 #include "crossings.h"
+#include "motion.h"
 
-// Distance at which a ray that starts inside the body leaves it. NEVER if it does not leave; `first` for rays that
-// start outside the body.
-APART double body_exit(const Field *field, const Arrays *arrays, double3 p, double3 d, double first)
+// WallMeeting whose exit is where a ray that starts in the body leaves it: NEVER if it does not leave, and `first` for
+// rays that start outside the body, which are not `odd`.
+APART WallMeeting body_exit(const Field *field, const Arrays *arrays, double3 p, double3 d, double first)
 {
     if (GEOMETRY == PLANAR && d.y == 0.0 && d.z == 0.0) {
         // Along x the ray stays in the body or beside it: a line in any other direction shows which.
         const WallLine beside = wall_line(p, (double3)(0.0, 0.0, 1.0));
-        return meet_wall(field, arrays, &beside, 0.0, NEVER).odd ? NEVER : first;
+        WallMeeting met = meet_wall(field, arrays, &beside, 0.0, NEVER);
+        met.exit = met.odd ? NEVER : first;
+        return met;
     }
     const WallLine line = wall_line(p, d);
-    const WallMeeting met = meet_wall(field, arrays, &line, first, NEVER);
-    return met.odd ? met.exit : first;
+    WallMeeting met = meet_wall(field, arrays, &line, first, NEVER);
+    met.exit = met.odd ? met.exit : first;
+    return met;
+}
+
+// Outward unit normal of the body at a point of a piece of its surface.
+static inline double3 outward_normal(const Arrays *arrays, int piece, double3 p)
+{
+#if GEOMETRY == VOLUME
+    const double3 a = vload4(3 * piece, arrays->wall).xyz;
+    const double3 first = vload4(3 * piece + 1, arrays->wall).xyz - a;
+    const double3 second = vload4(3 * piece + 2, arrays->wall).xyz - a;
+    const double3 area = cross(first, second);
+    // Shares of the second and the third corner: areas within the triangle.
+    const double one = dot(cross(p - a, second), area) / dot(area, area);
+    const double other = dot(cross(first, p - a), area) / dot(area, area);
+    const double3 sum = (1.0 - one - other) * vload4(3 * piece, arrays->wall_normals).xyz +
+        one * vload4(3 * piece + 1, arrays->wall_normals).xyz + other * vload4(3 * piece + 2, arrays->wall_normals).xyz;
+#else
+    const double4 s = vload4(piece, arrays->wall), at_ends = vload4(piece, arrays->wall_normals);
+    double place = p.y;
+    double2 across = (double2)(0.0, 1.0);
+    if (GEOMETRY == AXISYMMETRIC) {
+        place = sqrt(p.x * p.x + p.y * p.y);
+        across = p.xy / greater64(place, 1.0e-300);
+    }
+    const double2 step = s.zw - s.xy;
+    const double share = dot((double2)(place, p.z) - s.xy, step) / dot(step, step);
+    const double r = at_ends.x + share * (at_ends.z - at_ends.x);
+    const double3 sum = (double3)(r * across.x, r * across.y, at_ends.y + share * (at_ends.w - at_ends.y));
+#endif
+    return sum / greater64(size64(sum), 1.0e-300);
+}
+
+// Change k of the momentum along the normal of the body where rays leave it, with the momentum `before` along it and
+// the potential outside. A ray that would be reflected within the body runs along its surface.
+#define LEAVING_KICK(before, potential)                                                                                \
+    max(R(2.0) * (potential) / ((before) + sqrt(max((before) * (before) + R(2.0) * (potential), R(0.0)))), -(before))
+
+// Deviation of the momentum where a ray begins. A ray that leaves the body, where `normal` is not zero, is refracted
+// there; other rays keep their direction.
+static inline real3 starting_momentum(real ambient, real pot, real3 d, double3 normal)
+{
+    const real3 outward = convert_real3(normal);
+    const real before = ambient * dot(d, outward);
+    return before > R(0.0) ? LEAVING_KICK(before, pot) * outward : contrast(ambient, pot) * d;
 }
 
 // Distance at which a ray enters the body before it reaches the box. It reaches the box at `last`. NEVER if it does not

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from aerokernels.flow.reading.calling import read_here
-from aerokernels.flow.reading.dataset import Dataset, ReadError
+from aerokernels.flow.reading.dataset import Dataset, ReadError, with_all_points
 from aerokernels.flow.reading.density import Reference, beside_the_flow, block_density, choose_density
 from aerokernels.flow.reading.readers.foam_file import FoamFile
 from aerokernels.process.opened import OPENED
@@ -30,6 +30,7 @@ MOST_VALUES = 1_000_000  # in files of some kilobytes; a larger number comes fro
 
 def check_dataset(path: Path, found: Dataset) -> bool:
     """Check that arrays fit their points and cells, that cells refer to existing points, and densities are positive."""
+    found = with_all_points(found)
     for block in found.blocks:
         count = len(block.points)
         if block.points.dtype != np.float64 or block.points.shape != (count, 3) or count > MOST_VALUES:

@@ -62,6 +62,62 @@ def test_a_saturated_record_is_told_of_by_how_much(shape, method, fraction, is_k
             assert ("too much" if found > exact else "too little") in str(told[0].message)
 
 
+@pytest.mark.parametrize("is_known", [True, False])
+def test_a_plateau_is_judged_in_units_of_the_noise(is_known):
+    """Noise comes after the saturating stage: no two samples of the plateau are equal.
+
+    Cut off at 0.4 to 0.8 of the peak with noise of 0.01 to 0.5 % of the level. Expected: the reported error covers
+    that of the range, which is known by the whole pulse, but for four standard deviations of the noise at the crossing
+    (noise over slope). A whole pulse with the same noise gives no warning. 3 of 40 records may be missed: their
+    plateau is hardly wider than a pulse's own top at that noise.
+    """
+    draw, missed = np.random.default_rng(8), 0
+    for number in range(40):
+        shape, cut, share = SHAPES[number % 4], draw.uniform(0.4, 0.8), 10.0 ** draw.uniform(-4.0, -2.3)
+        period = 6e-9 / draw.uniform(6.0, 24.0)
+        time = np.arange(0.0, 400e-9, period)
+        whole = np.asarray(shape(time - 100e-9 - draw.uniform(0.0, period)))
+        noise = share * cut * draw.normal(size=time.size)
+        template = shape if is_known else None
+        read = partial(Reading("constant-fraction", None, template)._arrival, period=period)
+        metres = 0.5 * SPEED_OF_LIGHT * period
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", SaturatedRecordWarning)
+            estimate_range(time, whole + noise, "constant-fraction", template=template)
+        volts = np.minimum(whole, cut) + noise
+        error = metres * (read(volts) - read(whole))
+        slack = 4.0 * metres * share * cut / np.abs(np.diff(whole))[np.argmax(whole > 0.5 * cut)]
+        try:
+            with pytest.warns(SaturatedRecordWarning, match="too little"):
+                estimate_range(time, volts, "constant-fraction", template=template)
+        except pytest.fail.Exception:
+            missed += 1
+            continue
+        assert -error <= metres * saturation_shift(volts, read, template, period) + slack
+    assert missed <= 3
+
+
+@pytest.mark.parametrize("gain", [2.0, 4.0, 8.0])
+def test_a_known_pulse_is_judged_by_what_is_left_of_the_fit(gain):
+    """Set-up: 0.5 tanh(gain pulse), which is nowhere flat. Expected: the reported error covers the range's.
+
+    Constant fraction reads the crossing of half of 0.5 tanh(gain), where the pulse is atanh(tanh(gain) / 2) / gain.
+    """
+    period = 0.5e-9
+    time = np.arange(0.0, 200e-9, period)
+    for shape in SHAPES:
+        volts = 0.5 * np.tanh(gain * np.asarray(shape(time - 80e-9)))
+        with pytest.warns(SaturatedRecordWarning, match="lower than the pulse that fits the others.*too little"):
+            found = estimate_range(time, volts, "constant-fraction", template=shape)
+        early = 0.5 * SPEED_OF_LIGHT * 80e-9 - found
+        fine = np.arange(-40e-9, 0.0, 1e-12)
+        level = np.arctanh(0.5 * np.tanh(gain)) / gain
+        half, met = (fine[np.argmax(np.asarray(shape(fine)) > one)] for one in (0.5, level))
+        assert early == pytest.approx(0.5 * SPEED_OF_LIGHT * (half - met), abs=2e-3)
+        read = partial(Reading("constant-fraction", None, shape)._arrival, period=period)
+        assert early <= 0.5 * SPEED_OF_LIGHT * period * saturation_shift(volts, read, shape, period)
+
+
 def test_a_cut_gaussian_is_restored():
     """Its logarithm is a parabola, which the cubic through two samples on either side is, to rounding."""
     time = np.arange(60.0)

@@ -194,12 +194,37 @@ def test_an_instrument_that_knows_two_questions(tmp_path: Path, aerokernels):
     assert rows(path, "SELECT count(*) FROM damaged") == [(0,)]
 
 
+# By Keysight's rule, (y - yreference) yincrement + yorigin, 1.584 V; by Rigol's 0.294 V.
+TEN_NUMBERS = {b":WAVEFORM:PREAMBLE?": b"+0,+0,+4,+1,1E-9,-2E-7,+0,0.0157,1.27,+128\n",
+               b":WAVEFORM:DATA?": b"#14" + bytes([47, 47, 148, 47])}  # fmt: skip
+
+
+def test_a_dialect_that_is_given_counts_where_the_maker_is_not_told(tmp_path: Path, aerokernels):
+    """Expected: Rigol's rule, (y - yorigin - yreference) yincrement; another maker's name is refused even then."""
+    link, path = tmp_path / "port", tmp_path / "echoes.sqlite"
+    command = (*record_into(path, link), "--dialect", "rigol", "--count", 1, "--timeout", 0.3)
+    with plain_instrument(link, TEN_NUMBERS):
+        done = aerokernels(*command, timeout=60)
+    assert done.returncode == 0, done.stderr
+    ((echo,),) = (recorded(path),)
+    np.testing.assert_allclose(echo.frame.voltage, 0.0157 * (np.array([47, 47, 148, 47]) - 1.27 - 128.0), rtol=1e-12)
+    with plain_instrument(link, {b"*IDN?": b"KEYSIGHT TECHNOLOGIES,DSO-X 3024T,MY0,07.20\n", **TEN_NUMBERS}):
+        done = aerokernels(*command, timeout=60)
+    assert done.returncode == 2 and "maker whose scale of volts is not known" in done.stderr
+
+
 @pytest.mark.parametrize(
     ("answers", "match"),
     [
         ({}, "no answer"),
         ({b"WFMOUTPRE?": b"YMULT 1;XINCR 1E-9;ENCDG ASCII\n"}, "DATA:ENCDG RIBINARY"),
         ({b"WFMOUTPRE?": b"\xff\xfe\n"}, "damaged answer"),
+        ({b"*IDN?": b"KEYSIGHT TECHNOLOGIES,DSO-X 3024T,MY0,07.20\n", **TEN_NUMBERS}, "'KEYSIGHT TECHNOLOGIES,DSO-X"),
+        (
+            {b"*IDN?": b"AGILENT TECHNOLOGIES,DSO1012A,CN0,1\n", **TEN_NUMBERS},
+            "maker whose scale of volts is not known",
+        ),
+        (TEN_NUMBERS, "and dialect as it has"),
     ],
 )
 def test_what_is_no_oscilloscope_is_said(tmp_path: Path, aerokernels, answers: dict, match: str):

@@ -119,6 +119,71 @@ def test_foreign_files_are_refused_and_left_alone(tmp_path):
     assert not (tmp_path / "absent.sqlite").exists()
 
 
+ENDLESS = "WITH RECURSIVE n(id) AS (SELECT 1 UNION ALL SELECT id + 1 FROM n) SELECT id, '{}' AS label FROM n"
+
+
+@pytest.mark.parametrize("read_only", [False, True])
+@pytest.mark.parametrize(
+    ("change", "part"),
+    [
+        ("CREATE TRIGGER t AFTER INSERT ON echoes BEGIN DELETE FROM echoes; END", "trigger t"),
+        (f"ALTER TABLE echoes RENAME TO old; CREATE VIEW echoes AS {ENDLESS}", "index echoes_by_label"),
+        ("CREATE UNIQUE INDEX one_each ON echoes (session)", "index one_each"),
+        ("ALTER TABLE gaps ADD COLUMN more INTEGER CHECK (more > 0)", "table gaps"),
+        ("DROP TABLE damaged", "table damaged"),
+        ("CREATE TABLE notes (text)", "table notes"),
+    ],
+)
+def test_a_store_of_another_schema_is_refused(tmp_path, change: str, part: str, read_only: bool):
+    """With the trigger a recorder said "stored 5" and there were no rows; a view without an end was read for ever."""
+    path = tmp_path / "s.sqlite"
+    with EchoStore(path):
+        pass
+    connection = sqlite3.connect(path)
+    connection.executescript(change)
+    connection.close()
+    with pytest.raises(ValueError, match=rf"s\.sqlite: not an echo store's schema \({part}\)"):
+        EchoStore(path, read_only=read_only)
+
+
+def test_a_schema_that_is_no_sql_is_told_in_one_line(tmp_path):
+    path = tmp_path / "s.sqlite"
+    with EchoStore(path):
+        pass
+    path.write_bytes(
+        path.read_bytes().replace(b"CREATE TABLE echoes (\n    id INTEGER", b"CREATE TABLE echoes (\n    ((((((((((", 1)
+    )
+    with pytest.raises(ValueError, match=r"s\.sqlite: malformed database schema") as refused:
+        EchoStore(path)
+    assert "\n" not in str(refused.value)
+
+
+def test_an_analysed_and_compacted_store_is_one_still(tmp_path):
+    """SQLite's own tables of statistics, and a file that was written anew."""
+    path = tmp_path / "s.sqlite"
+    with EchoStore(path) as store:
+        store.begin_recording("p", "frames", {})
+        store.add(received(1, 10), 0)
+        store.commit()
+    connection = sqlite3.connect(path)
+    connection.executescript("ANALYZE; VACUUM; REINDEX")
+    connection.close()
+    with EchoStore(path) as store:
+        assert store.echo_count == 1
+
+
+def test_an_older_store_with_a_trigger_is_left_as_it_is(tmp_path):
+    path = tmp_path / "old.sqlite"
+    connection = sqlite3.connect(path)
+    connection.executescript(VERSION_1)
+    connection.executescript("CREATE TRIGGER t AFTER INSERT ON recordings BEGIN DELETE FROM damaged; END")
+    connection.close()
+    before = path.read_bytes()
+    with pytest.raises(ValueError, match="trigger t"):
+        EchoStore(path)
+    assert path.read_bytes() == before
+
+
 def test_damage_within_the_file_is_told_by_name(tmp_path):
     """Every page but those of the schema is overwritten: reading and writing both name the file and say what to do."""
     path = tmp_path / "s.sqlite"
@@ -279,6 +344,44 @@ def test_a_frame_that_another_recorder_stored_first_is_no_second_row(tmp_path):
         one.commit()
         other.commit()
         assert one.echo_count == 1 and (one.duplicate_count, other.duplicate_count) == (0, 1)
+
+
+@pytest.mark.parametrize("commit_each", [False, True])
+def test_what_another_recorder_of_the_port_stored_is_not_missing(tmp_path, commit_each: bool):
+    """Numbers 0 to 29 over the wrap of the counter, 11 and 23 lost: each recorder receives every second or third one.
+
+    Each called the numbers of the other one missing. What the store lacks is 11 and 23, for both recorders.
+    """
+    path, first = tmp_path / "s.sqlite", 2**32 - 7
+    with EchoStore(path) as one, EchoStore(path) as other, EchoStore(path) as apart:
+        for store, port in ((one, "p"), (other, "p"), (apart, "another port")):
+            store.begin_recording(port, "frames", {})
+        for k in set(range(30)) - {11, 23}:
+            store = one if k % 3 == 0 or k % 5 == 0 else other
+            assert store.add(received((first + k) % 2**32, 1000 * k), 0)
+            if commit_each:
+                store.commit()
+        assert apart.add(received(first, 10**6), 0) and apart.add(received(first + 3, 2 * 10**6), 0)
+        for store in (one, other, apart):
+            store.commit()
+        assert [one.missing_count, other.missing_count, apart.missing_count] == [2, 2, 2]
+        lost = [((first + k - 1) % 2**32, (first + k + 1) % 2**32, 1) for k in (11, 23)] + [(first, first + 3, 2)]
+        gaps = [(gap.after_sequence, gap.before_sequence, gap.missing_count) for gap in one.gaps()]
+        assert sorted(gaps) == sorted(lost)
+
+
+def test_a_recorder_that_joins_sees_what_the_other_one_stored(tmp_path):
+    """What was sent before it began does not count; frames that both receive are stored once and missed by nobody."""
+    path = tmp_path / "s.sqlite"
+    with EchoStore(path) as one, EchoStore(path) as other:
+        for store, numbers in ((one, range(5)), (other, [8]), (one, [5, 6, 8, 9, 10]), (other, [9, 10, 11])):
+            if numbers[0] in (0, 8):
+                store.begin_recording("p", "frames", {})
+            for k in numbers:
+                store.add(received(k, 1000 * k), 0)
+            store.commit()
+        assert (one.missing_count, other.missing_count, one.duplicate_count, other.duplicate_count) == (1, 0, 1, 2)
+        assert one.gaps() == other.gaps() == [Gap(1, 6, 8, 1)] and one.echo_count == 11
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no limit on the size of files there")

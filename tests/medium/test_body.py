@@ -154,3 +154,18 @@ def test_edges_with_solid_or_air_on_both_sides_are_no_walls_to_distances():
     for profile in (slit, slit[::-1]):
         body = Body(np.array(profile, dtype=float), "planar")
         assert body.signed_distance(points) == pytest.approx([-1.9, -1.5, -0.5], abs=1e-12)
+
+
+def test_normals_of_curves_and_edges():
+    """A round nose on a cylinder: those of the circle where it turns, the segments' own beside edges and flat parts."""
+    angle = np.linspace(0.0, 0.5 * np.pi, 31)
+    nose = np.stack([np.sin(angle), np.cos(angle)], axis=1)
+    nose[0, 0] = 0.0
+    body = Body(np.concatenate([nose, [[1.0, -2.0], [1.0, -4.0], [0.0, -4.0]]]))
+    start, end = body.surface
+    for points, normals in zip((start, end), body.normals.swapaxes(0, 1), strict=True):
+        round_part = np.minimum(start[:, 1], end[:, 1]) > 0.1  # but for the last chord, which the cylinder makes flat
+        assert np.abs(normals - points)[round_part].max() < 1e-12
+
+    flat = body.normals[np.maximum(start[:, 1], end[:, 1]) < 1e-9]
+    assert {tuple(normal.round(12)) for normal in flat.reshape(-1, 2)} == {(1.0, 0.0), (0.0, -1.0)}

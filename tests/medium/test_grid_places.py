@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from aerokernels import IndexField
+from aerokernels.derived import cached_on
 from aerokernels.medium.grid import UniformGrid
-from aerokernels.medium.grid_places import known
 
 
 def grid(value: float = 0.0, **other) -> UniformGrid:
@@ -63,11 +63,15 @@ def test_a_loop_over_fields_keeps_what_it_found_and_the_last_field_frees_it():
         def __init__(self):
             made.append(weakref.ref(self))
 
+    @cached_on("places")
+    def found(places) -> Result:
+        return Result()
+
     samples = np.full((6, 7), 1e-4)
     field = None
     for _ in range(3):
         field = IndexField.from_samples(samples, origin=(0.0, 0.0), spacing=(1e-3, 1e-3), geometry="planar")
-        known(field.samples, "a result", Result, 1)
+        found(field.samples.places)
     assert len(made) == 1 and made[0]() is not None
     del field
     gc.collect()

@@ -248,7 +248,7 @@ def test_weights_of_vertices(geometry: str, parents: bool):
 def test_trees_of_boxes(count: int, dimension: int):
     """Every piece is in one leaf of at most four, in the boxes of all nodes above it; links lead on."""
     corners = np.random.default_rng(count).normal(size=(count, dimension, dimension))
-    tree = wall_tree(corners)
+    tree = wall_tree(corners, 2.0 * corners)
     margin = MARGIN * np.ptp(corners.reshape(-1, dimension), axis=0).max()
     assert sorted(map(tuple, tree.corners.reshape(count, -1))) == sorted(map(tuple, corners.reshape(count, -1)))
 
@@ -268,7 +268,8 @@ def test_trees_of_boxes(count: int, dimension: int):
         return first, last
 
     assert under(0) == (0, count) and tree.links[0][0] == len(tree.boxes)
-    rows, boxes = tree.kernel_rows
+    rows, normals, boxes = tree.kernel_rows
+    np.testing.assert_array_equal(normals, 2.0 * rows)
     if dimension == 2:
         np.testing.assert_array_equal(rows, tree.corners.reshape(count, 4))
         np.testing.assert_array_equal(boxes, tree.boxes.reshape(-1, 4))

@@ -128,7 +128,7 @@ def test_the_papers_limits_light_the_flow_whatever_the_reflectors_size():
     assert np.hypot(at_front[:, 0], at_front[:, 1]).max() <= view_radius(small, 0.004)
 
 
-@pytest.mark.parametrize("spacing", ["5 cm", "40 mm", "1e9 m", 1e-300, "1 nm"])
+@pytest.mark.parametrize("spacing", ["5 cm", "40 mm", "1e9 m", "1 nm"])
 def test_a_grid_that_makes_no_sense_is_refused_by_its_key(spacing):
     """Before anything is computed on it: the key, the region's size and what it takes are in the message."""
     scene = Scene.load("wind-tunnel-mach3", {"grid.spacing": spacing})

@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import BaseModel, ValidationError
 
+from aerokernels.jobs.explain import explanation
 from aerokernels.jobs.scene_text import scene_toml
 from aerokernels.scene import STATIC_CALIBRATION, Scene, SceneError, shipped_scenes
 from aerokernels.scene.changes import changed_scene, key_dimension
@@ -175,8 +176,8 @@ def test_mesh_route_has_its_own_interpolation():
         ('[target]\ndistance = "5 ns"', ["target.distance = '5 ns'", "ns measures a time"]),
         ("[target]\ndistance = nan", ["target.distance = nan", "finite"]),
         ("[target]\ndistance = -inf", ["target.distance = -inf", "finite"]),
-        ("[target]\ndistance = -1.5", ["target.distance = -1.5", "above 0"]),
-        ("[target]\ndistance = 0", ["target.distance = 0", "above 0"]),
+        ("[target]\ndistance = -1.5", ["target.distance = -1.5", "at least 1e-09 m"]),
+        ("[target]\ndistance = 0", ["target.distance = 0", "at least 1e-09 m"]),
         ("[target]\ndistance = true", ["target.distance = True", "a length"]),
         ("[target]\ndistance = [1.5]", ["target.distance = [1.5]", "a length"]),
         ("[target]\ndistance = 2020-01-01", ["target.distance", "a length"]),
@@ -226,6 +227,49 @@ def test_faults_in_a_file(write, line, words):
     assert "(changed)" not in message
 
 
+NUMBERS = [key for key in known_keys(Scene) if key_dimension(key) or key.endswith(("_count", "order", "steps", "seed"))]
+
+
+@pytest.mark.parametrize("key", NUMBERS)
+def test_every_number_has_bounds(key: str):
+    """Numbers out of all proportion ended in an IndexError, an OverflowError or a sentence without the key."""
+    enclose = {"pupil.center": "[0, {}, 0]", "pupil.vertices": "[[0, 0], [1, {}], [1, 0]]"}.get(key, "{}")
+    for number in ("1e308", "-1e308", "1e30"):
+        if enclose == "{}" or float(number) > 0:
+            assert f"{key} = " in refusal("wind-tunnel-mach3", {key: enclose.format(number)})
+    if key_dimension(key) and enclose == "{}":  # tiny numbers are refused, or as good as 0
+        try:
+            scene = Scene.load("wind-tunnel-mach3", {key: "5e-324"})
+        except SceneError as fault:
+            assert key in str(fault)
+        else:
+            assert Scene.load("wind-tunnel-mach3", {key: "0"}) and scene
+    assert len(NUMBERS) > 60
+
+
+@pytest.mark.parametrize("settings", [
+    {"beam.radius": "1 nm"}, {"beam.radius": "1e9 m"}, {"beam.exit_radius": "1 nm"}, {"target.height": "1 nm"},
+    {"target.distance": "1e9 m"}, {"target.width": "1e9 m", "target.tilt": "89.98 deg"},
+])  # fmt: skip
+def test_a_run_at_the_bounds_is_explained(settings: dict):
+    rows = explanation(Scene.load("wind-tunnel-mach3", {"grid.spacing": "0.4 mm", **settings}))
+    assert len(rows) > 10
+
+
+def test_a_scene_without_an_end_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """10 GB of zeros, and /dev/zero on standard input: read until the memory was gone. 4 MiB are read."""
+    with open(tmp_path / "sparse.toml", "wb") as file:
+        file.truncate(10_000_000_000)
+    assert "sparse.toml: longer than 4 MiB" in refusal(tmp_path / "sparse.toml")
+    if Path("/dev/zero").exists():
+        with open("/dev/zero", encoding="latin-1") as endless:
+            monkeypatch.setattr("sys.stdin", endless)
+            assert "standard input: longer than 4 MiB" in refusal("-")
+    flow = '[flow]\nsource = "mach2"\n'
+    (tmp_path / "long.toml").write_text(flow.ljust(4 << 20, "#"))
+    assert Scene.load(tmp_path / "long.toml").flow.source == "mach2"
+
+
 @pytest.mark.parametrize(
     ("line", "words"),
     [
@@ -233,7 +277,7 @@ def test_faults_in_a_file(write, line, words):
         ('source = "mach2"\nwavelength = "905 um"', ["flow.wavelength = '905 um'", "0.1 to 20 um"]),
         ('source = "mach2"\nwavelength = 905', ["flow.wavelength = 905", "give metres"]),
         ('source = "mach2"\ndensity = "thin"', ["flow.density = 'thin'", "'tunnel', 'sea-level'", "kg/m3"]),
-        ('source = "mach2"\ndensity = -1', ["flow.density = -1", "above 0"]),
+        ('source = "mach2"\ndensity = -1', ["flow.density = -1", "at least 1e-12 kg/m3"]),
         ('source = "mach2"\ndensity = nan', ["flow.density = nan", "'0.5 kg/m3'"]),
         ('density = "tunnel"', ["flow.source is missing"]),
         ('source = "mach2"\nrelation = "edlen"', ["flow.relation = 'edlen'", "'ciddor'"]),

@@ -7,16 +7,15 @@ import pytest
 import xarray
 
 from aerokernels import Disc, statistics
-from aerokernels.series.modes import orthogonal_modes
 from aerokernels.series.pupil_grid import MapReader, pupil_grid
 from aerokernels.series.statistic_parts import covers_of
-from aerokernels.series.uncertainty import mean_of
+from aerokernels.series.uncertainty import deviations_of, standard_errors
 
 WAVELENGTH = 633e-9
 
 
 def test_statistics_of_maps_about_their_mean():
-    """The steady map, its rms and the rest's; errors by the lesser of two counts of independent maps."""
+    """The steady map, its rms and the rest's, about the mean of as many maps as are independent."""
     draw = np.random.default_rng(8)
     grid = pupil_grid(Disc(0.01), 6)
     count = int(grid.lit.sum())
@@ -30,19 +29,22 @@ def test_statistics_of_maps_about_their_mean():
         xarray.Dataset(given, {"time": np.arange(20.0), "y": grid.y, "x": grid.x}, {"wavelength": WAVELENGTH})
     )
     mean, left = maps.mean(axis=0), maps - maps.mean(axis=0)
-    spread = maps.std(axis=0, ddof=1)
     unsteady = left**2 @ weight
-    effective = min(
-        mean_of(unsteady).effective_count, mean_of(orthogonal_modes(maps, weight, 1).coefficient[:, 0]).effective_count
-    )
+    error, each = standard_errors(maps)
+    independent = weight @ each
+    spread, off = deviations_of(maps)
     lit = grid.lit
+    assert found.attrs["independent_count"] == pytest.approx(independent)
     np.testing.assert_allclose(found.opd_mean.values[lit], mean, rtol=1e-9)
-    np.testing.assert_allclose(found.opd_mean_error.values[lit], spread / math.sqrt(effective), rtol=1e-9)
+    np.testing.assert_allclose(found.opd_mean_error.values[lit], error, rtol=1e-9)
     np.testing.assert_allclose(found.opd_std.values[lit], spread, rtol=1e-9)
-    np.testing.assert_allclose(found.opd_std_error.values[lit], spread / math.sqrt(2.0 * effective), rtol=1e-9)
-    assert float(found.opd_rms_steady) == pytest.approx(math.sqrt(weight @ (mean - weight @ mean) ** 2))
-    assert float(found.opd_rms_steady_error) == pytest.approx(math.sqrt(weight @ spread**2 / effective))
-    assert float(found.opd_rms_unsteady) == pytest.approx(math.sqrt(unsteady.mean()))
+    np.testing.assert_allclose(spread, maps.std(axis=0) * np.sqrt(each / (each - 1.0)), rtol=1e-9)
+    np.testing.assert_allclose(found.opd_std_error.values[lit], off, rtol=1e-9)
+    noise = np.mean(unsteady - (left @ weight) ** 2) / (independent - 1.0)
+    assert float(found.opd_rms_steady) == pytest.approx(math.sqrt(weight @ (mean - weight @ mean) ** 2 - noise))
+    assert float(found.opd_rms_steady_error) == pytest.approx(math.sqrt(weight @ error**2))
+    corrected = unsteady.mean() * independent / (independent - 1.0)
+    assert float(found.opd_rms_unsteady) == pytest.approx(math.sqrt(corrected))
     rms = [MapReader(grid.coordinates, weight, ("piston",), WAVELENGTH)(one) for one in maps]
     squares = np.array([one.rms_without_tilt**2 for one in rms])
     assert float(found.opd_rms) == pytest.approx(math.sqrt(squares.mean()))
@@ -56,7 +58,9 @@ def test_statistics_of_maps_about_their_mean():
         few = statistics(xarray.Dataset(some, places, {"wavelength": WAVELENGTH}))
         assert np.isfinite(few.opd_mean_error.values[lit]).all() == (times == 4)
         assert np.isfinite(float(few.opd_rms_steady_error)) == (times == 4)
-        np.testing.assert_allclose(few.opd_std.values[lit], maps[:times].std(axis=0, ddof=1), rtol=1e-9)
+        independent = standard_errors(maps[:times])[1] if times == 4 else 3.0
+        expected = maps[:times].std(axis=0) * np.sqrt(independent / (independent - 1.0))
+        np.testing.assert_allclose(few.opd_std.values[lit], expected, rtol=1e-9)
 
 
 def test_units_of_times_lengths_and_maps_are_those_stated():

@@ -8,7 +8,7 @@ import pytest
 from aerokernels import Rectangle, flow, optical_series, statistics
 from aerokernels.series.line_integrals import LineIntegrals
 from aerokernels.series.linking import _linked_and_path, linking_equation
-from aerokernels.series.uncertainty import mean_of
+from aerokernels.series.uncertainty import about_mean_of, root_of, standard_errors
 
 from .fourier import CONSTANT, WAVELENGTH, Fourier
 
@@ -41,14 +41,14 @@ def test_both_variances_are_those_of_densities_along_49_rays(points: int):
     lines = LineIntegrals(series.mesh, chosen, ALONG, "linear")
     densities = np.stack([lines.along(series.density(k)) for k in range(6)])
     sums = CONSTANT**2 * _linked_and_path(densities, lines.path_weights())
-    for name, each in zip(("opd_rms_linking", "opd_rms_path"), sums, strict=True):
-        mean = mean_of(each)
-        assert found[name].value == pytest.approx(math.sqrt(mean.value), rel=1e-9, abs=0.0)
-        assert found[name].error == pytest.approx(mean.error / (2.0 * math.sqrt(mean.value)), rel=1e-9, abs=0.0)
     integrals = CONSTANT * np.stack([lines(series.density(k)) for k in range(6)])
-    assert found["opd_rms_path"].value == pytest.approx(
-        math.sqrt(integrals.var(axis=0, ddof=1).mean()), rel=1e-9, abs=0.0
-    )
+    independent = standard_errors(integrals)[1].mean()
+    for name, each in zip(("opd_rms_linking", "opd_rms_path"), sums, strict=True):
+        root = root_of(about_mean_of(each, independent))
+        assert found[name].value == pytest.approx(root.value, rel=1e-9, abs=0.0)
+        assert found[name].error == pytest.approx(root.error, rel=1e-9, abs=0.0)
+    variance = integrals.var(axis=0).mean() * independent / (independent - 1.0)
+    assert found["opd_rms_path"].value == pytest.approx(math.sqrt(variance), rel=1e-9, abs=0.0)
     with pytest.raises(ValueError, match="not linear"):
         linking_equation(series, start, ALONG, WAVELENGTH, relation="lorentz-lorenz")
     with pytest.raises(ValueError, match="at least two"):
@@ -70,7 +70,8 @@ def test_statistics_add_back_what_was_removed_from_the_maps(count: int, remove: 
     whole = optical_series(series, pupil, remove=(), **options)
     lit = maps.weight.values > 0.0
     opd, weight = whole.opd.values[:, lit], maps.weight.values[lit] / maps.weight.values.sum()
-    point = math.sqrt(float(weight @ opd.var(axis=0, ddof=1)))
+    independent = weight @ standard_errors(opd)[1]
+    point = math.sqrt(float(weight @ opd.var(axis=0)) * independent / (independent - 1.0))
     assert float(found.opd_rms_point) == pytest.approx(point, rel=1e-6, abs=0.0)
     x, y = np.meshgrid(maps.x, maps.y)
     start = pupil.center + x[lit][:, None] * pupil.axes[0] + y[lit][:, None] * pupil.axes[1]

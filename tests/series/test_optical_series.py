@@ -35,10 +35,12 @@ def opened(field: Fourier, times=TIME) -> flow.Series:
 
 
 def exact(field: Fourier, found: xarray.Dataset, direction, time: float, remove) -> np.ndarray:
-    """The exact map of the pixels with a weight, terms removed."""
+    """The exact map of the pixels with a weight, terms removed; coordinates are across the look direction."""
     lit = found.weight.values > 0.0
     x, y = (axis[lit] for axis in np.meshgrid(found.x, found.y))
-    start = np.stack([x, y, np.full(x.size, Z0)], axis=1)
+    first, second = np.reshape(found.attrs["pupil_axes"], (2, 3))
+    start = found.attrs["pupil_center"] + x[:, None] * first + y[:, None] * second
+    assert np.abs(start[:, 2] - Z0).max() < 1e-15
     length = (ORIGIN[2] + SPACING * (SHAPE[2] - 1) - Z0) / direction[2]
     opd = field.opd(start, direction, np.full(x.size, length), time)
     return remove_terms(opd, remove, start[:, :2], found.weight.values[lit])
@@ -94,7 +96,7 @@ def test_a_moving_vortex(turned: float):
         pixel_count=24,
     )
     lit = found.weight.values > 0.0
-    start = np.meshgrid(found.x, found.y)[0][lit]
+    start = np.meshgrid(found.x, found.y)[0][lit] / along[2]  # in the pupil's plane
     end = (ORIGIN[2] + SPACING * (SHAPE[2] - 1) - Z0) / along[2]
     weight = found.weight.values[lit]
     for number, c in enumerate(core):

@@ -245,11 +245,11 @@ def test_tilts_found_above_the_axis_are_turned_to_their_direction():
         angle = math.atan2(x, y) if x or y else 0.0
         turn = np.array([[math.cos(angle), math.sin(angle)], [-math.sin(angle), math.cos(angle)]])
         np.testing.assert_allclose(one, [*(turn @ given[:2]), given[2]], atol=1e-12)
-    np.testing.assert_array_equal(_angles("azimuth", 0.3), [0.3])
+    np.testing.assert_array_equal(_angles("azimuth", 0.3, np.pi), [0.3])
     for wrong in ([], [[0.1]], [np.nan], [4.0 * np.pi + 0.01]):
         with pytest.raises(ValueError, match="azimuth"):
-            _angles("azimuth", wrong)
-    assert _angles("azimuth", [4.0 * np.pi, -4.0 * np.pi]).size == 2
+            _angles("azimuth", wrong, np.pi)
+    assert _angles("azimuth", [np.pi, -np.pi], np.pi).size == 2
     np.testing.assert_allclose(
         direction_of(0.3, 0.2), [math.sin(0.3) * math.cos(0.2), math.sin(0.2), math.cos(0.3) * math.cos(0.2)]
     )

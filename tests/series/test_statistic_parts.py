@@ -4,28 +4,16 @@ import numpy as np
 import pytest
 
 from aerokernels.pupils import Disc
-from aerokernels.series.modes import Modes, orthogonal_modes
+from aerokernels.series.modes import orthogonal_modes
 from aerokernels.series.statistic_parts import (
     Table,
     _error_by_parts,
-    _shape_errors,
     add_apertures,
     covers_of,
     pupil_width,
     spread_map,
 )
 from aerokernels.series.uncertainty import Mean
-
-
-def test_errors_of_modes_shapes_by_how_far_they_mix():
-    """Energies 4, 1 and 1, of 25, 16 and 9 samples: sqrt(4) / 5 / 3 of each of the others, and all of an equal one."""
-    shape = np.array([[1.0, 0.0, 0.5], [0.0, 2.0, 0.5], [0.0, 0.0, 3.0]])
-    modes = Modes(shape, np.array([4.0, 1.0, 1.0]), np.zeros((5, 3)), 6.0)
-    found = _shape_errors(modes, [25.0, 16.0, 0.25])
-    first, second, third = 2.0 / 5.0 / 3.0, 2.0 / 4.0 / 3.0, 2.0 / 3.0
-    assert found[0] == pytest.approx(first * np.hypot(shape[1], shape[2]))
-    assert found[1] == pytest.approx(np.hypot(second * shape[0], shape[2]))
-    assert found[2] == pytest.approx(np.hypot(third * shape[0], shape[1]))
 
 
 def test_the_error_of_a_mean_of_parts():

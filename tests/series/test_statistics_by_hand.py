@@ -5,12 +5,12 @@ from itertools import product
 
 import numpy as np
 import pytest
+from scipy import signal
 from scipy.stats import kendalltau
 
 from aerokernels import Disc
 from aerokernels.series.linking import _linked_and_path
 from aerokernels.series.modes import (
-    Modes,
     about_mean,
     first_zero_weights,
     integral_length,
@@ -21,29 +21,46 @@ from aerokernels.series.pupil_grid import MapReader, pupil_grid
 from aerokernels.series.spectra import COLUMNS, mean_spectrum, sample_rate, welch
 from aerokernels.series.statistic_parts import (
     Table,
-    _shape_errors,
+    _mixing,
     add_correlation,
     add_modes,
     add_spectra,
 )
-from aerokernels.series.uncertainty import Mean, correlation_sum, mean_of, root_of, trend_of
+from aerokernels.series.uncertainty import (
+    Mean,
+    mean_of,
+    root_of,
+    spread_share,
+    standard_errors,
+    student_share,
+    trend_of,
+)
 
 WAVELENGTH = 633e-9
 
 
-def tau_by_hand(values: np.ndarray) -> float:
-    """1 + 2 sum of rho, in pairs of lags until a pair is not positive, between 1 / n and n."""
-    flat = values - values.mean()
+def error_by_hand(values: np.ndarray) -> tuple[float, float]:
+    """Standard error of a mean and number of independent samples, by the sums of uncertainty.py one by one."""
     count = len(values)
-    rho = [sum(flat[k] * flat[k + lag] for k in range(count - lag)) / (flat @ flat) for lag in range(count)]
-    total, lag = -1.0, 0
-    while lag + 1 < count and rho[lag] + rho[lag + 1] > 0.0:
-        total += 2.0 * (rho[lag] + rho[lag + 1])
-        lag += 2
-    return min(max(total, 1.0 / count), float(count))
+    orders = range(1, min(count - 1, max(8, round(1.5 * math.sqrt(count)))) + 1)
+    size = len(orders)
+    sums = [
+        math.sqrt(2.0 / count) * sum(x * math.cos(math.pi * j * (t + 0.5) / count) for t, x in enumerate(values))
+        for j in orders
+    ]
+    steps = math.ceil(2.0 * math.log2(10.0 * size * math.pi / 2.0))
+    chance, error, independent = [], [], []
+    for k in range(steps + 1):
+        corner = 2.0 / math.pi * (10.0 * size * math.pi / 2.0) ** (k / steps)
+        falls = [1.0 + (j / corner) ** 2 for j in orders]
+        total = sum(fall * one**2 for fall, one in zip(falls, sums, strict=True))
+        chance.append(math.sqrt(math.prod(falls)) * total ** (-0.5 * size))
+        error.append(total / max(size - 2, 1) / count)  # variance of Student's t of `size` degrees of freedom
+        independent.append(1.0 + values.var() * count * size / total)
+    return math.sqrt(np.average(error, weights=chance)), float(np.average(independent, weights=chance))
 
 
-@pytest.mark.parametrize("count", [4, 5, 16, 33, 64])
+@pytest.mark.parametrize("count", [4, 5, 16, 33, 100])
 @pytest.mark.parametrize("smooth", [0.0, 0.8, -0.9])
 def test_means_of_correlated_samples(count: int, smooth: float):
     draw = np.random.default_rng(count)
@@ -51,15 +68,17 @@ def test_means_of_correlated_samples(count: int, smooth: float):
     for k in range(1, count):
         values[k] += smooth * values[k - 1]
     values += 3.0
-    tau = tau_by_hand(values)
-    assert correlation_sum(values) == pytest.approx(tau, rel=1e-9, abs=0.0)
+    error, independent = error_by_hand(values)
+    least = math.sqrt(values.var() / (10.0 * count))  # alternating samples count as ten at most
     found = mean_of(np.append(values, [np.nan, np.inf]))
     assert found.value == pytest.approx(values.mean(), rel=1e-12, abs=0.0)
-    assert found.effective_count == pytest.approx(count / max(tau, 0.1), rel=1e-9, abs=0.0)
-    assert found.error == pytest.approx(values.std(ddof=1) / math.sqrt(count / max(tau, 0.1)), rel=1e-9, abs=0.0)
+    assert found.effective_count == pytest.approx(min(independent, 10.0 * count), rel=1e-9, abs=0.0)
+    assert found.error == pytest.approx(max(error, least), rel=1e-9, abs=0.0)
     place = np.arange(count)
-    left = values - np.polyval(np.polyfit(place, values, 1), place)
-    spread = math.sqrt(2.0 * (2.0 * count + 5.0) / (9.0 * count * (count - 1.0)) * max(tau_by_hand(left), 1.0))
+    slope, start = np.polyfit(place, values, 1)
+    left = values - slope * place - start
+    more = count / min(error_by_hand(left)[1], 10.0 * count)
+    spread = math.sqrt(2.0 * (2.0 * count + 5.0) / (9.0 * count * (count - 1.0)) * max(more, 1.0))
     normal = abs(kendalltau(place, values).statistic) / spread
     assert found.trend == pytest.approx(math.erfc(normal / math.sqrt(2.0)), rel=1e-9, abs=0.0)
 
@@ -69,12 +88,23 @@ def test_means_of_few_samples_and_of_equal_ones():
     for count in (1, 2, 3):
         found = mean_of(np.arange(count) + 1.0)
         assert found.value == 0.5 * (count + 1) and math.isnan(found.error) and math.isnan(found.trend)
-        assert found.effective_count == count and correlation_sum(np.arange(float(count))) == 1.0
-    assert correlation_sum(np.full(9, 2.0)) == 1.0 and math.isnan(trend_of(np.full(9, 2.0)))
-    assert mean_of(np.full(9, 2.0)).error == 0.0
-    root = root_of(Mean(4.0, 0.8, 7.0, 0.3))
-    assert (root.value, root.error, root.effective_count, root.trend) == (2.0, pytest.approx(0.2), 7.0, 0.3)
+        assert found.effective_count == count
+    assert mean_of(np.full(9, 2.0)).effective_count == 9.0 and math.isnan(trend_of(np.full(9, 2.0)))
+    assert mean_of(np.full(9, 0.1)).error == 0.0
+    root = root_of(Mean(4.0, 0.04, 7.0, 0.3))
+    assert (root.value, root.error, root.effective_count, root.trend) == (2.0, pytest.approx(0.01, rel=0.02), 7.0, 0.3)
     assert root_of(Mean(0.0, 0.8, 7.0, 0.3)).error == 0.8 and root_of(Mean(-1.0, 0.8, 7.0, 0.3)).value == 0.0
+    assert root_of(Mean(4.0, 0.0, 7.0, 0.3)).error == 0.0 and math.isnan(root_of(Mean(4.0, math.nan, 3.0, 0.3)).error)
+
+
+@pytest.mark.parametrize("freedom", [1.0, 3.0, 20.0, 1e3])
+def test_a_variance_of_few_samples_is_often_far_too_small(freedom: float):
+    """Two shares hold the variance, and its root, in 95 of 100 draws of chi squared, however few degrees there are."""
+    draw = np.random.default_rng(3).chisquare(freedom, 20_000) / freedom
+    for power in (1.0, 0.5):
+        held = np.mean(np.abs(draw**power - 1.0) <= 2.0 * float(spread_share(freedom, power)) * draw**power)
+        assert 0.945 < held < 0.975
+    assert float(spread_share(1e12, 0.5)) == pytest.approx(math.sqrt(0.5e-12), rel=1e-9)
 
 
 def test_rates_of_even_times():
@@ -117,7 +147,12 @@ def test_spectra_are_averaged_periodograms(count: int, segment: int | None, leng
     segments = len(starts)
     independent = 18.0 * segments**2 / (19.0 * segments - 1.0) if segments > 1 else 1.0
     assert found.segment_count == pytest.approx(independent)
-    np.testing.assert_allclose(found.error, expected / math.sqrt(independent), rtol=1e-9)
+    ends = np.isin(np.arange(lines), [0, 0.5 * length])
+    noise = np.where(ends, spread_share(independent), spread_share(2.0 * independent))[:, None] * expected
+    half = length // 2  # the change to segments of half the length is an error of the resolution
+    rough, other = signal.welch(flat, rate, "hann", half, half // 2, detrend=False, axis=0)
+    change = np.stack([np.interp(found.frequency, rough, one) for one in other.T], axis=1) - expected
+    np.testing.assert_allclose(found.error, np.hypot(noise, change), rtol=1e-9)
     for wrong in (7, count + 1):
         with pytest.raises(ValueError, match="a segment"):
             welch(values, rate, wrong)
@@ -144,11 +179,15 @@ def test_modes_are_singular_vectors(times: int, pixels: int):
     table, coordinates, lit = Table(), {}, np.ones(pixels + 2, dtype=bool)
     lit[[1, 4]] = False
     add_modes(table, coordinates, modes, lit[None])
-    squares = [mean_of(modes.coefficient[:, k] ** 2).error for k in range(3)]
+    share, mixed = _mixing(modes.energy, standard_errors(modes.coefficient**2)[1])
+    own = [modes.energy[k] / max(mean_of(modes.coefficient[:, k]).effective_count - 1.0, 1.0) for k in range(3)]
+    squares = [math.hypot(mean_of(modes.coefficient[:, k] ** 2).error, share[k] @ mixed[k], own[k]) for k in range(3)]
     np.testing.assert_allclose(table.variables["pod_energy"][1], size[:3] ** 2 / times, rtol=1e-9)
     np.testing.assert_allclose(table.variables["pod_energy_error"][1], squares, rtol=1e-9)
     np.testing.assert_allclose(table.variables["pod_share"][1], size[:3] ** 2 / (size**2).sum(), rtol=1e-9)
     np.testing.assert_allclose(table.variables["pod_share_error"][1], np.array(squares) * times / (size**2).sum())
+    mixture = np.sqrt(share**2 @ modes.shape**2)
+    np.testing.assert_allclose(table.variables["pod_mode_error"][1][:, lit[None]], mixture, atol=1e-12)
     np.testing.assert_allclose(table.variables["pod_mode"][1][:, lit[None]], modes.shape, atol=1e-12)
     assert np.isnan(table.variables["pod_mode"][1][:, ~lit[None]]).all()
     np.testing.assert_array_equal(coordinates["mode"], [0, 1, 2])
@@ -213,7 +252,7 @@ def test_a_correlation_and_its_lengths_with_their_errors(count: int):
     if len(parts) >= 4:
         root = math.sqrt(len(parts))
         by_parts = np.std([part[2, 3] for part in parts], ddof=1) / root
-        more = max(1.0, mean_of((left**2).mean(axis=1)).error / by_parts)
+        more = max(1.0, mean_of((left**2).mean(axis=1)).error / by_parts) * student_share(len(parts))
         apart = [(part - ratio * part[2, 3]) / power for part in parts]
         np.testing.assert_allclose(error, more * np.std(apart, axis=0, ddof=1) / root, atol=1e-12)
     else:
@@ -222,10 +261,9 @@ def test_a_correlation_and_its_lengths_with_their_errors(count: int):
         assert table.variables[f"correlation_length_{axis}"][1] == pytest.approx(integral_length(line, pixel))
         off = table.variables[f"correlation_length_{axis}_error"][1]
         if len(parts) >= 4:
-            weights = first_zero_weights(line, pixel)
-            lines = [one[2:, 3] if axis == "y" else one[2, 3:] for one in apart]
-            each = [np.nan_to_num(one) @ weights for one in lines]
-            assert off == pytest.approx(more * np.std(each, ddof=1) / root)
+            others = [whole - part / len(parts) for part in parts]
+            each = [integral_length(one[2:, 3] if axis == "y" else one[2, 3:], pixel) for one in others]
+            assert off == pytest.approx(more * (len(parts) - 1) * np.std(each, ddof=1) / root)
         else:
             assert math.isnan(off)
 
@@ -278,17 +316,13 @@ def test_spectra_of_maps_and_tilts():
 @pytest.mark.parametrize("scale", [1.0, 1e-15])
 def test_modes_that_mix(scale: float):
     """Whatever the unit of their energies: sqrt(e_k e_j / N) / |e_k - e_j| of each other shape, 1 at most."""
-    shape = np.array([[1.0, 0.0, 0.5], [0.0, 2.0, 0.5], [0.3, 0.0, 3.0]])
-    modes = Modes(shape, scale * np.array([4.0, 1.0, 0.9]), np.zeros((5, 3)), 6.0 * scale)
-    found = _shape_errors(modes, [25.0, 16.0, 9.0])
-    energy = [4.0, 1.0, 0.9]
-    for k, count in enumerate((25.0, 16.0, 9.0)):
-        square = np.zeros(3)
-        for j in range(3):
-            if j != k:
-                share = min(math.sqrt(energy[k] * energy[j] / count) / abs(energy[k] - energy[j]), 1.0)
-                square += (share * shape[j]) ** 2
-        np.testing.assert_allclose(found[k], np.sqrt(square))
+    energy, counts = [4.0, 1.0, 0.9, 0.9], np.array([25.0, 16.0, 9.0, 0.25])
+    share, mixed = _mixing(scale * np.array(energy), counts)
+    for k, j in product(range(4), range(4)):
+        root = math.sqrt(energy[k] * energy[j] / max(counts[k], 1.0))
+        assert mixed[k, j] == pytest.approx(scale * root)
+        apart = abs(energy[k] - energy[j])
+        assert share[k, j] == pytest.approx(0.0 if k == j else min(root / apart, 1.0) if apart else 1.0)
 
 
 def test_the_linking_equation_by_sums():
@@ -299,7 +333,7 @@ def test_the_linking_equation_by_sums():
     left = densities - densities.mean(axis=0)
     linked = path = 0.0
     for ray in range(3):
-        covariance = left[:, ray].T @ left[:, ray] / 8.0
+        covariance = left[:, ray].T @ left[:, ray] / 9.0
         path += weights[ray] @ covariance @ weights[ray] / 3.0
         for k in range(7):
             lengths = [

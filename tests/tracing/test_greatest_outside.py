@@ -11,7 +11,7 @@ from aerokernels.tracing.error_budget.known_air import face_strengths
 from aerokernels.tracing.greatest_outside import GreatestOutside, part_behind_faces, part_of_support
 from aerokernels.tracing.grid_tables import GridTables
 from aerokernels.tracing.lines import SIDE
-from aerokernels.tracing.support import find_support_box, left_out
+from aerokernels.tracing.support import left_out, support_box
 
 from .backends import ENGINES, on
 
@@ -57,7 +57,7 @@ def test_a_known_support_holds_where_the_host_finds_so(engine: str, geometry: st
             field = blob(geometry, rng)
             tables.start(device.share(field.samples.samples.reshape(-1)))
             found = greatest(device, there, tables.coefficients) <= left_out(field, LIMIT, None)[0]
-            begin, end = find_support_box(field, LIMIT, None)
+            begin, end = support_box(field, LIMIT, None)
             is_empty = (begin == end).all()
             assert found == bool(is_empty or ((begin >= box[0]) & (end <= box[1])).all())
             if cut.any():

@@ -43,12 +43,16 @@ def test_a_mask_is_traced_on_its_own_pixels():
 
 
 def test_a_slanted_look_sees_the_plate_from_aside():
-    """Thin plate, rays along (a, 0, 1): what they gather at x is the plate at x + a (its depth's middle - start)."""
+    """Thin plate, rays along (a, 0, 1): what they gather at x is the plate at x + a (its depth's middle - start).
+
+    The map's coordinates are across the look direction: x is longer by sqrt(1 + a^2) in the pupil's plane.
+    """
     field = phase_plate(lambda x, y: 1e-7 * np.sin(1500.0 * x) + 0.0 * y, 4e-3, count=81)
     slope = 0.2
     found = wavefront(field, Disc(1e-3, BEHIND), direction=(slope, 0.0, 1.0), wavelength=WAVELENGTH, pixel_count=24)
     depth = 1e-3 + 1e-3  # from the pupil to the middle of the plate
-    expected = 1e-7 * np.sin(1500.0 * (found.coordinate + slope * depth)) * np.sqrt(1.0 + slope**2)
+    longer = np.sqrt(1.0 + slope**2)
+    expected = 1e-7 * np.sin(1500.0 * (longer * found.coordinate + slope * depth)) * longer
     row = found.opd[12]
     good = np.isfinite(row)
     assert np.abs(row[good] - expected[good]).max() < 5e-9  # the plate is 2 mm thick: 0.2 mm of x

@@ -140,7 +140,7 @@ def test_slabs_are_not_doubled_for_what_is_none_of_theirs(monkeypatch):
 
 
 def test_a_wave_that_nobody_requested_is_limited():
-    """Strong turbulence near the limit: 8 of the largest window's slabs; 32 if requested, and kept for either."""
+    """Strong turbulence near the limit: 8 of the largest window's slabs; 32 if requested."""
     view = draw_view(13033)
     light = {"wavelength": view.wavelength}
     seen = wavefront(view.field, view.pupil, pixel_count=64, **light)
@@ -149,7 +149,7 @@ def test_a_wave_that_nobody_requested_is_limited():
     requested = validity(view.field, view.pupil, wavefront=seen, waves=True, **light)
     assert requested.error < 0.5 * quick.error
     assert abs(requested.strehl_change - quick.strehl_change) < quick.error + requested.error
-    assert validity(view.field, view.pupil, wavefront=seen, **light) is requested
+    assert validity(view.field, view.pupil, wavefront=seen, **light) is quick  # whatever was asked before
 
 
 def test_the_verdict_of_a_slanted_view_is_that_of_the_same_air_seen_straight():
@@ -248,9 +248,9 @@ def test_a_map_too_coarse_for_its_phase_is_not_believed():
     assert "not decided" in doubted.reason and "waves=True" in doubted.reason
     told = validity(field, pupil, wavelength=WAVELENGTH, wavefront=seen, waves=True)
     assert told.answered_by == "waves" and told.decided and not told.good
-    # It is kept with the field, and costs nothing any more.
-    assert validity(field, pupil, wavelength=WAVELENGTH, wavefront=seen) is told
-    assert validity(field, pupil, wavelength=WAVELENGTH) is told
+    # Both are kept with the field, each for its own question, whatever was asked before.
+    assert validity(field, pupil, wavelength=WAVELENGTH, wavefront=seen, waves=True) is told
+    assert validity(field, pupil, wavelength=WAVELENGTH, wavefront=seen) is doubted
 
 
 def test_a_verdict_that_is_kept_is_one_of_the_rays_that_were_given(monkeypatch):
@@ -275,7 +275,8 @@ def test_a_verdict_that_is_kept_is_one_of_the_rays_that_were_given(monkeypatch):
 
     for who in ("affordable", "by_rays", "by_bounds", "by_waves"):
         monkeypatch.setattr(sys.modules["aerokernels.waves.validity"], who, nobody)
-    assert validity(view.field, view.pupil, wavelength=view.wavelength, wavefront=replace(seen)) is told
+    again = validity(view.field, view.pupil, wavelength=view.wavelength, wavefront=replace(seen), waves=True)
+    assert again is told
 
 
 def test_the_strehl_ratio_in_short_is_that_of_the_map():

@@ -5,9 +5,8 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from ...process.fragile import LibraryEndedError
+from ...process.fault_text import FileFault
 from ...process.fragile import in_child as call_in_child
-from ...process.room import NoRoomError
 from .dataset import DAMAGED, Dataset, ReadError
 
 Reader = Callable[[Path, Any, dict[str, Any]], Dataset]
@@ -20,7 +19,7 @@ def read_here(module: str, path: Path, time, options: dict[str, Any]) -> Dataset
         return reader(path, time, options)
     except ReadError:
         raise
-    except NoRoomError as fault:
+    except FileFault as fault:
         raise ReadError.said(str(fault)) from None
     except MemoryError:
         raise ReadError(path, "it announces more data than fits in memory", DAMAGED) from None
@@ -33,7 +32,7 @@ def in_child(module: str, path: Path, time, options: dict[str, Any]) -> Dataset:
     """Call `read_here` in a child process; raise ReadError if the child process ends early."""
     try:
         found = call_in_child(path, f"{read_here.__module__}:{read_here.__name__}", module, path, time, options)
-    except LibraryEndedError as fault:
+    except FileFault as fault:
         raise ReadError.said(str(fault)) from fault
     assert isinstance(found, Dataset)
     return found

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from ...inputs.checks import check_path
-from .dataset import Block, Dataset, ReadError
+from .dataset import Block, Dataset, ReadError, grid_of
 from .formats import load
 
 CELL_NAMES = {1: "points", 3: "lines", 5: "triangles", 7: "polygons", 9: "quadrilaterals", 10: "tetrahedra",
@@ -78,7 +78,7 @@ def contents(path, *, time: float | str | None = None, **options: Any) -> Conten
     """
     path = check_path(path, "path")
     dataset = load(path, time, options)
-    points = np.concatenate([block.points for block in dataset.blocks]) if dataset.blocks else np.empty((0, 3))
+    points = np.concatenate([_ends(block.points) for block in dataset.blocks]) if dataset.blocks else np.empty((0, 3))
     if not len(points):
         raise ReadError(path, "it has no points", "give a file with a mesh and its arrays")
     return Contents(
@@ -94,6 +94,11 @@ def contents(path, *, time: float | str | None = None, **options: Any) -> Conten
         tuple((patch.name, patch.kind) for patch in dataset.patches),
         tuple(dataset.notes),
     )
+
+
+def _ends(points: np.ndarray) -> np.ndarray:
+    """Return points of the same extent."""
+    return points if (grid := grid_of(points)) is None else np.concatenate(grid.edges())
 
 
 def _zone(block: Block, number: int) -> str:

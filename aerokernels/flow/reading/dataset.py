@@ -4,12 +4,15 @@ A reader knows its format and nothing of optics. The stages after it (density, f
 nothing of formats. The classes of this module are all that readers and later stages share.
 """
 
+import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import Any, cast
 
 import numpy as np
 
-HDF5_MAGIC = b"\x89HDF\r\n\x1a\n"
+from ...process.own_files import HDF5_MAGIC as HDF5_MAGIC
+
 DAMAGED = "the file is damaged: write it again"
 UNFINISHED = "the file is damaged or was not written to its end: write it again"
 LONGEST = 5000  # characters of an error message
@@ -63,12 +66,56 @@ def chosen_time(path, times: Sequence[float], asked) -> float | None:
 GREATEST_COORDINATE = 1e12  # in any unit: a greater number is damaged data
 
 
+class GridPoints:
+    """The points of a volume's grid along x, y and z, x fastest, by its axes; `numpy.asarray` makes all of them.
+
+    Coordinates of each point take six times the memory of a float32 array on them.
+    """
+
+    def __init__(self, axes: Sequence[np.ndarray]):
+        """Store the coordinates along x, y and z, float64, each of at least three nodes."""
+        self.axes = tuple(axes)
+
+    @staticmethod
+    def of(axes: Sequence[np.ndarray]) -> np.ndarray:
+        """Return the points of a grid: as `GridPoints` where they fill a volume, in the place of an array."""
+        extent = np.array([np.ptp(axis) if len(axis) > 2 else 0.0 for axis in axes])
+        points = GridPoints(axes)
+        return cast(np.ndarray, points) if extent.min() > 1e-3 * extent.max() else np.asarray(points)
+
+    def __len__(self) -> int:
+        """Number of points."""
+        return math.prod(map(len, self.axes))
+
+    def __array__(self, dtype=None, copy=None) -> np.ndarray:
+        """Return all points, shape (n, 3)."""
+        grid = np.empty((*map(len, self.axes[::-1]), 3))
+        for number, axis in enumerate(self.axes):
+            grid[..., number] = axis.reshape(-1, *[1] * number)
+        return grid.reshape(-1, 3)
+
+    def edges(self) -> list[np.ndarray]:
+        """Return the points on the three edges from the first point, along x, y and z, each of shape (n, 3)."""
+        return [
+            np.stack([axis if k == number else np.full(len(axis), own[0]) for k, own in enumerate(self.axes)], axis=1)
+            for number, axis in enumerate(self.axes)
+        ]
+
+
+def grid_of(points: Any) -> GridPoints | None:
+    """Return points that are those of a grid; None for an array."""
+    return points if isinstance(points, GridPoints) else None
+
+
 def check_points(path, points: np.ndarray, name: str = "") -> None:
     """Check that coordinates are finite and below GREATEST_COORDINATE.
 
     Raises:
         ReadError: Other points: how many, and the first of them.
     """
+    if (grid := grid_of(points)) and all((np.abs(axis) < GREATEST_COORDINATE).all() for axis in grid.axes):
+        return
+    points = np.asarray(points)
     with np.errstate(invalid="ignore"):
         bad = ~(np.abs(points) < GREATEST_COORDINATE).all(axis=1)
     if bad.any():
@@ -141,7 +188,8 @@ class Block:
     """One zone of a file: points with cells, a structured grid of points, or points alone.
 
     Attributes:
-        points: Coordinates in the file's unit and axes, float64, shape (point_count, 3).
+        points: Coordinates in the file's unit and axes, float64, shape (point_count, 3); or `GridPoints`, which the
+            stages after the reader make an array unless they keep the grid.
         cells: The cells, or None for a structured block and for points alone.
         shape: Points along (i, j, k) of a structured block, i fastest; None for other blocks.
         point_data: Arrays by name, shape (point_count,) or (point_count, n).
@@ -247,6 +295,7 @@ class Dataset:
         length: Unit of the coordinates [m], where the file states it.
         notes: Further remarks for the user, in whole sentences.
         scaled: The one of the notes by which the file's numbers are hardly in SI; empty where nothing says so.
+        unsure: The one of the notes of which a caller is warned; empty where there is none.
         grouped: Whether slashes in the names of arrays separate groups, as in HDF5.
     """
 
@@ -263,9 +312,17 @@ class Dataset:
     length: float | None = None
     notes: Sequence[str] = ()
     scaled: str = ""
+    unsure: str = ""
     grouped: bool = False
 
     def array_names(self) -> list[str]:
         """Return the names of the arrays that all blocks have, in the order of the first block."""
-        names = [[*block.point_data, *block.cell_data] for block in self.blocks]
-        return [name for name in (names[0] if names else []) if all(name in other for other in names)]
+        names = [{**dict.fromkeys(block.point_data), **dict.fromkeys(block.cell_data)} for block in self.blocks]
+        return [name for name in (names[0] if names else {}) if all(name in other for other in names)]
+
+
+def with_all_points(dataset: Dataset) -> Dataset:
+    """Return the dataset with the points of each block as an array."""
+    if not any(grid_of(block.points) for block in dataset.blocks):
+        return dataset
+    return replace(dataset, blocks=[replace(block, points=np.asarray(block.points)) for block in dataset.blocks])

@@ -4,20 +4,14 @@ A result that is kept for a path belongs to the contents of all of them.
 """
 
 import hashlib
-import html
-import re
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
+from ...process.own_files import OwnFilesError, pieces
 from .dataset import ReadError
 from .formats import format_of
 from .readers.vtk_collections import SUFFIXES, collection
-
-# Files of VTK that name their pieces, which may be of these formats themselves.
-OF_PIECES = (".pvti", ".pvtr", ".pvts", ".pvtu", ".vtm", ".vtmb", ".vtpd", ".vtpc", ".vth", ".vthb")
-LONGEST = 1 << 26  # [bytes] of a file that names pieces
-_PIECE = re.compile(r"\b(?:Source|file)\s*=\s*\"([^\"]+)\"|\b(?:Source|file)\s*=\s*'([^']+)'")
 
 
 def files_behind(path: Path, options: Mapping[str, Any] | None = None, time: float | None = None) -> list[Path]:
@@ -31,7 +25,7 @@ def files_behind(path: Path, options: Mapping[str, Any] | None = None, time: flo
     options = {name: value for name, value in (options or {}).items() if value is not None}
     try:
         found = _files(path, format_of(path, options).module, options, time)
-    except (OSError, ReadError):
+    except (OSError, ReadError, OwnFilesError):
         found = [path]
     return list(dict.fromkeys(file for one in found for file in _within(one)))
 
@@ -82,14 +76,9 @@ def _files(path: Path, module: str, options: dict[str, Any], time: float | None)
 
 def _with_pieces(path: Path) -> list[Path]:
     """Return a file of VTK and the pieces that it names, which may name others."""
-    found = {path: None}
-    waiting = [path]
+    found, waiting = {path: None}, [path]
     while waiting:
-        file = waiting.pop()
-        if file.suffix.lower() not in OF_PIECES or not file.is_file() or file.stat().st_size > LONGEST:
-            continue
-        names = (html.unescape(one or other) for one, other in _PIECE.findall(file.read_text("utf-8", "replace")))
-        pieces = [file.parent / name for name in names if "\0" not in name]
-        waiting += [piece for piece in pieces if piece not in found and piece.is_file()]
-        found |= {piece: None for piece in pieces if piece.is_file()}
+        named = [file for file in pieces(waiting.pop()) if file not in found]
+        waiting += named
+        found |= dict.fromkeys(named)
     return list(found)

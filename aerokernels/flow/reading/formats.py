@@ -57,7 +57,8 @@ FORMATS = (
     Format("table of points", (".csv", ".txt"), "point_table"),
 )
 # The reader modules that accept each option.
-OPTIONS = {"mesh": ("su2",), "solution": ("su2", "plot3d"), "variables": ("named_arrays", "labelled")}
+OPTIONS = {"mesh": ("su2",), "solution": ("su2", "plot3d"), "variables": ("named_arrays", "labelled"),
+           "order": ("named_arrays",)}  # fmt: skip
 # Files that are not read, by the ends of their names: what they are, and what to do with them.
 PARAVIEW = "open it in ParaView, and save its data as .vtu or .vtm"
 FOREIGN = {
@@ -141,7 +142,7 @@ def load(path: Path, time, options: dict[str, Any]) -> Dataset:
     Args:
         path: File or folder.
         time: "latest" (None), "first" or a time [s].
-        options: Options of single formats: "mesh" (SU2), "solution" (Plot3D), "variables" (named arrays).
+        options: Options of single formats: "mesh" (SU2), "solution" (Plot3D), "variables" and "order" (named arrays).
 
     Raises:
         ReadError: A path that no reader accepts, a library that is not installed, a damaged file.

@@ -9,17 +9,18 @@ import numpy as np
 
 from ...inputs.checks import check_choice, check_positive
 from ...inputs.units import quantity
+from ...inputs.warned import warn_caller
 from ...inputs.written_units import DIMENSIONS, is_no_unit, unit_in_name, written_unit
 from ...medium import Body
 from ..density_field import CellDensity, DensityField
 from ..gas import check_density
 from ..sampled_density import VertexDensity
 from .block_checks import check_blocks, check_repeated_blocks, with_blanks
-from .dataset import DAMAGED, Dataset, ReadError, wall_patches
+from .dataset import DAMAGED, Dataset, ReadError, grid_of, wall_patches, with_all_points
 from .density import DensityChoice, Reference, block_density, choose_density
 from .far_field import front_of
 from .flow_direction import direction_note
-from .formats import load
+from .formats import OPTIONS, load
 from .fractions import Fractions, choose_fractions
 from .frame import Frame, plane_normal
 from .gas_law import said_of_units
@@ -42,7 +43,8 @@ class Reading:
     Attributes:
         path: The file or case.
         dataset: Its contents.
-        densities: Density [kg/m3] of each block, and whether its values belong to "cell"s or "point"s.
+        densities: Density [kg/m3] of each block, float64 or the file's float32, and whether its values belong to
+            "cell"s or "point"s.
         geometry: "planar", "axisymmetric" or "volume".
         frame: The optical frame in the file's axes.
         normal: Normal of the plane of a planar file, in the file's axes.
@@ -136,7 +138,9 @@ def read(
         species: Mass fractions that make the field a mixture, from arrays of the file: True for those named
             by formulas (N2, Y_O2, MassFractionCO2, ...), formulas alone, or {"N2": "Y_N2", ...}, where an entry
             "basis": "mole" declares mole fractions. None assumes a single gas. See `SPECIES_NAMES`.
-        options: For single formats: `mesh` (a restart of SU2), `solution` (Plot3D), `variables` (NPZ, HDF5).
+        options: For single formats: `mesh` (a restart of SU2), `solution` (Plot3D), `variables` (NPZ, HDF5), and
+            `order` (NPZ, HDF5): the axes of the arrays, "yx" for those of numpy.meshgrid; None takes "xyz", "xy" or
+            "rz" where lengths do not tell, with a warning.
 
     Returns:
         A density field; its `provenance` describes the choices made.
@@ -182,7 +186,7 @@ def prepare(path, *, density=None, frame=None, length_unit=None, reference=None,
         check_choice(geometry, "geometry", GEOMETRIES)
     if ambient_density is not None:
         check_density(ambient_density, "ambient_density")
-    if unknown := set(options) - {"mesh", "solution", "variables"}:
+    if unknown := set(options) - set(OPTIONS):
         raise TypeError(f"flow.read has no argument {sorted(unknown)[0]!r}")
     return reading_of(
         path, load(path, time, options), density, frame, unit, reference, gas_constant, geometry, ambient_density,
@@ -198,10 +202,15 @@ def reading_of(
     `unit` is the unit of length [m], or None for the file's own; the other arguments are as in `read`. If `flat`, a
     mesh that is one cell thick is taken as planar.
     """
+    if dataset.unsure:
+        warn_caller(f"{path}: {dataset.unsure}")
     scale = (dataset.length or 1.0) if unit is None else unit
     check_blocks(path, dataset)
     dataset = with_blanks(dataset)
-    if flat and dataset.geometry is None and geometry != "volume":
+    solid = len(dataset.blocks) == 1 and grid_of(dataset.blocks[0].points) is not None
+    if not solid:
+        dataset = with_all_points(dataset)
+    if flat and not solid and dataset.geometry is None and geometry != "volume":
         dataset = flattened(dataset, frame.look) or dataset
     choice = choose_density(path, dataset, density, gas_constant)
     if reference.operating_pressure and choice.pressure is None:
@@ -211,10 +220,10 @@ def reading_of(
     check_repeated_blocks(path, dataset.blocks, densities)
     normal = None
     kind = dataset.geometry or geometry
-    if kind is None or kind == "planar" or geometry is not None:
+    if not solid and (kind is None or kind == "planar" or geometry is not None):
         every = [block.points for block in dataset.blocks]
         normal = plane_normal(every[0] if len(every) == 1 else np.concatenate(every))
-        kind = kind or ("volume" if normal is None else "planar")
+    kind = kind or ("volume" if normal is None else "planar")
     if geometry is not None and geometry != kind:
         if dataset.geometry is not None and geometry != "axisymmetric":
             raise ReadError(path, f"the file is {kind}, not {geometry}", "leave geometry out")
@@ -238,6 +247,8 @@ def reading_of(
 def _refuse_wedge(path, dataset: Dataset) -> None:
     """Raise ReadError for a wedge that stands for a flow of revolution: light would cross its sector alone."""
     every = [block.points for block in dataset.blocks]
+    if grid_of(every[0]) is not None:  # which fills a volume
+        return
     if (found := wedge(every[0] if len(every) == 1 else np.concatenate(every))) is not None:
         axis, angle = "xyz"[found.axis], np.degrees(found.angle)
         raise ReadError(
@@ -277,7 +288,8 @@ def field_of(reading: Reading, spacing=None, region=None, walls=None, shared: Sh
 def _plane_field(reading: Reading, names=None) -> DensityField:
     path, dataset = reading.path, reading.dataset
     plane = Plane.of(path, dataset, reading.geometry, reading.frame, reading.scale, reading.normal)
-    given, fractions = reading.densities, reading.fractions
+    given = [(np.asarray(rho, np.float64), where) for rho, where in reading.densities]
+    fractions = reading.fractions
     if fractions is not None:  # partial densities are carried to the mesh in the same way as the density
         parts = zip(given, fractions.blocks, strict=True)
         given = [(np.vstack([rho, rho * shares]).T, where) for (rho, where), shares in parts]

@@ -6,14 +6,13 @@ replaces a worker that dies.
 
 import contextlib
 import subprocess
-import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 from aerokernels import __version__
-from aerokernels.process.machine import child_environment
+from aerokernels.process.machine import python_child
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -109,12 +108,11 @@ def _workers(address: str, environments: Sequence[dict[str, str]]) -> Iterator[C
     def start(number: int) -> subprocess.Popen:
         options = ["--nthreads", "1", "--no-dashboard", "--memory-limit", "0", "--death-timeout", "60"]
         return subprocess.Popen(
-            [sys.executable, "-m", "distributed.cli.dask_worker", address, *options],
+            **python_child(["-m", "distributed.cli.dask_worker", address, *options], environments[number]),
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
             start_new_session=True,  # keep Ctrl-C from the workers: the sweep ends them itself
-            env=child_environment(environments[number]),
         )
 
     processes = [start(number) for number in range(len(environments))]

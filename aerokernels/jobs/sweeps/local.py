@@ -7,7 +7,6 @@ started again; a case at which two workers died has failed.
 import contextlib
 import socket
 import subprocess
-import sys
 import tempfile
 from collections import deque
 from collections.abc import Iterator, Sequence
@@ -15,7 +14,7 @@ from multiprocessing.connection import Connection, wait
 from typing import IO, Any
 
 from aerokernels.jobs.sweeps.case import Case
-from aerokernels.process.machine import child_environment
+from aerokernels.process.machine import python_child
 
 ATTEMPTS = 2  # deaths of workers at which a case fails, or, per worker, at which starting workers is given up
 
@@ -36,12 +35,11 @@ class Worker:
         self._errors: IO[bytes] = tempfile.TemporaryFile()
         near, far = socket.socketpair()
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "aerokernels.jobs.sweeps.worker", str(far.fileno())],
+            **python_child(["-m", "aerokernels.jobs.sweeps.worker", str(far.fileno())], environment),
             pass_fds=[far.fileno()],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
             stderr=self._errors,
-            env=child_environment(environment),
         )
         far.close()
         self.pipe = Connection(near.detach())

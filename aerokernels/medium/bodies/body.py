@@ -17,6 +17,7 @@ from ...display.shown import shown
 from ...inputs.arguments import Numbers, checked
 from ..grid import as_points, check_finite
 from .crossings import crossings
+from .normals import segment_normals
 from .wall_tree import WallTree, wall_tree
 from .walls import bounding_walls
 
@@ -96,10 +97,15 @@ class Body(Derived):
         clockwise = np.sum(first * np.roll(second, -1) - second * np.roll(first, -1)) < 0.0
         return (end, start) if clockwise else (start, end)
 
+    @property
+    def normals(self) -> np.ndarray:
+        """Outward unit normals at both ends of each segment of the surface, shape (w, 2, 2): see normals.py."""
+        return segment_normals(*self.surface, self.geometry == "axisymmetric")
+
     @cached_property
     def tree(self) -> WallTree:
         """The tree of boxes around the segments of the surface, for kernels."""
-        return wall_tree(np.stack(self.surface, axis=1))
+        return wall_tree(np.stack(self.surface, axis=1), self.normals)
 
     @property
     def box(self) -> tuple[np.ndarray, np.ndarray]:

@@ -15,6 +15,7 @@ from ...inputs.checks import check_count
 from ..grid import as_points, check_finite
 from .askew_lines import AskewLines
 from .body import Body
+from .normals import triangle_normals
 from .section import outlines
 from .triangle_crossings import triangle_crossings
 from .triangle_distances import NearestTriangles
@@ -103,10 +104,15 @@ class SolidBody(Derived):
         """Corners of the triangles [m], shape (triangle_count, 3, 3), counter-clockwise seen from outside."""
         return self.vertices[self.triangles]
 
+    @property
+    def normals(self) -> np.ndarray:
+        """Outward unit normals at the corners of each triangle, shape (triangle_count, 3, 3): see normals.py."""
+        return triangle_normals(self.surface, self.triangles)
+
     @cached_property
     def tree(self) -> WallTree:
         """The tree of boxes around the triangles."""
-        return wall_tree(self.surface)
+        return wall_tree(self.surface, self.normals)
 
     @property
     def box(self) -> tuple[np.ndarray, np.ndarray]:

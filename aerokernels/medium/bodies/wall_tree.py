@@ -22,33 +22,36 @@ class WallTree:
     Attributes:
         corners: Corners of each piece, shape (w, d, d): segments with the solid on their left, triangles
             counter-clockwise seen from outside.
+        normals: Outward unit normals at the corners, linear between them, shape (w, d, d): see normals.py.
         boxes: Lowest and highest corner of each node's box [m], shape (n, 2, d).
         links: For each node the next node after all its descendants, its first piece and the one after its last, shape
             (n, 3); only leaves have pieces.
     """
 
     corners: np.ndarray
+    normals: np.ndarray
     boxes: np.ndarray
     links: np.ndarray
 
     @property
-    def kernel_rows(self) -> tuple[np.ndarray, np.ndarray]:
-        """Corners and boxes as kernels take them, in rows of four numbers.
+    def kernel_rows(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Corners, normals and boxes as kernels take them, in rows of four numbers.
 
-        In the plane a row is a segment or a box. In space a row is a corner of a triangle or of a box, padded with a
-        zero.
+        In the plane a row is a segment, its normals, or a box. In space a row is a corner of a triangle, the normal
+        there, or a corner of a box, padded with a zero.
         """
+        all_rows = self.corners, self.normals, self.boxes
         if self.corners.shape[-1] == 2:
-            return self.corners.reshape(-1, 4), self.boxes.reshape(-1, 4)
-        return tuple(np.pad(rows.reshape(-1, 3), ((0, 0), (0, 1))) for rows in (self.corners, self.boxes))  # type: ignore[return-value]
+            return tuple(rows.reshape(-1, 4) for rows in all_rows)  # type: ignore[return-value]
+        return tuple(np.pad(rows.reshape(-1, 3), ((0, 0), (0, 1))) for rows in all_rows)  # type: ignore[return-value]
 
     def children(self, node: int, rows: np.ndarray) -> list[tuple[int, np.ndarray]]:
         """Return the two children of a node that is not a leaf, each with the rows of lines or points to test there."""
         return [(node + 1, rows), (int(self.links[node + 1][0]), rows)]
 
 
-def wall_tree(corners: np.ndarray) -> WallTree:
-    """Return the tree of pieces with corners [m], shape (w, d, d)."""
+def wall_tree(corners: np.ndarray, normals: np.ndarray) -> WallTree:
+    """Return the tree of pieces with corners [m] and normals there, each of shape (w, d, d)."""
     low, high = corners.min(axis=1), corners.max(axis=1)
     middle = 0.5 * (low + high)
     margin = MARGIN * float((high.max(axis=0) - low.min(axis=0)).max())
@@ -78,4 +81,4 @@ def wall_tree(corners: np.ndarray) -> WallTree:
         half = min(half, len(rows) - 1)
         waiting += [number, rows[half:], rows[:half]]
     sorted_rows = np.concatenate(order)
-    return WallTree(corners[sorted_rows], np.array(boxes), np.array(links, dtype=np.int32))
+    return WallTree(corners[sorted_rows], normals[sorted_rows], np.array(boxes), np.array(links, dtype=np.int32))

@@ -113,19 +113,6 @@ class Family:
         kind = f"{self.converges} {self.ahead!r} {self.close!r} ".encode()
         return b"".join([kind, start, *(array.tobytes() for array in numbers)])
 
-    def serves(self, low: np.ndarray, high: np.ndarray) -> bool:
-        """Whether this family's range fits rays whose sampled parameters span the range given.
-
-        A range close to a rounding boundary may be rounded either way, so the ranges may differ by one rounding step.
-        """
-        extent = _extent(low, high)
-        if extent is None:
-            return False
-        first, last, part = _rounded_range(low, high, extent)
-        room = 0.5 * ROOM * extent
-        near = (np.abs(self.low - first) <= part) & (np.abs(self.high - last) <= part)
-        return bool((near & (self.low <= low - room) & (self.high >= high + room)).all())
-
 
 def some_rows(ray_count: int, most: int) -> np.ndarray:
     """Row numbers of up to `most` rays, spread over the bundle's order without following any of its periods."""

@@ -1,12 +1,12 @@
 """Trace a bundle as a map of two parameters: some lines are traced, most rays interpolated, the rest traced singly."""
 
-import weakref
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from ...derived import cached_on
 from ...device_arrays import DeviceArray, on_host, rows_begun
 from ...medium import IndexField
 from ...rays import RayBundle
@@ -22,10 +22,8 @@ from ..meeting import check_meeting
 from ..plan import BundleCounts, TracePlan
 from ..planning import make_plan, plan_bundle
 from ..status import NOT_DELIVERED
-from ..stop import stop_key
 from .clearance import Clearance
 from .family import Family, counted_parameters, find_family
-from .known_family import known_family
 from .nodes import CHANNELS, TRACED, FaceClasses, channels_of
 from .refine import Limits, Refinement
 from .table import BundleTable
@@ -40,7 +38,7 @@ LEAST_SHARE = 0.5
 # Air at a face of the box counts as undisturbed if its OPD over the length of the box is below this fraction of the
 # tolerance.
 UNDISTURBED = 0.02
-# Tables cached on a field.
+# Bundles whose tables a field caches.
 CACHED = 4  # speed only
 # (field, rays, plan, until, wavelength, outputs) -> per-ray arrays by name
 Run = Callable[[IndexField, RayBundle, TracePlan, Any, float, frozenset], dict[str, np.ndarray]]
@@ -79,9 +77,8 @@ def trace_bundle(request: BundleRequest) -> tuple[TracePlan, dict[str, np.ndarra
     field, rays = request.field, request.rays
     if rays.ray_count < LEAST_BUNDLE:
         return f"fewer than {LEAST_BUNDLE} rays are traced one by one"
-    # The same rays are often traced repeatedly, and recognising a family takes longer than the kernel.
-    key = ("last bundle", weakref.ref(rays), stop_key(request.until), request.wavelength, channels_of(request.outputs))
-    found = field.derive((*key, tuple(request.choices.values())), lambda: _recognised(request), 1)
+    channels = channels_of(request.outputs)
+    found = _recognised(field, rays, request.until, request.wavelength, channels, request.choices, request.run)
     if isinstance(found, str):
         return f"rays are traced one by one: {found}"
     family, table, plan = found
@@ -101,7 +98,7 @@ def trace_bundle(request: BundleRequest) -> tuple[TracePlan, dict[str, np.ndarra
             f"rays are traced one by one: interpolation would be accurate for only {rays.ray_count - len(left)} of them"
         )
     if len(left):
-        _trace_left(request, table, left, arrays)
+        _trace_left(request, left, arrays)
     counts = BundleCounts(table.traced, rays.ray_count - len(left), len(left), table.error, dict(table.refused))
     share = (table.traced + len(left)) / rays.ray_count
     predicted = None if plan.predicted_evaluations is None else plan.predicted_evaluations * share
@@ -109,37 +106,27 @@ def trace_bundle(request: BundleRequest) -> tuple[TracePlan, dict[str, np.ndarra
     return replace(plan, bundle=counts, reasons=reasons, predicted_evaluations=predicted), arrays
 
 
-def _recognised(request: BundleRequest) -> tuple[Family, BundleTable, TracePlan] | str:
+@cached_on("field", CACHED)
+def _recognised(
+    field: IndexField, rays: RayBundle, until, wavelength: float, channels: int, choices: dict[str, Any], run: Run
+) -> tuple[Family, BundleTable, TracePlan] | str:
     """The family of the rays, its patches and the plan of its lines; or the reason why there are none."""
-    known: list[Family] = request.field.derive("families", list)
-    family = known_family(request.field, request.rays, request.until, known, request.error_limit)
-    if family is None:  # the rays of a known family met the field
-        check_meeting(request.field, request.rays, "ray of the bundle")
-        found = find_family(request.field, request.rays, request.until, request.error_limit)
-        if isinstance(found, str):
-            return found
-        if not request.field.is_uniform:
-            return "the field is on a mesh"
-        family = found
-    # The family that matched last is tried first the next time.
-    known[:] = [family, *(each for each in known if each is not family)][:CACHED]
-    table = find_table(request, family)
+    request = BundleRequest(field, rays, until, wavelength, frozenset(), choices, run)
+    check_meeting(field, rays, "ray of the bundle")
+    family = find_family(field, rays, until, request.error_limit)
+    if isinstance(family, str):
+        return family
+    if not field.is_uniform:
+        return "the field is on a mesh"
+    table = find_table(request, family, channels)
     if table is None:
         return "no map between traced rays is smooth enough"
-    tolerance = request.choices["tolerance"]
+    tolerance = choices["tolerance"]
     return family, table, replace(_line_plan(request), tolerance=tolerance, predicted_error=tolerance)
 
 
-def find_table(request: BundleRequest, family: Family) -> BundleTable | None:
-    """The patches of a family, cached on the field; None where no block can be interpolated."""
-    channels = channels_of(request.outputs)
-    choices = tuple(request.choices[name] for name in ("backend", "device", "precision", "tolerance", "max_steps"))
-    key = ("bundle", family.key, stop_key(request.until), request.wavelength, channels, choices)
-    found: BundleTable | None = request.field.derive(key, lambda: _find_table(request, family, channels), CACHED)
-    return found
-
-
-def _find_table(request: BundleRequest, family: Family, channels: int) -> BundleTable | None:
+def find_table(request: BundleRequest, family: Family, channels: int) -> BundleTable | None:
+    """The patches of a family; None where no block can be interpolated. `channels` are those of the outputs."""
     field, limit = request.field, request.error_limit
     counted, share = counted_parameters(family, request.rays)
     refinement = Refinement(
@@ -186,15 +173,10 @@ class _Tracer:
 
 
 def _line_plan(request: BundleRequest) -> TracePlan:
-    """The plan that traces few lines, with error control to TRACED_SHARE of the tolerance; cached on the field."""
+    """The plan that traces few lines, with error control to TRACED_SHARE of the tolerance."""
     choices = {**request.choices, "tolerance": TRACED_SHARE * request.choices["tolerance"]}
     given = {"method": "auto", "step": None, "wavelength": request.wavelength, **choices}
-    rays = request.rays
-    key = "plan of lines", weakref.ref(rays), tuple(given.values())
-    plan: TracePlan = request.field.derive(
-        key, lambda: make_plan(request.field, directions=rays.pilot.direction, **given), CACHED
-    )
-    return plan
+    return make_plan(request.field, directions=request.rays.pilot.direction, **given)
 
 
 def _plan_many(request: BundleRequest, rays: RayBundle, share: float) -> TracePlan:
@@ -203,12 +185,10 @@ def _plan_many(request: BundleRequest, rays: RayBundle, share: float) -> TracePl
     return plan_bundle(request.field, rays, request.until, wavelength=request.wavelength, is_once=False, **choices)
 
 
-def _trace_left(request: BundleRequest, table: BundleTable, rows: Any, arrays: dict[str, Any]) -> None:
+def _trace_left(request: BundleRequest, rows: Any, arrays: dict[str, Any]) -> None:
     """Trace the rays of these rows one by one, and write their results into `arrays`."""
     rays = request.rays.part(rows)
-    # The rays that a table does not cover are in the same parts of the family, whichever sample of it they are.
-    many = rays.ray_count >= LEAST_RAYS
-    plan = table.derive(("plan of the rays left over", many), lambda: _plan_many(request, rays, 1.0))
+    plan = _plan_many(request, rays, 1.0)
     outputs = request.outputs | {"step_error"}
     found = request.run(request.field, rays, plan, request.until, request.wavelength, outputs)
     for name, array in found.items():

@@ -12,14 +12,13 @@ import numpy as np
 from ...derived import Derived
 from ...medium import IndexField
 from ...medium.grid import UniformGrid
-from ...medium.grid_places import known
 from ..error_limit import error_limit
 from ..leapfrog.unresolved import lookup_table, missed_at_ends
 from ..plan import TracePlan
 from ..result import output_mask
 from ..scheme import LAXEST, MESH_STEP_LIMIT, STEP_LIMIT
 from ..step_bound import CONES, cones_of, step_bound
-from ..stop import ArcLength, Plane, stop_key
+from ..stop import ArcLength, Plane
 from ..support import left_out, support_box
 
 # How many FieldData of recent bodies and precisions are cached for one set of grid nodes.
@@ -63,13 +62,12 @@ def field_data(field: IndexField, precision: str, with_paper_step: bool) -> Fiel
         ValueError: More coefficients than the kernels' 32-bit index can count.
     """
     key = ("kernel data", precision, with_paper_step)
-    if with_paper_step:
+    if with_paper_step or not field.is_uniform:
         return field.derive(key, lambda: _field_data(field, precision, with_paper_step))
     # Of a grid's data, only the paper's step lengths depend on the contrast: fields on the same nodes share the rest.
     place = *key, field.geometry, field.interpolation, field.ambient_index, field.body
-    return field.derive(
-        key, lambda: known(field.samples, place, lambda: _field_data(field, precision, with_paper_step), KEPT)
-    )
+    places = field.samples.places
+    return field.derive(key, lambda: places.derive(place, lambda: _field_data(field, precision, False), KEPT))
 
 
 def array_of(field: IndexField, data: FieldData, name: str) -> np.ndarray:
@@ -123,13 +121,12 @@ def _field_data(field: IndexField, precision: str, with_paper_step: bool) -> Fie
             arrays["paper_step"] = np.append(samples.paper_step, np.median(samples.paper_step))
         cell_rate = np.full(3, 1.0 / float(np.median(mesh.cell_size)))
     members["inverse_spacing"] = 1.0 / spacing
-    arrays |= {"wall": np.zeros((1, 4)), "wall_boxes": np.zeros((1, 4)), "wall_links": np.zeros((1, 3), np.int32)}
+    rows, links = (np.zeros((1, 4)),) * 3, np.zeros((1, 3), np.int32)
     members["wall_count"] = 0
     if field.body is not None:
-        walls = field.body.tree
-        rows, boxes = walls.kernel_rows
-        arrays |= {"wall": rows, "wall_boxes": boxes, "wall_links": walls.links}
-        members["wall_count"] = len(walls.boxes)
+        rows, links = field.body.tree.kernel_rows, field.body.tree.links
+        members["wall_count"] = len(links)
+    arrays |= dict(zip(("wall", "wall_normals", "wall_boxes"), rows, strict=True)) | {"wall_links": links}
     radius = float(samples.high[0]) if field.geometry == "axisymmetric" else 0.0
     bounds = {
         "origin": origin,
@@ -234,10 +231,8 @@ def trace_members(field: IndexField, data: FieldData, plan: TracePlan, until, wa
         bounds |= {"plane_point": until.point, "plane_normal": until.normal}
         control["plane_normal"] = until.normal * data.spacing
         control["plane_offset"] = float(until.normal @ (until.point - data.origin))
-        place = "plane in box", field.geometry, stop_key(until)
         margin = NEAR_BOX * float(np.max(data.spacing))
-        near = known(field.samples, place, lambda: _comes_near(until, field.box, margin), KEPT)
-        control["plane_in_box"] = int(near)
+        control["plane_in_box"] = int(_comes_near(until, field.box, margin))
     elif isinstance(until, ArcLength):
         bounds["length"] = until.length
     return bounds, control

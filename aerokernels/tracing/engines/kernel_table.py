@@ -66,6 +66,8 @@ KERNELS: dict[str, tuple[Value, ...]] = {
         Value("first", "double3"),
         Value("second", "double3"),
         Value("look", "double3"),
+        Value("to_x", "double3"),
+        Value("to_y", "double3"),
         Value("shape", "int"),
         Value("row_count", "int"),
         Value("column_count", "int"),

@@ -67,6 +67,7 @@ STRUCTS: dict[str, tuple[Value, ...]] = {
         Value("cell_count", "int", "of the mesh"),
         Value("paper_step", "real*", "eq 5 for each cell"),
         Value("wall", "double4*", "segments or triangles of the body's surface, see medium/bodies/wall_tree.py"),
+        Value("wall_normals", "double4*", "outward normals at their corners, linear between them"),
         Value("wall_boxes", "double4*", "boxes around groups of them"),
         Value("wall_links", "int3*", "of each box: next box if missed, first and last piece"),
         Value("wall_count", "int", "number of boxes"),
@@ -117,6 +118,7 @@ STRUCTS: dict[str, tuple[Value, ...]] = {
         Value("stop_distance", "double"),
         Value("has_stop", "bool", "whether it ever reaches the stop"),
         Value("meets", "bool", "whether it meets the box before the stop"),
+        Value("normal", "double3", "outward, where the ray leaves the body in which it starts; zero for other rays"),
         Value("side", "real", "sign that turns the normal of the stop plane away from the ray's start"),
     ),
     # A ray at the stop.
@@ -182,6 +184,7 @@ STRUCTS: dict[str, tuple[Value, ...]] = {
     "WallMeeting": (
         Value("entry", "double", "where it first enters the body, NEVER if it does not"),
         Value("exit", "double", "where it first leaves the body, NEVER if it does not"),
+        Value("piece", "int", "the piece of the surface through which it first leaves the body"),
         Value("odd", "bool", "whether it crosses the surface an odd number of times"),
     ),
     # The outputs for each ray; arrays that are not requested have one row.

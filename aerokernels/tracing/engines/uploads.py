@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from ...derived import key_of
 from ...medium import IndexField
 from ...medium.grid import UniformGrid
 from ...process.clock import stage
@@ -13,7 +14,6 @@ from ..bundle.frame import kernel_arrays, kernel_numbers
 from ..bundle.table import BundleTable
 from ..leapfrog.cube_polynomials import cube_polynomials
 from ..plan import TracePlan
-from ..stop import stop_key
 from .field_data import FieldData, array_of, field_data, plan_members, step_bound_tables, trace_members
 from .layout import REAL_TYPES, Value, arrays_of
 
@@ -33,6 +33,11 @@ class Uploads(ABC):
 
     grid_key: tuple
     is_gpu: bool
+
+    @property
+    def key(self) -> tuple:
+        """A key for caches that differs for other engines and devices."""
+        return self.grid_key
 
     @abstractmethod
     def put(self, array: np.ndarray) -> Any:
@@ -86,8 +91,9 @@ class Uploads(ABC):
             return structs, data.control | control | blocks | self._control_arrays(field, plan.precision, tables)
 
         if plan.sample_count:
-            key = plan.precision, plan.looks_up_cubes, plan.sampling, plan.step, plan.max_steps, plan.lever_arms
-            place = "structs", *self.grid_key[1:], *key, plan.tolerance * wavelength, stop_key(until)
+            numbers = plan.step, plan.max_steps, plan.lever_arms, plan.tolerance * wavelength
+            key = key_of((plan.precision, plan.method, plan.looks_up_cubes, plan.sampling, *numbers, until))
+            place = "structs", *self.grid_key[1:], key
             structs, control = field.derive(place, make, STRUCTS_CACHED)
         else:
             structs, control = make()

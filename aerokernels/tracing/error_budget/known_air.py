@@ -21,13 +21,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...derived import cached_on
 from ...medium import IndexField
 from ...medium.grid import UniformGrid
-from ...medium.grid_places import known
 from ...process.threads import in_threads
 from ...rays import RayBundle
 from ..lever_arms import lever_arms_of, obliquity
-from ..lines import FACES, SIDE, BoxSpan, box_size, box_span
+from ..lines import BOXES, FACES, SIDE, box_size, box_span, bundle_span
 from ..prediction import greatest_turn
 from ..stop import ArcLength, Plane, stop_distance
 from .face_shares import face_shares, face_toward
@@ -47,8 +47,6 @@ CHUNK = 1 << 13  # speed only
 # Places along a ray that passes beside the box, over twice the box's size. A ray runs along a face if at least
 # PLACES_ALONG of them are at one distance from the box.
 PLACES_BESIDE, PLACES_ALONG = 16, 3
-# Bundles of one chunk whose crossings of a box are cached with a grid's node positions.
-CACHED = 2  # speed only
 Ends = tuple[np.ndarray, np.ndarray]  # where rays ended [m] and their directions there, both (ray_count, 3)
 BESIDE = -1  # in place of a face, for a ray that passes beside the box or crosses the rim of a mesh
 
@@ -139,24 +137,13 @@ def may_be_lost(
     def look_at(first: int) -> None:
         rows = slice(first, first + CHUNK)
         here = None if ends is None else (ends[0][rows], ends[1][rows])
-        span = _span(field, rays, rows)
+        bundle = rays if rays.ray_count <= CHUNK else rays.rows(rows)
+        span = bundle_span(bundle, field.geometry, *field.box)
         given = field, rays.position[rows], rays.direction[rows]
         lost[rows], face[rows] = _lost_by(*given, span, until, here, weakest)
 
     in_threads(look_at, range(0, rays.ray_count, CHUNK))
     return lost, face
-
-
-def _span(field: IndexField, rays: RayBundle, rows: slice) -> BoxSpan:
-    """Where some of the rays cross the field's box; cached for a bundle of one chunk."""
-
-    def find() -> BoxSpan:
-        return box_span(field, rays.position[rows], rays.direction[rows])
-
-    if rays.ray_count > CHUNK:
-        return find()
-    found: BoxSpan = known(field.samples, ("crossings of the box", field.geometry, rays), find, CACHED)
-    return found
 
 
 def weakest_contrast(field: IndexField, tolerance: float) -> float:
@@ -167,18 +154,18 @@ def weakest_contrast(field: IndexField, tolerance: float) -> float:
 def faces_crossed(field: IndexField, rays: RayBundle) -> np.ndarray | None:
     """Numbers of the faces at which undisturbed rays enter and leave the box of a field on a uniform grid.
 
-    None if a ray passes beside it, and for so many rays, or on a mesh, that it is not cached.
+    None if a ray passes beside it, for more rays than CHUNK, and on a mesh.
     """
     if not field.is_uniform or rays.ray_count > CHUNK:
         return None
+    return _faces_crossed(rays, field.geometry, *field.box)
 
-    def find() -> np.ndarray | None:
-        span = _span(field, rays, slice(None))
-        faces = np.union1d(span.entry_face, span.exit_face)
-        return faces[faces >= 0] if span.meets.all() else None
 
-    found: np.ndarray | None = known(field.samples, ("faces crossed", field.geometry, rays), find, CACHED)
-    return found
+@cached_on("rays", BOXES)
+def _faces_crossed(rays: RayBundle, geometry: str, low: np.ndarray, high: np.ndarray) -> np.ndarray | None:
+    span = bundle_span(rays, geometry, low, high)
+    faces = np.union1d(span.entry_face, span.exit_face)
+    return faces[faces >= 0] if span.meets.all() else None
 
 
 def _direction_weight(field: IndexField, rays: RayBundle, until) -> float:

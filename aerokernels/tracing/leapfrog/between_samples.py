@@ -1,24 +1,19 @@
 """Bound the structure that a bundle's rays miss between leapfrog samples, and find how many samples suffice."""
 
 import math
-from collections.abc import Callable
 from copy import copy
 
 import numpy as np
 
 from ...medium import IndexField
-from ...medium.grid_places import known
 from ...rays import RayBundle
 from ..error_limit import path_exceeds
 from ..lever_arms import LeverArms
-from ..stop import stop_key
 from ..straight_lines import lines_through
 from ..support import support_box
 from .missed_on_lines import disturbed_ends, greatest_error, missed_along
 from .unresolved import Sampling
 
-# Returns rays that show the extent of a bundle in a part of the field, given by its corners.
-Spread = Callable[[np.ndarray, np.ndarray], RayBundle]
 # Up to this factor more samples are taken in preference to computing the sharper bound of a field of two axes, and of a
 # volume, for which that takes ten times as long.
 A_FEW_MORE = {"planar": 1.25, "axisymmetric": 1.25, "volume": 1.5}
@@ -49,8 +44,6 @@ SPREAD_RAYS = 8192
 # traced again, if that leaves the others less steep than all by LESS_STEEP at least: of random slopes the steepest of a
 # million would otherwise decide how many samples all take.
 STEEPER, AND_MORE, LESS_STEEP = 16, 1.1, 0.8
-# Lines cached with a grid's node positions: for the last pilots, supports and bodies.
-CACHED = 12  # speed only
 
 
 class MissedStructure:
@@ -59,24 +52,23 @@ class MissedStructure:
     def __init__(
         self,
         field: IndexField,
-        spread: Spread,
+        rays: RayBundle,
         until,
         limit: float,
         lever_arms: LeverArms | None,
         pilot: RayBundle | None = None,
         leaves_steepest: bool = False,
     ):
-        """Compute the lines of the rays that `spread` returns for the field's support; `limit` is their error [m].
+        """Compute the lines through the field's support of rays that show the extent of the bundle there.
 
-        If these are the `pilot`, they show where all rays begin and end, as those of a pupil do. With `leaves_steepest`
-        `steepness` need not hold for a few rays that are much steeper than the others.
+        `limit` is the error allowed to them [m]. If these are the `pilot`, they show where all rays begin and end, as
+        those of a pupil do. With `leaves_steepest` `steepness` need not hold for a few rays that are much steeper than
+        the others.
         """
         self.field, self.limit = field, limit
         low, high = support_box(field, limit, lever_arms)
-        rays = spread(low, high)
         self.show_ends = rays is pilot
-        place = "lines of rays", field.geometry, field.body, rays, stop_key(until), low.tobytes(), high.tobytes()
-        self.lines = known(field.samples, place, lambda: lines_through(field, rays, until, low, high), CACHED)
+        self.lines = lines_through(field, rays, until, low, high)
         self.ends = disturbed_ends(field, self.lines, limit) if len(self.lines.length) else b""
         self._errors: dict[int, float] = {}
         # Both are rounded, so that other rays of the same kind find the tables of these.

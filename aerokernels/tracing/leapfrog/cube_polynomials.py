@@ -17,7 +17,9 @@ from itertools import product
 import numpy as np
 from numpy.polynomial import Legendre, Polynomial, legendre
 
+from ...derived import cached_on
 from ...medium.grid import UniformGrid
+from ...medium.grid_places import GridPlaces
 from ...medium.spline import SUPPORT, weights
 from ...process.one_core import product_on_one_core
 from ...process.threads import in_threads
@@ -77,7 +79,7 @@ def cube_polynomials(grid: UniformGrid) -> np.ndarray:
     steepest = DEGREE * 2.0 / (CUBE_SIDE * float(grid.spacing.min()))  # slope of a power over its size
     for parts in product(*(_parts(count) for count in cells)):
         place = tuple(part for part, _ in parts)
-        operators, points = _operators_on(grid, tuple(inside for _, inside in parts))
+        operators, points = _operators_on(grid.places, tuple(inside for _, inside in parts))
 
         def fill(first: slice, place=place, operators=operators, points=points) -> None:
             some = first, *place[1:]
@@ -109,7 +111,7 @@ def approximate_deviation(grid: UniformGrid, lines: Lines) -> np.ndarray:
     width = CUBE_SIDE + SUPPORT["cubic"] - 1
     node = [CUBE_SIDE * cube[:, axis, None] + np.arange(width) for axis in range(3)]
     windows = grid.coefficients[node[0][:, :, None, None], node[1][:, None, :, None], node[2][:, None, None, :]]
-    operators, points = _operators_on(grid, (CUBE_SIDE,) * 3)
+    operators, points = _operators_on(grid.places, (CUBE_SIDE,) * 3)
     # Without lines the arrays are empty: the rays meet no disturbed air.
     tested = np.ascontiguousarray(operators[:, : len(POWERS) + points])
     made = product_on_one_core(windows.reshape(len(cube), width**3).astype(np.float32), tested).T
@@ -140,11 +142,9 @@ def _slabs(cubes: slice, count: int) -> Iterator[slice]:
         yield slice(first, min(first + layers, cubes.stop))
 
 
-def _operators_on(grid: UniformGrid, inside: tuple[int, ...]) -> tuple[np.ndarray, int]:
-    """The operators of `_operators`, cached with the grid's node positions."""
-    key = "operators of cubes", inside
-    found: tuple[np.ndarray, int] = grid.places.derive(key, lambda: _operators(inside, grid.spacing), CACHED)
-    return found
+@cached_on("places", CACHED)
+def _operators_on(places: GridPlaces, inside: tuple[int, ...]) -> tuple[np.ndarray, int]:
+    return _operators(inside, places.spacing)
 
 
 def _operators(inside: tuple[int, ...], spacing: np.ndarray) -> tuple[np.ndarray, int]:

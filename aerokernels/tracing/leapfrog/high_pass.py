@@ -21,8 +21,9 @@ import math
 
 import numpy as np
 
+from ...derived import cached_on
 from ...medium.grid import UniformGrid
-from ...medium.grid_places import known
+from ...medium.grid_places import GridPlaces
 from ...process.threads import in_threads, own_cores
 from ..step_bound import block_size, potential_at_nodes
 from .beyond_faces import continued
@@ -66,7 +67,7 @@ def high_pass(
         is_fine: Whether rounding to single precision would be visible.
         wanted: Blocks (blocks.py) at whose nodes the second edge's result is needed, if not at all; 0 may be elsewhere.
     """
-    from scipy.fft import dctn, idctn
+    from scipy.fft import idctn
 
     kind = np.dtype(np.float64 if is_fine else np.float32)
     values = potential_at_nodes(grid).astype(kind)
@@ -75,27 +76,31 @@ def high_pass(
     if not axes:
         return [np.zeros_like(values) for _ in edges]
 
-    def find(shape: tuple[int, ...]) -> list[np.ndarray]:
-        return _shares(shape, grid.spacing, rates, axes, spacing, edges, kind)
-
+    given = rates, axes, spacing, edges, kind
     if len(axes) == 1 and grid.shape[axes[0]] <= MOST_ALONG:
-        key = "high pass along an axis", rates.tobytes(), spacing, edges, kind
-        passes = known(
-            grid, key, lambda: [PassAlong.of_shares(share.ravel()) for share in find(grid.shape)], CACHED_ALONG
-        )
-        return _along(values, axes[0], passes, wanted, block_size(grid))
+        return _along(values, axes[0], _passes(grid.places, grid.shape, *given), wanted, block_size(grid))
     beside = [axis for axis in axes if axis != int(np.argmax(rates))]
-
-    def transform() -> tuple[np.ndarray, tuple[slice, ...]]:
-        whole, inner = continued(values, grid, beside)
-        return dctn(whole, 1, axes=axes, workers=own_cores()), inner
-
     # Several sample counts are tried on one field, and each needs the same transform.
-    found, inner = grid.derive(("transform", tuple(axes), tuple(beside), kind), transform, 1)
-    place = "shares of a high pass", found.shape, rates.tobytes(), spacing, edges, kind
+    found, inner = _transform(grid, axes, beside, kind)
     is_small = np.prod([found.shape[axis] for axis in axes]) <= MOST_CACHED
-    shares = known(grid, place, lambda: find(found.shape), CACHED) if is_small else find(found.shape)
+    shares = (_shares if is_small else _shares.function)(grid.places, found.shape, *given)
     return [idctn(share * found, 1, axes=axes, overwrite_x=True, workers=own_cores())[inner] for share in shares]
+
+
+@cached_on("grid")
+def _transform(
+    grid: UniformGrid, axes: list[int], beside: list[int], kind: np.dtype
+) -> tuple[np.ndarray, tuple[slice, ...]]:
+    """The cosine transform of the potential along some axes, and where the nodes are in its inverse."""
+    from scipy.fft import dctn
+
+    whole, inner = continued(potential_at_nodes(grid).astype(kind), grid, beside)
+    return dctn(whole, 1, axes=axes, workers=own_cores()), inner
+
+
+@cached_on("places", CACHED_ALONG)
+def _passes(places: GridPlaces, shape: tuple[int, ...], *given) -> list[PassAlong]:
+    return [PassAlong.of_shares(share.ravel()) for share in _shares.function(places, shape, *given)]
 
 
 def _along(
@@ -117,9 +122,10 @@ def _along(
     return [each.transpose(order) for each in found]
 
 
+@cached_on("places", CACHED)
 def _shares(
+    places: GridPlaces,
     shape: tuple[int, ...],
-    cells: np.ndarray,
     rates: np.ndarray,
     axes: list[int],
     spacing: float,
@@ -128,7 +134,7 @@ def _shares(
 ) -> list[np.ndarray]:
     """For each edge the weights of the cosines along some axes of values of a shape.
 
-    `cells` are the nodes' distances [m], and `rates` are phi H over cycles a cell.
+    `rates` are phi H over cycles a cell.
     """
     # Frequencies of the cosines of a type I transform, in cycles a cell, along the axes.
     cycles = []
@@ -136,7 +142,7 @@ def _shares(
         count = shape[axis]
         line = [count if other == axis else 1 for other in range(len(shape))]
         cycles.append((np.arange(count) / (2.0 * (count - 1))).reshape(line))
-    steps = np.array([spacing / cells[axis] for axis in axes])
+    steps = np.array([spacing / places.spacing[axis] for axis in axes])
     size = [count if axis in axes else 1 for axis, count in enumerate(shape)]
     shares = [np.empty(size, kind) for _ in edges]
     first = axes[0]

@@ -2,13 +2,14 @@
 
 import numpy as np
 
+from ...derived import cached_on
 from ...medium import IndexField
 from ...medium.grid import UniformGrid, local_coordinates
 from ..blocks import greatest_of_neighbors
 from ..scheme import LOOKUP_STRIDE, MISSED_SLOPE
 from ..step_bound import block_size
 from ..straight_lines import Lines
-from .path_through_blocks import BlockPath, path_of
+from .path_through_blocks import path_of
 from .unresolved import (
     EVERYWHERE,
     Sampling,
@@ -22,6 +23,8 @@ from .unresolved import (
 
 # Ends of rays count where the potential over the length of a block exceeds this share of the tolerance.
 ENDS_SHARE = 0.02
+# Sets of blocks for which lines cache where they end.
+CACHED = 2  # speed only
 
 
 def disturbed_ends(field: IndexField, lines: Lines, limit: float) -> bytes:
@@ -37,38 +40,37 @@ def disturbed_ends(field: IndexField, lines: Lines, limit: float) -> bytes:
     grid = field.samples
     assert isinstance(grid, UniformGrid)
     worth = potential_by_blocks(grid) * float((block_size(grid) * np.asarray(grid.spacing)).max())
-    key = "blocks of ends", field.geometry, worth.shape, _nodes_key(grid)
-    near = lines.derive(key, lambda: _blocks_of_ends(grid, field.geometry, lines, worth.shape))
+    near = _blocks_of_ends(lines, field.geometry, grid.low, block_size(grid) * grid.spacing, worth.shape)
     near = near * (worth > ENDS_SHARE * limit)
     if not near.any():
         return b""
     return EVERYWHERE if near.ndim == 3 else np.packbits(near).tobytes()
 
 
-def _blocks_of_ends(grid: UniformGrid, geometry: str, lines: Lines, shape: tuple[int, ...]) -> np.ndarray:
+@cached_on("lines", CACHED)
+def _blocks_of_ends(
+    lines: Lines, geometry: str, low: np.ndarray, size: np.ndarray, shape: tuple[int, ...]
+) -> np.ndarray:
     """1 in the blocks in which lines begin or end and in the adjacent blocks, 0 elsewhere."""
     near = np.zeros(shape, dtype=np.uint8)
-    for end in _ends_of_lines(grid, geometry, lines, shape):
+    for end in _ends_of_lines(lines, geometry, low, size, shape):
         near[end] = 1
     return with_neighbors(near)
 
 
-def _ends_of_lines(grid: UniformGrid, geometry: str, lines: Lines, shape: tuple[int, ...]) -> list[tuple]:
+@cached_on("lines", CACHED)
+def _ends_of_lines(
+    lines: Lines, geometry: str, low: np.ndarray, size: np.ndarray, shape: tuple[int, ...]
+) -> list[tuple]:
     """The blocks in which lines begin, and in which they end, each as an index."""
     places = lines.start, lines.start + lines.length[:, None] * lines.direction
-    return [_blocks_at(grid, geometry, place, shape) for place in places]
+    return [_blocks_at(place, geometry, low, size, shape) for place in places]
 
 
-def _blocks_at(grid: UniformGrid, geometry: str, place: np.ndarray, shape: tuple[int, ...]) -> tuple:
-    """The blocks at some places (n, 3) [m], as an index."""
-    size = block_size(grid) * np.asarray(grid.spacing)
-    entry = np.floor((local_coordinates(place, geometry) - grid.low) / size).astype(int)
+def _blocks_at(place: np.ndarray, geometry: str, low: np.ndarray, size: np.ndarray, shape: tuple[int, ...]) -> tuple:
+    """The blocks of a size [m] that begin at `low` [m] at some places (n, 3) [m], as an index."""
+    entry = np.floor((local_coordinates(place, geometry) - low) / size).astype(int)
     return tuple(np.clip(entry, 0, np.array(shape) - 1).T)
-
-
-def _nodes_key(grid: UniformGrid) -> tuple[bytes, bytes]:
-    """What of a grid, besides its shape, decides which blocks a line crosses."""
-    return np.asarray(grid.low).tobytes(), np.asarray(grid.spacing).tobytes()
 
 
 def greatest_error(
@@ -129,9 +131,7 @@ def known_ends(field: IndexField, lines: Lines, shape: tuple[int, ...]) -> list[
     """The blocks of a field in which lines begin, and in which they end; cached."""
     grid = field.samples
     assert isinstance(grid, UniformGrid)
-    key = "ends", field.geometry, shape, _nodes_key(grid)
-    found: list[tuple] = lines.derive(key, lambda: _ends_of_lines(grid, field.geometry, lines, shape))
-    return found
+    return _ends_of_lines(lines, field.geometry, grid.low, block_size(grid) * grid.spacing, shape)
 
 
 def _greatest_on_lines(
@@ -146,7 +146,7 @@ def _greatest_on_lines(
 
     None for `changes` means that no line has a lever arm.
     """
-    path = known_path(grid, block, missed.shape, lines, geometry)
+    path = path_of(lines, geometry, grid.low, block * grid.spacing, missed.shape)
     met, changing = missed[path.part], None if changes is None else changes[path.part]
     found = float(met.max()) * path.longest
     if changing is not None:
@@ -160,13 +160,6 @@ def _greatest_on_lines(
     return found
 
 
-def known_path(grid: UniformGrid, block: int, shape: tuple[int, ...], lines: Lines, geometry: str) -> BlockPath:
-    """The path of lines through blocks, as by `path_of`; cached."""
-    key = "path", geometry, block, shape, _nodes_key(grid)
-    found: BlockPath = lines.derive(key, lambda: path_of(grid, block, shape, lines, geometry))
-    return found
-
-
 def missed_along(field: IndexField, sampling: Sampling, lines: Lines) -> np.ndarray:
     """Error of straight rays by structure between samples, by the kernels' own lookup [m], shape (line_count,)."""
     grid, (block, table) = field.samples, lookup_table(field, sampling)
@@ -176,7 +169,7 @@ def missed_along(field: IndexField, sampling: Sampling, lines: Lines) -> np.ndar
     found = np.zeros(len(lines.length))
     for k in range(count):
         place = lines.start + ((k + 0.5) / count * lines.length)[:, None] * lines.direction
-        found += table[_blocks_at(grid, field.geometry, place, table.shape)]
+        found += table[_blocks_at(place, field.geometry, grid.low, size, table.shape)]
     found *= lines.length / count * with_lever_arm(field, lines)
     return found + _missed_at_ends_of(field, sampling, lines)
 

@@ -4,11 +4,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...medium.grid import UniformGrid
+from ...derived import cached_on
 from ..straight_lines import Lines, local_range
 
 # Blocks by which a ray may be deflected sideways, in addition to the drift of its straight line.
 DEFLECTED = 0.5
+# Sets of blocks for which lines cache their path.
+CACHED = 2  # speed only
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,14 +49,22 @@ class BlockPath:
     layers: tuple[Layers, ...]
 
 
-def path_of(grid: UniformGrid, block: int, shape: tuple[int, ...], lines: Lines, geometry: str) -> BlockPath:
-    """The path of lines through blocks of `block` cells; `shape` is the number of blocks along each axis."""
-    size = block * np.asarray(grid.spacing)
+@cached_on("lines", CACHED)
+def path_of(lines: Lines, geometry: str, low: np.ndarray, size: np.ndarray, shape: tuple[int, ...]) -> BlockPath:
+    """The path of lines through the blocks of a grid.
+
+    Args:
+        lines: The lines.
+        geometry: The geometry of their field.
+        low: The lowest corner of the grid [m].
+        size: The size of a block [m].
+        shape: Number of blocks along each axis.
+    """
     local = local_range(lines, geometry)
     # One block more to each side, for the deflection of rays and for rays between those of `lines`.
-    first = np.clip(np.floor((local[0] - grid.low) / size).astype(int) - 1, 0, np.array(shape) - 1)
-    last = np.clip(np.floor((local[1] - grid.low) / size).astype(int) + 1, first, np.array(shape) - 1)
-    part = tuple(slice(low, high + 1) for low, high in zip(first.tolist(), last.tolist(), strict=True))
+    first = np.clip(np.floor((local[0] - low) / size).astype(int) - 1, 0, np.array(shape) - 1)
+    last = np.clip(np.floor((local[1] - low) / size).astype(int) + 1, first, np.array(shape) - 1)
+    part = tuple(slice(begin, end + 1) for begin, end in zip(first.tolist(), last.tolist(), strict=True))
     longest = float(lines.length.max(initial=0.0))
     components = np.abs(lines.direction[:, 3 - len(shape) :])
     drift = along_axes(np.abs(lines.direction).max(axis=0, initial=0.0), geometry) * longest / size
@@ -62,7 +72,7 @@ def path_of(grid: UniformGrid, block: int, shape: tuple[int, ...], lines: Lines,
     for axis in range(geometry == "axisymmetric", len(shape)):
         least = float(components[:, axis].min(initial=1.0))
         if least * longest > size[axis]:  # otherwise a sum over layers bounds no better than the greatest value
-            faces = grid.low[axis] + (first[axis] + np.arange(last[axis] - first[axis] + 2)) * size[axis]
+            faces = low[axis] + (first[axis] + np.arange(last[axis] - first[axis] + 2)) * size[axis]
             levers = _lever_arms_from(lines, faces, axis + 3 - len(shape))
             others = [other for other in range(len(shape)) if other != axis]
             beside = tuple((other, 1 + int(np.ceil(drift[other] + DEFLECTED))) for other in others)

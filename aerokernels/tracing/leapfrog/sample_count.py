@@ -14,20 +14,20 @@ from typing import Any
 
 import numpy as np
 
+from ...derived import cached_on
 from ...device_arrays import extremes_of, is_one_row
 from ...medium import IndexField
 from ...medium.grid import UniformGrid
-from ...medium.grid_places import known
 from ...rays import RayBundle
 from ..engines import engine_of
 from ..error_limit import error_limit
 from ..launch import Trials
 from ..lever_arms import LeverArms, lever_arms_of
 from ..plan import TracePlan
-from ..stop import ArcLength, stop_key
+from ..stop import ArcLength
 from ..straight_lines import outermost, outermost_rays
 from ..support import support_box
-from .between_samples import MARGIN, SPREAD_RAYS, MissedStructure, Spread, multiple_of_three
+from .between_samples import MARGIN, SPREAD_RAYS, MissedStructure, multiple_of_three
 from .cube_polynomials import approximate_deviation, may_have_cubes
 from .pilot_levels import Level, error_scales, greatest_bend, level_pair, levels_of
 from .sample_cost import LEAST_RAYS, SampleCost
@@ -55,8 +55,8 @@ CUBES_ANGLE = 5e-7
 # What is compared between traces of the pilot.
 PILOT_OUTPUTS = frozenset(("opd", "step_error", "direction"))
 
-# Number of pilots whose results are cached with a grid's node positions.
-CACHED = 4  # speed only
+# Searches of each kind that a field caches, and parts of fields in which a bundle caches its extent.
+CACHED, PARTS = 8, 2  # speed only
 
 
 def may_be_leapfrog(field: IndexField, ray_count: int, until) -> bool:
@@ -72,8 +72,11 @@ def spread_of(geometry: str, rays: RayBundle, until, low: np.ndarray, high: np.n
     The part is given by its corners [m, along the field's own axes]. Rays on a GPU are not copied to find those that
     are outermost in it.
     """
-    if rays.ray_count <= SPREAD_RAYS:
-        return rays
+    return rays if rays.ray_count <= SPREAD_RAYS else _some_of(rays, geometry, until, low, high)
+
+
+@cached_on("rays", PARTS)
+def _some_of(rays: RayBundle, geometry: str, until, low: np.ndarray, high: np.ndarray) -> RayBundle:
     rows = [np.linspace(0, rays.ray_count - 1, SPREAD_RAYS).round().astype(int)]
     if rays.device not in (None, "cpu"):
         rows += [extremes_of(rays.held(name)).rows for name in ("position", "direction")]
@@ -116,7 +119,7 @@ def fit_leapfrog(
     plan: TracePlan,
     until,
     wavelength: float,
-    spread: Spread,
+    rays: RayBundle | None = None,
     like: TracePlan | None = None,
     ray_count: int = 0,
 ) -> TracePlan | None:
@@ -128,29 +131,20 @@ def fit_leapfrog(
         plan: Backend, device, precision and tolerance; method "leapfrog".
         until: The stop.
         wavelength: Vacuum wavelength [m].
-        spread: Returns enough of the rays to show the extent of the bundle in a part of the field.
+        rays: The whole bundle; None if the pilot shows its extent.
         like: A plan of such rays through a field like this one; its number is taken where the pilot confirms it.
         ray_count: Least number of rays that will take these samples.
     """
-    stop = stop_key(until)
-    bundle = hash((pilot.position.tobytes(), pilot.direction.tobytes()))
-    place = "lever arms", field.geometry, pilot, stop
-    plan = replace(plan, lever_arms=known(field.samples, place, lambda: lever_arms_of(field, pilot, until), CACHED))
-    key = ("leapfrog", bundle, stop, plan.tolerance, wavelength, plan.backend, plan.device, plan.precision)
-    fitting = _Fitting(field, pilot, plan, until, wavelength, spread)
-    fit: _Fit | None = None
-    if like is not None and like.searched_count:
-        # Not the number confirmed last, which may be a few samples more: each confirmation would add a few again.
-        known_count = like.searched_count
-        fit = field.derive(("confirmed", *key[1:], known_count), lambda: fitting.confirm(known_count))
-    if fit is None:
-        fit = field.derive(key, fitting.search)
+    plan = replace(plan, lever_arms=lever_arms_of(field, pilot, until))
+    part = support_box(field, error_limit(field, plan.tolerance * wavelength), plan.lever_arms)
+    some = pilot if rays is None else spread_of(field.geometry, rays, until, *part)
+    given = field, pilot, plan, until, wavelength, some
+    # Not the number confirmed last, which may be a few samples more: each confirmation would add a few again.
+    fit = _confirmed(*given, like.searched_count) if like is not None and like.searched_count else None
+    fit = fit or _searched(*given)
     if fit is None:
         return None
-    cubes: _Fit | None = None
-    if _may_take_cubes(field, plan, ray_count * fit.count):
-        by_spline = fit
-        cubes = field.derive(("cubes", *key, fit.count, fit.searched), lambda: fitting.with_cubes(by_spline))
+    cubes = _with_cubes(*given, fit) if _may_take_cubes(field, plan, ray_count * fit.count) else None
     fit = cubes or fit
     reason = leapfrog_reason(fit.count, pilot.ray_count, fit.worst / wavelength)
     if cubes is not None:
@@ -170,6 +164,21 @@ def fit_leapfrog(
         predicted_evaluations=float(fit.count),
         predicted_error=fit.worst / wavelength,
     )
+
+
+@cached_on("field", CACHED)
+def _searched(field: IndexField, pilot: RayBundle, plan: TracePlan, until, wavelength: float, some: RayBundle):
+    return _Fitting(field, pilot, plan, until, wavelength, some).search()
+
+
+@cached_on("field", CACHED)
+def _confirmed(field, pilot, plan, until, wavelength: float, some: RayBundle, searched: int) -> _Fit | None:
+    return _Fitting(field, pilot, plan, until, wavelength, some).confirm(searched)
+
+
+@cached_on("field", CACHED)
+def _with_cubes(field, pilot, plan, until, wavelength: float, some: RayBundle, fit: _Fit) -> _Fit | None:
+    return _Fitting(field, pilot, plan, until, wavelength, some).with_cubes(fit)
 
 
 def leapfrog_reason(count: int, pilot_count: int, worst: float) -> str:
@@ -192,14 +201,17 @@ def _may_take_cubes(field: IndexField, plan: TracePlan, samples: int) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class _Fitting:
-    """The search for the number of leapfrog samples of a bundle; attributes as the arguments of `fit_leapfrog`."""
+    """The search for the number of leapfrog samples of a bundle.
+
+    Attributes are the arguments of `fit_leapfrog`, and `some` of the rays that show the extent of the bundle.
+    """
 
     field: IndexField
     pilot: RayBundle
     plan: TracePlan
     until: Any
     wavelength: float
-    spread: Spread
+    some: RayBundle
 
     @cached_property
     def grid(self) -> UniformGrid:
@@ -300,7 +312,7 @@ class _Fitting:
         # On a GPU error control of a few rays takes longer than fewer samples of all save: docs/lab/performance.md.
         leaves_steepest = not engine_of(self.plan.backend, self.plan.device).is_gpu
         arms = self.plan.lever_arms
-        return MissedStructure(self.field, self.spread, self.until, self.limit, arms, self.pilot, leaves_steepest)
+        return MissedStructure(self.field, self.some, self.until, self.limit, arms, self.pilot, leaves_steepest)
 
     @cached_property
     def cost(self) -> SampleCost:
@@ -326,9 +338,7 @@ def judged_pair(pair: tuple[Level, Level, float], limit: float) -> tuple[tuple[f
 def least_samples(field: IndexField, pilot: RayBundle, limit: float, lever_arms: LeverArms | None) -> int:
     """The number of samples that are WIDEST cells apart on the longest path of the rays through the field's support."""
     low, high = support_box(field, limit, lever_arms)
-    place = "cells of a pilot", field.geometry, pilot, low.tobytes(), high.tobytes()
-    cells: float = known(field.samples, place, lambda: _greatest_cells(field, pilot, low, high), CACHED)
-    return multiple_of_three(max(LEAST_SAMPLES, cells / WIDEST))
+    return multiple_of_three(max(LEAST_SAMPLES, _greatest_cells(field, pilot, low, high) / WIDEST))
 
 
 def _greatest_cells(field: IndexField, pilot: RayBundle, low: np.ndarray, high: np.ndarray) -> float:

@@ -16,8 +16,8 @@ from ..engines import Engine
 from ..engines.kernel_table import STRUCTURE_KERNELS
 from ..scheme import MISSED_SLOPE
 from .between_samples import NEGLIGIBLE, MissedStructure
-from .missed_on_lines import ENDS_SHARE, known_ends, known_path, with_lever_arm
-from .path_through_blocks import Layers
+from .missed_on_lines import ENDS_SHARE, known_ends, with_lever_arm
+from .path_through_blocks import Layers, path_of
 from .unresolved import RULE_AT_END, rule_scales, turned
 
 
@@ -44,7 +44,7 @@ class StructureOnDevice:
         assert isinstance(grid, UniformGrid)
         self.grid = grid
         self.block, self.shape, self.table = block, shape, math.prod(shape)
-        self.path = known_path(grid, block, shape, lines, field.geometry)
+        self.path = path_of(lines, field.geometry, grid.low, block * grid.spacing, shape)
         sampling = structure.sampled(count)
         scales = [0.0] * (3 - len(shape)) + rule_scales(field.geometry, sampling)
         # The tables hold differences, not derivatives: see GridTables.

@@ -34,6 +34,7 @@ from functools import reduce
 
 import numpy as np
 
+from ...derived import cached_on
 from ...medium import IndexField
 from ...medium.grid import UniformGrid
 from ..blocks import block_maxima, block_means, greatest_around
@@ -99,9 +100,10 @@ def with_neighbors(values: np.ndarray) -> np.ndarray:
     return values
 
 
+@cached_on("grid")
 def potential_by_blocks(grid: UniformGrid) -> np.ndarray:
     """Greatest absolute potential over the ambient index in each block."""
-    return grid.derive("potential by blocks", lambda: block_maxima(np.abs(potential_at_nodes(grid)), block_size(grid)))
+    return block_maxima(np.abs(potential_at_nodes(grid)), block_size(grid))
 
 
 def missed_in_blocks(field: IndexField, sampling: Sampling, by_rule: bool = False) -> tuple[int, np.ndarray]:
@@ -116,8 +118,7 @@ def missed_in_blocks(field: IndexField, sampling: Sampling, by_rule: bool = Fals
     """
     grid = field.samples
     assert isinstance(grid, UniformGrid)
-    key = ("missed by rule" if by_rule else "missed", field.geometry, sampling)
-    return grid.derive(key, lambda: _missed(grid, field.geometry, sampling, by_rule), CACHED)
+    return _missed(grid, field.geometry, sampling, by_rule)
 
 
 def missed_at_ends(field: IndexField, sampling: Sampling, by_rule: bool = False) -> np.ndarray | None:
@@ -127,11 +128,7 @@ def missed_at_ends(field: IndexField, sampling: Sampling, by_rule: bool = False)
     """
     grid = field.samples
     assert isinstance(grid, UniformGrid)
-    if not sampling.ends:
-        return None
-    key = ("missed by rule at ends" if by_rule else "missed at ends", field.geometry, sampling)
-    found: np.ndarray = grid.derive(key, lambda: _at_ends(grid, field.geometry, sampling, by_rule), CACHED)
-    return found
+    return _at_ends(grid, field.geometry, sampling, by_rule) if sampling.ends else None
 
 
 def changes_missed(field: IndexField, sampling: Sampling) -> np.ndarray:
@@ -141,9 +138,7 @@ def changes_missed(field: IndexField, sampling: Sampling) -> np.ndarray:
     """
     grid = field.samples
     assert isinstance(grid, UniformGrid)
-    key = "changes missed", field.geometry, sampling
-    found: np.ndarray = grid.derive(key, lambda: _changes(grid, field.geometry, sampling), CACHED)
-    return found
+    return _changes(grid, field.geometry, sampling)
 
 
 def lookup_table(field: IndexField, sampling: Sampling) -> tuple[int, np.ndarray]:
@@ -162,9 +157,10 @@ def lookup_table(field: IndexField, sampling: Sampling) -> tuple[int, np.ndarray
     return block, missed
 
 
+@cached_on("grid", CACHED)
 def _missed(grid: UniformGrid, geometry: str, sampling: Sampling, by_rule: bool) -> tuple[int, np.ndarray]:
     block = block_size(grid)
-    missed = grid.derive(("missed by rule itself", geometry, sampling), lambda: _by_rule(grid, geometry, sampling), 2)
+    missed = _by_rule(grid, geometry, sampling)
     factor = turned(grid, sampling.lever_arm)
     if by_rule:
         return block, factor * missed
@@ -182,9 +178,9 @@ def turned(grid: UniformGrid, lever_arm: float) -> float:
     return 1.0 + MISSED_SLOPE * lever_arm / float(grid.spacing.min())
 
 
+@cached_on("grid", CACHED)
 def _at_ends(grid: UniformGrid, geometry: str, sampling: Sampling, by_rule: bool) -> np.ndarray:
-    rule = grid.derive(("missed by rule itself", geometry, sampling), lambda: _by_rule(grid, geometry, sampling), 2)
-    found = RULE_AT_END * sampling.spacing * rule
+    found = RULE_AT_END * sampling.spacing * _by_rule(grid, geometry, sampling)
     if not by_rule:
         parts, spacing, share = _not_resolved(grid, geometry, sampling)
         size = block_maxima(np.abs(parts[1]), block_size(grid))
@@ -194,6 +190,7 @@ def _at_ends(grid: UniformGrid, geometry: str, sampling: Sampling, by_rule: bool
     return turned(grid, sampling.lever_arm) * with_neighbors(found)
 
 
+@cached_on("grid", 2)
 def _by_rule(grid: UniformGrid, geometry: str, sampling: Sampling) -> np.ndarray:
     """The rule's own bound in each block, per metre of path [1]."""
     _, fourth, _ = roughness_of_blocks(grid)
@@ -206,6 +203,7 @@ def rule_scales(geometry: str, sampling: Sampling) -> list[float]:
     return [PEANO * float(u * sampling.spacing) ** 4 for u in along_axes(sampling.steepness, geometry)]
 
 
+@cached_on("grid", CACHED)
 def _changes(grid: UniformGrid, geometry: str, sampling: Sampling) -> np.ndarray:
     parts, _, share = _not_resolved(grid, geometry, sampling)
     main = _main_axis(sampling.steepness, geometry)
@@ -235,6 +233,7 @@ def _slopes(values: np.ndarray, axis: int) -> np.ndarray:
     return np.moveaxis(found, 0, axis)
 
 
+@cached_on("grid")
 def _not_resolved(grid: UniformGrid, geometry: str, sampling: Sampling) -> tuple[list[np.ndarray], float, float]:
     """The parts of the potential at nodes that samples some distance apart do not resolve: along rays, and at ends.
 
@@ -245,13 +244,8 @@ def _not_resolved(grid: UniformGrid, geometry: str, sampling: Sampling) -> tuple
     finest = FINEST / max(float((obliquity / grid.spacing).max()), 1.0 / float((grid.high - grid.low).max()))
     spacing, share = max(sampling.spacing, finest), min(sampling.spacing / finest, 1.0) ** 4
     edges = (EDGE, EDGE_AT_ENDS) if sampling.ends else (EDGE,)
-    key = ("not resolved", geometry, sampling)
-
-    def find() -> list[np.ndarray]:
-        wanted = None if sampling.ends == EVERYWHERE else _ends_of(grid, sampling)
-        return high_pass(grid, obliquity, spacing, edges, sampling.is_fine, wanted)
-
-    return grid.derive(key, find, 1), spacing, share
+    wanted = None if sampling.ends == EVERYWHERE else _ends_of(grid, sampling)
+    return high_pass(grid, obliquity, spacing, edges, sampling.is_fine, wanted), spacing, share
 
 
 def _ends_of(grid: UniformGrid, sampling: Sampling) -> np.ndarray:

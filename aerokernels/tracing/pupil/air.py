@@ -1,9 +1,11 @@
 """The share of a pupil that looks through the ends of the known air, from a sample of its undisturbed rays."""
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
+from ...derived import cached_on
 from ...medium import IndexField
 from ...rays import Pupil, RayBundle
 from ..error_budget.known_air import BESIDE, may_be_lost
@@ -11,6 +13,8 @@ from ..lines import box_span, face_text
 from ..meeting import check_meeting
 
 SAMPLE_RAYS = 4096
+# Pupils and tolerances for which a field, or its nodes, cache what is examined.
+CACHED = 4  # speed only
 RAY_OF_PUPIL = "ray of the pupil"
 # The greatest share of a pupil's weight that may look through the ends of the known air without allow_truncation.
 GREATEST_SHARE = 1e-3
@@ -64,6 +68,7 @@ class PupilAir:
             )
 
 
+@cached_on("field", CACHED)
 def pupil_air(
     field: IndexField, pupil: Pupil, look: np.ndarray, tolerance: float, rays: RayBundle | None = None
 ) -> PupilAir:
@@ -74,7 +79,7 @@ def pupil_air(
     Raises:
         ValueError: None of its rays meets the field.
     """
-    rays = rays or RayBundle.collimated(pupil, SAMPLE_RAYS, direction=look)
+    rays = rays or _sample_of(field.samples.places, pupil, look)
     check_meeting(field, rays, RAY_OF_PUPIL)
     lost, face = may_be_lost(field, rays, None, tolerance)
     concerned = np.flatnonzero(lost > 0.0)
@@ -94,6 +99,12 @@ def pupil_air(
             place = "at the rim of the mesh"
     share, lost_rms = float(weight[over].sum()), float(np.sqrt(weight @ lost**2))
     return replace(still_air(field, pupil, rays), share=share, lost_rms=lost_rms, place=place)
+
+
+@cached_on("places", CACHED)
+def _sample_of(places: Any, pupil: Pupil, look: np.ndarray) -> RayBundle:
+    """Some of a pupil's rays; one object for all fields on the same nodes, because rays cache where they cross them."""
+    return RayBundle.collimated(pupil, SAMPLE_RAYS, direction=look)
 
 
 def still_air(field: IndexField, pupil: Pupil, rays: RayBundle) -> PupilAir:

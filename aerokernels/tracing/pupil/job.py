@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from ...derived import cached_on
 from ...medium import IndexField
 from ...medium.grid import UniformGrid
 from ...rays import PILOT_RAYS, Pupil, RayBundle
@@ -192,16 +193,11 @@ def make_job(
     check_choices(field, **{name: choices[name] for name in ("method", "precision", "tolerance", "step")})
     pilot, air_rays = (None, None) if like is None else like.samples
     begun = _begun(field, like)  # the device computes tables while the host examines the air at the faces
-    seen = _pupil_key(pupil, look, like is None)
     try:
-        air = air_of(field, pupil, look, tolerance * wavelength, air_rays)
+        air = pupil_air(field, pupil, look, tolerance * wavelength, air_rays)
     finally:
         begun()
-    pilot = field.derive(
-        ("pilot of a pupil", *seen),
-        lambda: pilot or RayBundle.collimated(pupil, PILOT_RAYS, direction=look),
-        CACHED,
-    )
+    pilot = pilot or _pilot_of(field.samples.places, pupil, look)
     until = plane_beyond(field, pupil, look)
     per_replicate = -(-int(ray_count) // REPLICATES)  # rounded up
     sizes = lattice_sizes(field, pupil, per_replicate, REPLICATES, bundle)
@@ -211,30 +207,10 @@ def make_job(
     is_sparse = 0 < radial_rays < RADIAL_RAYS and like is not None
     known_plan = None if like is None else like.plan  # so that `like` itself need not stay alive
 
-    def make_plan(rays: int) -> TracePlan:
-        made = plan or plan_rays(
-            field,
-            lambda: pilot,
-            REPLICATES * count,
-            until,
-            path_length=None,
-            wavelength=wavelength,
-            directions=look[None],
-            like=known_plan,
-            sure_count=rays,
-            **choices,
-        )
+    def plan_of(rays: int) -> TracePlan:
+        made = plan or _plan_of(field, pilot, until, look, wavelength, REPLICATES * count, rays, known_plan, choices)
         are_few = is_sparse or (field.geometry == "volume" and rays <= FEW_RAYS)
         return replace(made, reasons=(*made.reasons, why), few_rays=are_few)
-
-    def plan_of(rays: int) -> TracePlan:
-        if plan is not None:
-            return make_plan(rays)
-        # `seen` separates plans confirmed from another job from plans searched for this one, so that no answer depends
-        # on other calls.
-        key = "plan of a pupil", *seen, count, rays, wavelength, tuple(choices.values()), why, is_sparse
-        made: TracePlan = field.derive(key, lambda: make_plan(rays), CACHED)
-        return made
 
     taken = 0 if like is None or not like.run.task.generator else like.run.task.per_replicate
     is_known = taken in sizes and not radial_rays
@@ -261,21 +237,36 @@ def make_job(
     return PupilJob(first_plan, plan_of, until, per_replicate, task, air, pilot, sizes, is_known, like is not None)
 
 
-def air_of(
-    field: IndexField, pupil: Pupil, look: np.ndarray, tolerance: float, rays: RayBundle | None = None
-) -> PupilAir:
-    """`pupil_air`, cached on the field; `rays` are those of a job for another field."""
-    place = "air of a pupil", *_pupil_key(pupil, look, rays is None), tolerance
-    air: PupilAir = field.derive(place, lambda: pupil_air(field, pupil, look, tolerance, rays), CACHED)
-    return air
+@cached_on("field", CACHED)
+def _plan_of(
+    field: IndexField,
+    pilot: RayBundle,
+    until: Plane,
+    look: np.ndarray,
+    wavelength: float,
+    count: int,
+    sure_count: int,
+    like: TracePlan | None,
+    choices: dict[str, Any],
+) -> TracePlan:
+    return plan_rays(
+        field,
+        lambda: pilot,
+        count,
+        until,
+        path_length=None,
+        wavelength=wavelength,
+        directions=look[None],
+        like=like,
+        sure_count=sure_count,
+        **choices,
+    )
 
 
-def _pupil_key(pupil: Pupil, look: np.ndarray, is_first: bool) -> tuple:
-    """What of a pupil, equal for equal pupils, decides what is cached on a field, besides other choices.
-
-    What is confirmed for another job's field is kept apart from what is found anew.
-    """
-    return pupil.key, tuple(look.tolist()), is_first
+@cached_on("places", CACHED)
+def _pilot_of(places: Any, pupil: Pupil, look: np.ndarray) -> RayBundle:
+    """Some of a pupil's rays; one object for all fields on the same nodes, because rays cache where they cross them."""
+    return RayBundle.collimated(pupil, PILOT_RAYS, direction=look)
 
 
 def _begun(field: IndexField, like: PupilJob | None) -> Callable[[], None]:

@@ -17,6 +17,7 @@ fields asked of one job are compared with that job's field alone, so that no ans
 
 import threading
 from collections.abc import Callable
+from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -27,7 +28,7 @@ from ...medium.grid import UniformGrid
 from ..engines import engine_of
 from ..engines.device_memory import DeviceMemoryError, memory_of
 from ..error_budget.known_air import face_strengths, faces_crossed, weakest_contrast
-from ..error_limit import error_limit, keep_error_limit
+from ..error_limit import error_limit
 from ..grid_tables import has_tables, keep_tables, prepare_grid
 from ..leapfrog.between_samples import MissedStructure
 from ..leapfrog.pilot_levels import GREATEST_BEND, GREATEST_SHARE, SAFETY, pair_of
@@ -36,9 +37,9 @@ from ..leapfrog.unresolved import potential_by_blocks
 from ..lever_arms import LeverArms
 from ..plan import TracePlan
 from ..step_bound import roughness_of_blocks
-from ..support import keep_support_box, left_out, support_box
-from .air import PupilAir, still_air
-from .job import UNKNOWN, PupilJob, air_of
+from ..support import left_out, support_box
+from .air import PupilAir, pupil_air, still_air
+from .job import UNKNOWN, PupilJob
 from .run import PupilRun
 from .sums import PupilSums, PupilTask
 from .values_in_turn import Examined, MemoryInTurn, ValuesInTurn
@@ -71,6 +72,7 @@ def next_job(make: MakeJob, like: PupilJob, field: IndexField, wavelength: float
         if like.new_values is UNKNOWN:
             like.new_values = NewValues.of(make, like)
     known: NewValues | None = like.new_values
+    field = _bare(field)
     job = None if known is None else known.job_of(field, wavelength)
     if job is None:
         job = make(field, wavelength=wavelength, like=like)
@@ -110,7 +112,7 @@ class NewValues:
     @classmethod
     def of(cls, make: MakeJob, like: PupilJob) -> "NewValues | None":
         """Find the plan that other fields may follow, from a job whose plan is to hold for them; None without one."""
-        known, plan = like.task.field, like.run.task.plan
+        known, plan = _bare(like.task.field), like.run.task.plan
         if not _may_be_followed(known, plan):
             return None
         tolerance, arms = plan.tolerance * like.task.wavelength, plan.lever_arms
@@ -129,7 +131,7 @@ class NewValues:
         faces, still = _still(job, weakest)
         field = _twin(known, tolerance, limit, arms, box)
         # With samples for STRONGER fields; their number is hardly greater, since errors fall with its fourth power.
-        structure = MissedStructure(field, lambda low, high: job.pilot, job.until, limit, arms, job.pilot)
+        structure = MissedStructure(field, job.pilot, job.until, limit, arms, job.pilot)
         strict = structure.of_values(field, known_limit / STRONGER)
         count = strict.sufficient(max(plan.searched_count, least_samples(field, job.pilot, limit, arms)))
         if not count:
@@ -174,11 +176,11 @@ class NewValues:
             place.load(field)
             try:  # while a GPU works
                 limit = error_limit(field, tolerance)
-                air = self.still or air_of(field, task.pupil, task.look, tolerance, job.air.rays)
+                air = self.still or pupil_air(field, task.pupil, task.look, tolerance, job.air.rays)
             finally:
                 found = place.read()
             if found.faces > self.weakest:
-                air = air_of(field, task.pupil, task.look, tolerance, job.air.rays)
+                air = pupil_air(field, task.pupil, task.look, tolerance, job.air.rays)
             worst = self._worst(field, limit, found, place)
             if worst is None:
                 place.leave(field)
@@ -316,6 +318,16 @@ def _wider_scales(made: list[dict[str, np.ndarray]], count: int, limit: float) -
     return min(wider * share, GREATEST_SHARE), min(wider * bend, GREATEST_BEND)
 
 
+def _bare(field: IndexField) -> IndexField:
+    """The same field with nothing cached on it: tables of a device, rounded otherwise, must not meet other calls."""
+    grid = field.samples
+    if not isinstance(grid, UniformGrid):
+        return field
+    other = copy(grid)
+    vars(other)["extremes"] = grid.extremes
+    return replace(field, samples=other)
+
+
 def _twin(
     field: IndexField, tolerance: float, limit: float, arms: LeverArms | None, box: tuple[np.ndarray, np.ndarray]
 ) -> IndexField:
@@ -323,8 +335,8 @@ def _twin(
     grid = field.samples
     assert isinstance(grid, UniformGrid)
     other = replace(grid)
-    keep_tables(other, {"roughness": roughness_of_blocks(grid), "potential by blocks": potential_by_blocks(grid)})
+    keep_tables(other, {each: each(grid) for each in (roughness_of_blocks, potential_by_blocks)})
     twin = replace(field, samples=other)
-    keep_error_limit(twin, tolerance, limit)
-    keep_support_box(twin, limit, arms, box)
+    error_limit.keep(limit, twin, tolerance)
+    support_box.keep(box, twin, limit, arms)
     return twin

@@ -1,6 +1,6 @@
 """Run a pupil of millions of rays on an engine: make, trace and sum the rays there, without downloading any."""
 
-from collections.abc import Callable, Hashable
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache, partial
 from itertools import pairwise
@@ -8,17 +8,19 @@ from typing import Any
 
 import numpy as np
 
+from ...derived import cached_on
 from ...medium import IndexField
-from ...medium.grid_places import known
 from ...process.clock import stage
-from ...rays import RayBundle
-from ..engines import OUTPUT_TYPES, engine_of
+from ...pupils import across_look
+from ...rays import Pupil, RayBundle
+from ..engines import OUTPUT_TYPES, Engine, engine_of
 from ..engines.device_memory import memory_of
 from ..launch import RAY_BYTES
 from ..retrace import retrace_rejected
 from ..status import RayStatus
 from .fit import fit_surface, metres_of, moments_in_metres
-from .lattice_quadrature import smoothed_axes
+from .lattice_quadrature import lattice_order, smoothed_axes
+from .radial_quadrature import radial_points
 from .sums import (
     MOMENT_COUNT,
     PUPIL_OUTPUTS,
@@ -29,6 +31,7 @@ from .sums import (
     group_count,
     holds_tolerance,
     joined_counts,
+    point_order,
     radial_rays,
 )
 
@@ -90,13 +93,12 @@ class PupilRun:
         needed = ("sum_rays", "reduce_sums")  # rays along a radius are made on the host
         self.kernels = engine.kernels(needed if task.is_radial else ("launch_pupil", *needed))
         with stage("upload"):
-            self.one = self._constant("one", lambda: np.ones(1))
+            self.one = self._constant(_ones, 1)
             self.seeds = None if task.is_radial else engine.sent(np.zeros((self.widest, 2), np.uint32))
             self.starts = None if self.seeds is None else self._starts(self.seeds.buffer)
             self.headings = None
             if task.is_radial:
-                key = "headings", task.look.tobytes(), together
-                self.headings = self._constant(key, lambda: np.repeat(task.look[None], together, axis=0))
+                self.headings = self._constant(_headings, task.look, together)
         self.metres = np.append(metres_of(task), np.ones(SUM_COUNT - MOMENT_COUNT))  # of a row of sums
         self.no_surface = self._phasor_numbers(np.zeros(4))
         *joined, _ = joined_counts(task.per_replicate)
@@ -122,21 +124,15 @@ class PupilRun:
         task, pupil = self.task, self.task.pupil
         of_square = pupil.square_map
         vectors = [pupil.center, *(pupil.reach * axis for axis in pupil.axes), task.look]
-        table = self._constant(("table", pupil), lambda: of_square.table)
+        vectors += [np.append(row, 0.0) for row in across_look(pupil, task.look)]
+        table = self._constant(_table, pupil)
         shape = [of_square.shape, of_square.row_count, of_square.column_count, table]
-        key = "order", task.per_replicate, task.by_radius, task.generator
-        order = self._constant(key, task.order)
+        order = self._constant(lattice_order if task.generator else point_order, task.per_replicate, task.by_radius)
         return [*vectors, *shape, seeds, order, task.per_replicate, task.generator, smoothed_axes(of_square)]
 
-    def _constant(self, key: Hashable, make: Callable[[], np.ndarray]) -> Any:
-        """A buffer that is never written to, shared with other fields on the grid."""
-        engine = self.engine
-        return known(
-            self.task.field.samples,
-            ("constants of pupils", *engine.grid_key, key),
-            lambda: engine.put(make()),
-            CACHED,
-        )
+    def _constant(self, make: Callable[..., np.ndarray], *given: Any) -> Any:
+        """A buffer that is never written to, shared with other fields on the nodes."""
+        return _constant(self.task.field.samples.places, self.engine, make, *given)
 
     def __call__(self, seed: int | None, field: IndexField | None = None) -> PupilSums:
         """Trace and sum the points of a seed.
@@ -214,16 +210,11 @@ class PupilRun:
 
     def _along_radius(self, rows: slice, seed: int | None, points: Callable[[], Any]) -> list[Any]:
         """Upload positions, pupil coordinates and weights of rays along a radius; few rays stay for other fields."""
-
-        def upload() -> list[Any]:
-            return [self.engine.put(array) for array in radial_rays(self.task, points(), rows)]
-
-        task = self.task
+        task, engine = self.task, self.engine
         if seed is None or (rows.stop - rows.start) * task.per_replicate > FEW:
-            return upload()
-        key = "rays along a radius", *self.engine.grid_key, task.pupil, task.replicates, task.per_replicate, rows.start
-        found: list[Any] = known(task.field.samples, (*key, int(seed)), upload, FEW_CACHED)
-        return found
+            return [engine.put(array) for array in radial_rays(task.pupil, points(), rows)]
+        given = task.pupil, task.per_replicate, task.replicates, int(seed), rows
+        return _few_along_radius(task.field.samples.places, engine, *given)
 
     def _trace(self, batch: Batch) -> None:
         """Start all launches of a batch, including the copy of its sums to the host."""
@@ -276,6 +267,31 @@ class PupilRun:
         for name, array in arrays.items():
             engine.put_into(batch.results[name], array)
         return int(np.count_nonzero(arrays["status"] == RayStatus.TOLERANCE_NOT_MET))
+
+
+@cached_on("places", CACHED)
+def _constant(places: Any, engine: Engine, make: Callable[..., np.ndarray], *given: Any) -> Any:
+    return engine.put(make(*given))
+
+
+def _ones(count: int) -> np.ndarray:
+    return np.ones(count)
+
+
+def _headings(look: np.ndarray, count: int) -> np.ndarray:
+    return np.repeat(look[None], count, axis=0)
+
+
+def _table(pupil: Pupil) -> np.ndarray:
+    return pupil.square_map.table
+
+
+@cached_on("places", FEW_CACHED)
+def _few_along_radius(
+    places: Any, engine: Engine, pupil: Pupil, per_replicate: int, replicates: int, seed: int, rows: slice
+) -> list[Any]:
+    points = radial_points(per_replicate, replicates, seed)
+    return [engine.put(array) for array in radial_rays(pupil, points, rows)]
 
 
 def check_memory(device: str, memory: tuple[float, float], together: int, kept: int) -> None:

@@ -12,7 +12,6 @@ from ...rays import Pupil
 from ..plan import TracePlan
 from ..scheme import GROUP, REDUCTION_WIDTH
 from ..stop import Plane
-from .lattice_quadrature import lattice_order
 from .radial_quadrature import radial_points
 
 # Per replicate: count, x, y, W, xx, xy, yy, xW, yW, WW over the rays that arrived, then the greatest step error and
@@ -93,13 +92,6 @@ class PupilTask:
     by_radius: bool = False
     is_radial: bool = False
     generator: int = 0
-
-    def order(self) -> np.ndarray:
-        """An order of a replicate's points in which neighbours are close, int32, shape (per_replicate,)."""
-        order_of = lattice_order if self.generator else point_order
-        key = "order of points", order_of.__name__, self.per_replicate, self.by_radius
-        order: np.ndarray = self.field.derive(key, lambda: order_of(self.per_replicate, self.by_radius), most=2)
-        return order
 
     def points(self, seed: int | None) -> Any:
         """What a seed determines: seeds of the scramble (replicates, 2), or points and weights of radial quadrature."""
@@ -194,18 +186,18 @@ def _second_axis(index: np.ndarray) -> np.ndarray:
     return result
 
 
-def radial_rays(task: PupilTask, points: tuple[np.ndarray, np.ndarray], rows: slice) -> tuple[np.ndarray, ...]:
+def radial_rays(pupil: Pupil, points: tuple[np.ndarray, np.ndarray], rows: slice) -> tuple[np.ndarray, ...]:
     """Starts [m] (n, 3), pupil coordinates (n, 2) and weights (n,) of the rays of some radial replicates.
 
     The rays start on the pupil's first axis; `points` are those of `radial_points`.
     """
     squared, weight = (array[rows].reshape(-1, 1) for array in points)
-    hole = (task.pupil.inner_ratio or 0.0) ** 2
+    hole = (pupil.inner_ratio or 0.0) ** 2
     squared = hole + (1.0 - hole) * squared
     place = np.sqrt(squared)
     position = np.empty((len(place), 3))
-    for column, along, origin in zip(position.T, task.pupil.axes[0], task.pupil.center, strict=True):
-        np.multiply(task.pupil.reach * place[:, 0], along, out=column)  # twice as fast as by rows of three
+    for column, along, origin in zip(position.T, pupil.axes[0], pupil.center, strict=True):
+        np.multiply(pupil.reach * place[:, 0], along, out=column)  # twice as fast as by rows of three
         column += origin
     flat = np.zeros((len(place), 2))
     flat[:, :1] = place

@@ -25,7 +25,7 @@ from ..leapfrog.between_samples import MissedStructure
 from ..leapfrog.pilot_levels import pair_numbers
 from ..leapfrog.sample_count import PILOT_OUTPUTS
 from ..leapfrog.structure_on_device import StructureOnDevice
-from ..support import keep_potential_peaks, support_box
+from ..support import peaks_along_axes, potential_peaks, support_box
 from .run import PupilRun
 from .sums import PupilSums, PupilTask
 
@@ -136,7 +136,7 @@ class ValuesInTurn:
         assert isinstance(grid, UniformGrid)
         keep_tables(grid, self.tables.read())
         if self.tables.on_host is not None:
-            keep_potential_peaks(grid, self.tables.on_host.reshape(grid.coefficient_shape))
+            potential_peaks.keep(peaks_along_axes(self.tables.on_host.reshape(grid.coefficient_shape)), grid)
 
     def leave(self, field: IndexField) -> None:
         """Leave the tables and a copy of the coefficients with the loaded field, which needs them again, on a CPU."""

@@ -60,6 +60,12 @@ def test_a_scene_states_the_operating_pressure(tmp_path):
         ({"rho": DENSITY, "p": DENSITY / 1.4, "T": np.ones(X.shape)}, r"'p' / \(R 'T'\) is 0\.0025 times as much"),
         ({"rho": DENSITY, "p": PRESSURE / 1e3, "T": TEMPERATURE}, r"is 0\.001 times as much.*'density'"),
         ({"p": DENSITY / 1.4, "T": 1.0 + Y}, r"half of it is below 1 K: .*'temperature'"),
+        # Without a temperature: p = 1 / 1.4 is 0.0025 K of air of 1 kg/m3; E = p / 0.4 + 3^2 / 2 at most 0.0088 K.
+        ({"rho": DENSITY, "p": DENSITY / 1.4}, r"'rho' .* with 'p' half of the gas is below 0\.0025 K: .*'density'"),
+        ({"rho": DENSITY, "p [bar]": DENSITY / 1e5 / 1.4}, r"with 'p \[bar\]' half of the gas is below 0\.0025 K"),
+        ({"rho": DENSITY / 1e3, "p": PRESSURE}, r"with 'p' half of the gas is above 2\.8e\+05 K"),
+        ({"rho": DENSITY, "Energy": DENSITY * (1 / 0.56 + 4.5)}, r"with 'Energy' .* is below 0\.009\d K: .*'density'"),
+        ({"rho": DENSITY, "T": 1.0 + Y}, r"'rho' was taken in kg/m3, but of 'T' half of it is below 1 K"),
     ],
 )
 def test_numbers_without_a_unit_that_cannot_be_in_si(arrays, words: str, tmp_path):
@@ -75,10 +81,13 @@ def test_numbers_without_a_unit_that_cannot_be_in_si(arrays, words: str, tmp_pat
     "arrays", [{"p": PRESSURE}, {"p": PRESSURE - 1e5}, {"p [kPa]": PRESSURE / 1e3}, {"p": 14 * PRESSURE}]
 )
 def test_numbers_that_may_be_in_si(arrays, tmp_path):
-    """Absolute and gauge pressures beside a density, those with a unit, and hydrogen's."""
+    """Absolute and gauge pressures beside a density, those with a unit, and hydrogen's; total energies."""
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert is_exact(read(tmp_path, {"rho": DENSITY, "T": TEMPERATURE} | arrays))
+        assert is_exact(read(tmp_path, {"rho": DENSITY} | arrays))
+        for energy in (717.0 * TEMPERATURE, 717.0 * DENSITY * TEMPERATURE):
+            assert is_exact(read(tmp_path, {"rho": DENSITY, "Energy": energy}))
 
 
 def test_formats_and_files_that_state_it(tmp_path):

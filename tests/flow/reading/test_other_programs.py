@@ -283,6 +283,42 @@ def test_what_a_configuration_of_su2_states_of_the_flow_is_told(tmp_path, stated
     assert len(warned) == ("ref_dimensionalization = FREESTREAM" in stated)
 
 
+FREESTREAM = "REF_DIMENSIONALIZATION= FREESTREAM_VEL_EQ_MACH\nFREESTREAM_PRESSURE= 4006.88\n"
+
+
+@pytest.mark.parametrize(
+    ("stated", "reference"),
+    [
+        (FREESTREAM + "FREESTREAM_TEMPERATURE= 69.8 % K", 4006.88 / (287.058 * 69.8)),
+        (FREESTREAM + "FLUID_MODEL= IDEAL_GAS\nGAS_CONSTANT= 300\nFREESTREAM_TEMPERATURE= 100", 4006.88 / 3e4),
+        (FREESTREAM + "FREESTREAM_OPTION= DENSITY_FS\nFREESTREAM_DENSITY= 0.05", 0.05),
+        (FREESTREAM + "SOLVER= RANS\nINIT_OPTION= TD_CONDITIONS\nFREESTREAM_TEMPERATURE= 100", 4006.88 / 28705.8),
+        (FREESTREAM + "SOLVER= RANS\nFREESTREAM_TEMPERATURE= 100\nREYNOLDS_NUMBER= 1e6", None),
+        (FREESTREAM + "SYSTEM_MEASUREMENTS= US\nFREESTREAM_TEMPERATURE= 100", None),
+        (FREESTREAM, None),
+        (FREESTREAM + "FREESTREAM_TEMPERATURE= 0", None),
+    ],
+)
+def test_the_free_stream_of_a_configuration_of_su2_is_its_unit_of_density(tmp_path, stated, reference):
+    """Expected: multiples of p / (R T), as SU2's template says, without a warning; else one that asks for it.
+
+    A reference that the caller gives counts instead. Two configurations that disagree: the warning.
+    """
+    path = writers.su2(tmp_path)
+    plain = flow.read(path, reference=1.0).density
+    (tmp_path / "a.cfg").write_text(stated)
+    with warnings.catch_warnings(record=True) as warned:
+        warnings.simplefilter("always")
+        field = flow.read(path)
+        given = flow.read(path, reference=0.5)
+    np.testing.assert_allclose(field.density, (reference or 1.0) * plain, rtol=1e-15)
+    np.testing.assert_allclose(given.density, 0.5 * plain, rtol=1e-15)
+    assert len(warned) == (reference is None)
+    (tmp_path / "b.cfg").write_text(FREESTREAM + "FREESTREAM_TEMPERATURE= 200")
+    with pytest.warns(UserWarning, match="give its reference"):
+        flow.read(path)
+
+
 @pytest.mark.parametrize("binary", [True, False])
 def test_a_mesh_of_su2_in_cgns(tmp_path, binary):
     """Set-up: the cells and points of SU2's mesh in a CGNS file, the restart beside it.
@@ -314,3 +350,54 @@ def test_a_mesh_of_su2_in_cgns(tmp_path, binary):
     file.write_bytes(b"\x89HDF\r\n")
     with pytest.raises(ReadError, match=r"a\.cgns: it is not a CGNS file"):
         flow.read(path, mesh=file)
+
+
+@pytest.mark.parametrize("end", ["npz", "h5"])
+def test_an_order_of_axes_that_nothing_tells(tmp_path, end):
+    """Set-up: numpy.meshgrid's arrays over as many x as y, in a plane and in a volume.
+
+    Expected: a warning that names the order taken and the option; with the option the formula. Arrays whose axes HDF5
+    names, and those with the place of each sample, need none.
+    """
+    x, y, z = np.linspace(0.0, 0.8, 9), np.linspace(-0.1, 0.3, 9), np.linspace(0.0, 0.2, 5)
+    axes = {"x": x, "y": y}
+    mesh = dict(zip("xy", np.meshgrid(x, y), strict=True))
+    solid = dict(zip("xyz", np.meshgrid(x, y, z), strict=True))
+
+    def written(name, arrays, scales=None):
+        path = tmp_path / f"{name}.{end}"
+        if end == "npz":
+            np.savez(path, **arrays)
+        else:
+            h5py = pytest.importorskip("h5py")
+            with h5py.File(path, "w") as file:
+                for key, own in arrays.items():
+                    file[key] = own
+                for number, key in enumerate(scales or ""):
+                    file[key].make_scale(key)
+                    file["rho"].dims[number].attach_scale(file[key])
+        return path
+
+    flat = written("flat", {**axes, "rho": 1.0 + mesh["x"] + 0.1 * mesh["y"]})
+    full = written("full", {**axes, "z": z, "rho": 1.0 + solid["x"] + 0.1 * solid["y"] + 0.01 * solid["z"]})
+    for path, told, order in ((flat, "xy", "yx"), (full, "xyz", "yxz")):
+        with pytest.warns(UserWarning, match=rf"order = '{told}', or order = '{order}' for those of numpy\.meshgrid"):
+            wrong = flow.read(path)
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            right_one = flow.read(path, order=order)
+            assert np.array_equal(flow.read(path, order=told).density, wrong.density)
+        at = np.array([[0.1, 0.2, -0.1], [0.1, -0.1, -0.7]]) if path is flat else np.array([[0.7, 0.2, 0.1]])
+        along = (-at[:, 2], at[:, 1], 0.0) if path is flat else tuple(at.T)
+        expected = 1.0 + along[0] + 0.1 * along[1] + 0.01 * along[2]
+        assert right_one.density_at(at) == pytest.approx(expected) != wrong.density_at(at)
+    with pytest.raises(ValueError, match=r"order is 'yz', and its axes are x, y"):
+        flow.read(flat, order="yz")
+    with pytest.raises(ValueError, match=r"order is 3"):
+        flow.read(flat, order=3)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        flow.read(written("places", {**mesh, "rho": 1.0 + mesh["x"]}))
+        if end == "h5":
+            named = flow.read(written("named", {**axes, "rho": 1.0 + mesh["x"]}, "yx"))
+            assert named.density_at([[0.0, 0.2, -0.7]]) == pytest.approx([1.7])

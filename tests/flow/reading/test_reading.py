@@ -261,7 +261,7 @@ def test_triangles_and_quadrilaterals_mixed(tmp_path):
         a, b, c, d = line.split()[1:5]
         cells += [f"5 {a} {b} {c}", f"5 {a} {c} {d}"] if k % 3 == 0 else [f"9 {a} {b} {c} {d}"]
     mesh.write_text("\n".join([lines[0], f"NELEM= {len(cells)}", *cells, *lines[2 + count :]]) + "\n")
-    field = flow.read(restart, density="Energy")  # 2 + x
+    field = flow.read(restart, density="Nu_Tilde")  # 2 + x
     random = np.random.default_rng(2)
     corners = field.mesh.corners[random.integers(0, len(field.mesh.cells), 300)]
     at = np.einsum("nkd,nk->nd", corners, random.dirichlet(np.ones(4), 300))

@@ -86,7 +86,7 @@ def test_a_series_without_times_is_counted(tmp_path):
         ([{"timestep": 0, "file": 400 * "x" + ".vts"}], "which is not there"),
         (
             [{"timestep": 0, "file": "../secret.vts"}],
-            r"'\.\./secret\.vts', which is outside of its own .*move the list",
+            r"'\.\./secret\.vts', which is outside of its own .*move them together",
         ),
         ([{"timestep": 0, "file": "data/../../x.vts"}], "outside of its own folder"),
         ([{"timestep": 0, "file": "/etc/x.vts"}], "outside of its own folder"),

@@ -145,7 +145,7 @@ def su2(folder: Path, *, binary: bool = True, order: str = "<") -> Path:
     lines += [f"3 {k} {k + 1}" for k in range(NI - 1)]
     (folder / "mesh.su2").write_text("\n".join(lines) + "\n")
     table = np.stack([x.ravel(), y.ravel(), rho(x, y).ravel(), 2.0 + x.ravel()], axis=1)
-    names = ["x", "y", "Density", "Energy"]
+    names = ["x", "y", "Density", "Nu_Tilde"]
     if binary:
         head = np.array([535532, 4, NI * NJ, 0, 0], f"{order}i4").tobytes()
         head += b"".join(name.encode().ljust(33, b"\0") for name in names)

@@ -35,10 +35,6 @@ def test_ranges_of_parameters_are_rounded_outward():
         assert first[axis] <= low[axis] - room < first[axis] + part[axis]
         assert last[axis] - part[axis] < high[axis] + room <= last[axis]
         assert first[axis] % part[axis] == last[axis] % part[axis] == 0.0
-    family = Family(False, np.zeros(3), np.eye(3), first, last, None, UP, -np.inf, 1e-6)
-    assert family.serves(low, high) and family.serves(low + 0.004 * extent, high - 0.004 * extent)
-    assert not family.serves(low, low) and not family.serves(low - 0.03 * extent, high)
-    assert not family.serves(low, high + 0.03 * extent) and not family.serves(low + 0.2 * extent, high)
 
 
 def test_rows_that_follow_no_period():

@@ -10,6 +10,7 @@ import pytest
 from aerokernels import ArcLength, Body, Disc, IndexField, Plane, RayBundle, trace
 from aerokernels.tracing import RayStatus
 from aerokernels.tracing.bundle.family import SAMPLE, find_family, some_rows
+from aerokernels.tracing.bundle.nodes import channels_of
 from aerokernels.tracing.bundle.refine import SUM_ROUNDING
 from aerokernels.tracing.bundle.run import BundleRequest, find_table
 from aerokernels.tracing.engines import Prepared, engine_of
@@ -127,7 +128,7 @@ def test_kernels_deliver_what_the_formulae_say(engine: str, outputs: tuple[str, 
         rays = bundle(kind, side=200)
         asked = BundleRequest(smooth_field(), rays, until, WAVE, frozenset(outputs), options, run_plan)
         family = find_family(smooth_field(), rays, until)
-        table = find_table(asked, family)
+        table = find_table(asked, family, channels_of(asked.outputs))
         assert table is not None and table.precision == "float32"
         for precision in precisions:
             kernels = table if precision == "float32" else replace(table, values=table.values.astype(np.float64))

@@ -53,7 +53,9 @@ def structure_of(field: IndexField, rays: RayBundle) -> MissedStructure:
     """The structure that a bundle may miss, as the search for its number of samples makes it."""
     arms = lever_arms_of(field, rays.pilot, STOP)
     limit = error_limit(field, 1e-3 * WAVE)
-    return MissedStructure(field, lambda *box: spread_of(field.geometry, rays, STOP, *box), STOP, limit, arms)
+    return MissedStructure(
+        field, spread_of(field.geometry, rays, STOP, *support_box(field, limit, arms)), STOP, limit, arms
+    )
 
 
 @pytest.mark.parametrize("engine", ENGINES)
@@ -74,8 +76,8 @@ def test_an_answer_does_not_depend_on_earlier_bundles(engine, slope):
 def test_the_same_rays_to_an_equal_stop_are_recognised_once(monkeypatch, stop):
     """Set-up: three calls with one bundle and stops made anew. Expected: its family is looked for once."""
     looked = []
-    known = run.known_family
-    monkeypatch.setattr(run, "known_family", lambda *given: looked.append(given) or known(*given))
+    find = run.find_family
+    monkeypatch.setattr(run, "find_family", lambda *given: looked.append(given) or find(*given))
     y, z = np.meshgrid(np.linspace(-2e-3, 2e-3, 41), np.linspace(0.0, 4e-3, 41), indexing="ij")
     air = 1e-5 * np.exp(-(y**2 + (z - 2e-3) ** 2) / 0.5e-3**2)
     layer = IndexField.from_samples(air, origin=(-2e-3, 0.0), spacing=(1e-4, 1e-4), geometry="planar")
@@ -164,7 +166,7 @@ def test_lever_arms_of_layers_are_those_of_the_lines_in_them():
     there = field()
     low, high = support_box(there, error_limit(there, 1e-3 * WAVE))
     lines = lines_through(there, rays(7, SPREAD_RAYS // 8), STOP, low, high)
-    path = path_of(there.samples, 4, (12, 12, 15), lines, "volume")
+    path = path_of(lines, "volume", there.samples.low, 4 * there.samples.spacing, (12, 12, 15))
     (layers,) = path.layers  # no line crosses a block along x or y
     share = np.linspace(0.0, 1.0, 2000)
     place = lines.start[:, 2, None] + share * (lines.length * lines.direction[:, 2])[:, None]

@@ -4,11 +4,13 @@ PoCL ends the process by a signal for the first kinds and for the last, so that 
 """
 
 import io
+import os
 import shutil
 import sqlite3
 import subprocess
 import sys
 import threading
+import time
 import warnings
 from pathlib import Path
 
@@ -94,7 +96,7 @@ def test_a_program_that_another_process_is_writing_is_left_to_it(filled, tmp_pat
     """Half of a file, the rest 0.3 s later: it was taken for damaged, and the other process's build failed."""
     cache = tmp_path / "pocl"
     shutil.copytree(filled / "pocl", cache)
-    (cache / RECORD).unlink()
+    (cache / RECORD).write_text("{}")  # the program is newer than the record
     path = next(cache.rglob("*.so"))
     content = path.read_bytes()
     path.write_bytes(content[: len(content) // 2])
@@ -110,7 +112,28 @@ def test_a_damaged_record_is_no_record(filled, tmp_path, record):
     cache = tmp_path / "pocl"
     shutil.copytree(filled / "pocl", cache)
     (cache / RECORD).write_bytes(record)
-    assert remove_damaged(cache) == [] and (cache / RECORD).read_bytes() != record
+    assert len(remove_damaged(cache)) == 2 and (cache / RECORD).read_bytes() == b"{}"
+
+
+def test_without_a_record_programs_are_built_again(filled, tmp_path):
+    """Changed bits in the middle of whole files, and no record: the process was ended at every start.
+
+    A program that is written from now on is another process's, which may just have begun: it is left alone.
+    """
+    place = tmp_path / "caches"
+    shutil.copytree(filled, place)
+    (place / "pocl" / RECORD).unlink()
+    for path in [*place.rglob("*.bc"), *place.rglob("*.so")]:
+        content = bytearray(path.read_bytes())
+        for at in range(len(content) // 4, len(content), len(content) // 9):
+            content[at] ^= 1
+        path.write_bytes(content)
+    assert "had 2 programs" in launched(place) and launched(place) == ""
+    (place / "pocl" / RECORD).unlink()
+    later = time.time() + 60.0
+    for path in [*place.rglob("*.bc"), *place.rglob("*.so")]:
+        os.utime(path, (later, later))
+    assert remove_damaged(place / "pocl") == []
 
 
 def test_a_process_with_damaged_caches_says_so_once_and_goes_on(filled, tmp_path):

@@ -96,6 +96,8 @@ def test_a_mesh(geometry: str, precision: str, interpolation: str):
         mesh = field.mesh
         found = made.field_data(field, precision, True)
         first, last = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
+        if geometry == "axisymmetric":
+            first[0] = 0.0  # the box begins at the axis: a hole about it is no cell
         far = np.array([low > 9.0 and geometry == "planar", height > 9.0])
         origin = np.where(far, 0.5 * (first + last), 0.0)
         np.testing.assert_allclose(found.origin, [0.0, *origin])
@@ -127,8 +129,9 @@ def test_the_walls_of_a_body():
     """Rows and boxes of its tree, and their number."""
     body = Body([[0.0, 2.0], [1.0, 3.0], [0.0, 4.0]], "axisymmetric")
     found = made.field_data(grid_field("axisymmetric", body=body), "float64", False)
-    rows, boxes = body.tree.kernel_rows
+    rows, normals, boxes = body.tree.kernel_rows
     np.testing.assert_array_equal(found.arrays["wall"], rows)
+    np.testing.assert_array_equal(found.arrays["wall_normals"], normals)
     np.testing.assert_array_equal(found.arrays["wall_boxes"], boxes)
     np.testing.assert_array_equal(found.arrays["wall_links"], body.tree.links)
     assert found.field["wall_count"] == len(body.tree.boxes) > 0

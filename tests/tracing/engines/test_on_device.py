@@ -6,17 +6,14 @@ On Warp's CPU device the same code runs as on a GPU; only there is memory pinned
 
 import pickle
 import warnings
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from aerokernels import Annulus, ArcLength, Disc, IndexField, Mask, Plane, RayBundle, Rectangle, trace
+from aerokernels import Annulus, Disc, IndexField, Mask, Plane, RayBundle, Rectangle, trace
 from aerokernels.device_arrays import DeviceArray, extremes_of, plain_array, rows_begun, rows_where
 from aerokernels.device_arrays.rays import checked_rays
 from aerokernels.tracing import RayStatus
-from aerokernels.tracing.bundle.family import SAMPLE, find_family, some_rows
-from aerokernels.tracing.bundle.known_family import known_family, parameter_range
 
 from ..backends import ENGINES, WARP, WAVE, on
 
@@ -173,79 +170,6 @@ def test_rays_on_a_device_are_traced_there_and_stay_there(engine, rays):
     for name in ("opd", "direction", "position", "optical_path", "step_count", "status", "start_position"):
         assert np.array_equal(getattr(found, name), getattr(here, name)), name
     assert found.ok.all() and found.ray_count == len(found.opd) == count
-
-
-@pytest.mark.parametrize("engine", WARP)
-def test_other_rays_of_a_known_bundle_repeat_no_preparation(engine, monkeypatch):
-    """Family, kernel arguments and unused buffers stay; rays left over are sought before the kernel is waited for."""
-    import aerokernels.tracing.bundle.run as run_module
-    import aerokernels.tracing.engines.uploads as uploads
-    import aerokernels.tracing.engines.warp.family_range as family_range
-    from aerokernels.tracing.engines.warp.engine import Engine
-
-    choices, field, done = {**on(engine), "until": FAR, "outputs": ("opd",)}, volume(), []
-    pupil = Disc(2e-4, PUPIL.center)
-    *earlier, last = (
-        RayBundle.collimated(pupil, COUNT, direction=SLANTED, seed=seed, device=choices["device"]) for seed in range(3)
-    )
-    for rays in earlier:  # the second ones are of a family that is known by then
-        assert trace(field, rays, **choices).plan.bundle.one_by_one == 0
-
-    def observe(holder, name: str) -> None:
-        seen = getattr(holder, name)
-        monkeypatch.setattr(
-            holder, name, lambda *given, **named: done.append((name, *given[1:])) or seen(*given, **named)
-        )
-
-    observe(family_range, "family_numbers"), observe(uploads, "kernel_numbers"), observe(Engine, "empty")
-    observe(run_module, "rows_begun"), observe(Engine, "wait")
-    assert trace(field, last, **choices).plan.bundle.one_by_one == 0
-    names = [name for name, *_ in done]
-    assert "family_numbers" not in names and "kernel_numbers" not in names
-    assert all(given[0] == COUNT for name, *given in done if name == "empty")
-    assert names[-2:] == ["rows_begun", "wait"]
-
-
-@pytest.mark.parametrize("engine", WARP)
-@pytest.mark.parametrize("kind", ["parallel", "through a point"])
-def test_known_families_are_recognised_on_a_device_as_on_the_host(engine, kind):
-    """Other rays of a bundle are its family: the one that the host finds from them anew. Any other rays are not.
-
-    Its range of parameters from rays on the device is that of NumPy's formulae, within some roundings.
-    """
-    field, device = volume(), device_of(engine)
-    apex = (1e-4, 0.0, -9e-3)
-
-    def rays(pupil=PUPIL, seed=0):
-        if kind == "parallel":
-            return RayBundle.collimated(pupil, COUNT, direction=SLANTED, seed=seed)
-        return RayBundle.through(pupil, apex, COUNT, seed=seed)
-
-    def there(here):
-        return taken(as_warp(here.position, device), as_warp(here.direction, device))
-
-    family = find_family(field, rays(), FAR)
-    other = rays(seed=1)
-    assert find_family(field, other, FAR).key == family.key
-    for here in (other, there(other)):
-        assert known_family(field, here, FAR, [family]) is family
-        ends = [np.array(parameter_range(field, each, family)) for each in (here, other)]
-        assert same(*ends, 1e-16)  # some roundings of 0.1
-    row = int(some_rows(COUNT, SAMPLE)[5])
-    aside, turned = np.array(other.position), np.array(other.direction)
-    aside[row] += [0.0, 1e-3 * SPACING, 12e-3]
-    turned[row] += [1e-7, 0.0, 0.0]
-    for strange in (
-        RayBundle(aside, other.direction),
-        RayBundle(other.position if kind == "parallel" else aside, turned),
-        rays(Disc(4e-4, PUPIL.center)),
-        rays(Disc(8e-4, (2e-4, 0.0, -2e-3))),
-    ):
-        for here in (strange, there(strange)):
-            assert known_family(field, here, FAR, [family]) is None
-    ahead = replace(family, ahead=-1e-3)
-    for until, expected in ((FAR, ahead), (ArcLength(3e-3), None)):
-        assert known_family(field, there(other), until, [ahead]) is expected
 
 
 @pytest.mark.parametrize("engine", ENGINES)

@@ -105,7 +105,7 @@ def test_the_greatest_error_of_any_line(geometry: str, lever: bool):
     grid, sampling = field.samples, Sampling(1.1, (0.1, 0.1, 1.0), 0.4)
     block, missed = unresolved.missed_in_blocks(field, sampling)
     found = missed_on_lines.greatest_error(field, sampling, lines)
-    path = path_of(grid, block, missed.shape, lines, geometry)
+    path = path_of(lines, geometry, grid.low, block * grid.spacing, missed.shape)
     met = missed[path.part]
     change = 2.0 / min(field.spacing) * met * lever
     bounds = [(met.max() + change.max() * path.lever_arm) * path.longest]
@@ -162,7 +162,7 @@ def test_ends_count_where_the_air_there_is_disturbed(geometry: str):
     grid = field.samples
     potential = np.abs(grid.samples * (1.0 + grid.samples / 2.4))
     worth = block_maxima(potential, 4) * 4 * max(grid.spacing)
-    near = missed_on_lines._blocks_of_ends(grid, geometry, lines, worth.shape) > 0
+    near = missed_on_lines._blocks_of_ends(lines, geometry, grid.low, 4 * grid.spacing, worth.shape) > 0
     for limit in (np.median(worth[near]) / 0.02, 1e-9, 1e9):
         expected = near & (worth > 0.02 * limit)
         found = missed_on_lines.disturbed_ends(field, lines, limit)
@@ -186,7 +186,7 @@ def fitting(tolerance: float = 1e-2, backend: str = "warp", until=STOP) -> leapf
     rng = np.random.default_rng(214)
     pilot = RayBundle(np.c_[np.zeros(64), rng.uniform(-8 * H, 8 * H, 64), np.full(64, -H)], [0.0, 0.05, 1.0])
     plan = TracePlan("leapfrog", backend, "cpu", "float64", 1000, None, tolerance)
-    return leapfrog._Fitting(smooth_field(), pilot, plan, until, 1e-6, lambda low, high: pilot)
+    return leapfrog._Fitting(smooth_field(), pilot, plan, until, 1e-6, pilot)
 
 
 def test_counts_that_pay():
@@ -213,7 +213,7 @@ def test_samples_of_rays_that_part_share_no_lookups(beam: str, cost: int):
     pilot = RayBundle(place, way)
     for geometry, backend, expected in (("volume", "opencl", cost), ("volume", "warp", 1), ("planar", "opencl", 1)):
         plan = TracePlan("leapfrog", backend, "cpu", "float64", 1000, None, 1e-3)
-        fit = leapfrog._Fitting(field_of(geometry), pilot, plan, None, 1e-6, lambda low, high: pilot)
+        fit = leapfrog._Fitting(field_of(geometry), pilot, plan, None, 1e-6, pilot)
         assert fit.cost.of_sample == expected
         cheap, worth = {"opencl": (450, 5.0), "warp": (120, 1.2)}[backend]
         assert fit.cost.of_retraced() == max(cheap, worth * fit.cost.evaluations) / expected
@@ -254,7 +254,7 @@ def test_the_number_found_meets_the_tolerance(tolerance: float):
 def test_fits_become_plans():
     """The number, its error and scales, and a known number confirmed; none where the stop or the grid forbid it."""
     fit = fitting(1e-2)
-    given = fit.field, fit.pilot, fit.plan, STOP, 1e-6, fit.spread
+    given = fit.field, fit.pilot, fit.plan, STOP, 1e-6, fit.some
     plan = leapfrog.fit_leapfrog(*given)
     found = fit.search()
     assert plan.sample_count == found.count and plan.predicted_error == found.worst / 1e-6

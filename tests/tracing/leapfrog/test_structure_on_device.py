@@ -42,7 +42,7 @@ def test_the_bound_is_that_of_the_host(engine: str, geometry: str):
         pupil = Disc(6e-4, center=(1e-4, 2e-4, -1e-4), normal=way)
         rays = RayBundle.collimated(pupil, 40, seed=3)
         until = Plane(np.array((0.0, 0.0, 8e-3)), (tilt, 0.0, 1.0))
-        structure = MissedStructure(known, lambda low, high, rays=rays: rays, until, 1e-9, None, rays)
+        structure = MissedStructure(known, rays, until, 1e-9, None, rays)
         tables = GridTables(device, known.samples)
         there = StructureOnDevice(device, structure, 42, tables.block, tuple(tables.blocks))
         reading = device.fetched(there.arrays)

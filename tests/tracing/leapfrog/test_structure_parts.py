@@ -230,7 +230,7 @@ def test_blocks_in_which_lines_end(geometry: str):
     way = np.array([[0.0, 0.6, 0.8], [0.6, 0.0, 0.8]])
     lines = Lines(start, way, length, 0.0 * length, 0.0 * length)
     shape = tuple(-(-(count - 1) // 4) for count in grid.shape)
-    near = missed_on_lines._blocks_of_ends(grid, geometry, lines, shape)
+    near = missed_on_lines._blocks_of_ends(lines, geometry, grid.low, block_size(grid) * grid.spacing, shape)
     expected = np.zeros(shape)
     for place in (*start, *(start + length[:, None] * way)):
         local = {"volume": place, "planar": place[1:], "axisymmetric": [np.hypot(*place[:2]), place[2]]}[geometry]

@@ -10,10 +10,10 @@ import pytest
 
 from aerokernels import Disc, IndexField, Plane, RayBundle, prepare_strehl, trace
 from aerokernels.tracing.leapfrog.unresolved import potential_by_blocks
-from aerokernels.tracing.pupil import job, new_values
+from aerokernels.tracing.pupil import new_values
 from aerokernels.tracing.pupil.run import PupilRun
 from aerokernels.tracing.step_bound import roughness_of_blocks
-from aerokernels.tracing.support import find_support_box
+from aerokernels.tracing.support import support_box
 from tests.draws.new_values_draws import check, draw
 
 from ..backends import OPENCL, on
@@ -146,21 +146,13 @@ def test_a_pilot_that_is_lost_or_inaccurate_follows_nothing(engine: str):
 
 
 @pytest.mark.parametrize("engine", FOLLOWED)
-def test_a_field_that_follows_may_need_all_rays(engine: str, monkeypatch):
+def test_a_field_that_follows_may_need_all_rays(engine: str):
     """Where the lattice of the plan does not settle, the requested rays are traced, by a plan for so many."""
     seen = prepared(engine, air()).with_field(air(tilt=0.1))
     (make,) = seen.job.finer_runs
-    planned, plan = [], job.plan_rays
-
-    def noted(*given, **more):
-        planned.append(more["sure_count"])
-        return plan(*given, **more)
-
-    monkeypatch.setattr(job, "plan_rays", noted)
     run = make()
-    assert planned[-1] == 1 << 17
     assert follows(seen) and run.task.per_replicate == seen.job.per_replicate == (1 << 17) // 16
-    assert run.task.field is seen.field
+    assert run.task.field.samples.samples is seen.field.samples.samples  # of a field that caches nothing for others
     many, few = run(1), seen.job.run(1)
     assert many.ray_count == 1 << 17 and few.ray_count < 1 << 14
     ratios = [abs(sums.phasors.sum() / sums.total[0]) ** 2 for sums in (many, few)]
@@ -194,7 +186,7 @@ def test_tables_and_wavelengths_are_those_of_each_field(engine: str):
         np.testing.assert_allclose(found, expected, atol=1e-12 * float(np.max(expected)))
     np.testing.assert_allclose(potential_by_blocks(fields[0].samples), potential_by_blocks(fresh), atol=1e-18)
     for limit in np.geomspace(1e-10, 1e-6, 9):
-        boxes = [find_support_box(replace(air(), samples=grid), limit, None) for grid in (fields[0].samples, fresh)]
+        boxes = [support_box(replace(air(), samples=grid), limit, None) for grid in (fields[0].samples, fresh)]
         np.testing.assert_array_equal(*boxes)
     red = replace(air(tilt=0.1), wavelength=1.5 * WAVE)
     other = known.with_field(red)

@@ -70,7 +70,7 @@ def test_rays_along_a_radius():
         plan = TracePlan("adaptive", "warp", "cpu", "float32", 100, None, 1e-3, ())
         task = PupilTask(box_field(), pupil, UP, Plane(UP, UP), plan, 1e-6, 8, 3, is_radial=True)
         squared, weight = points = task.points(4)
-        position, flat, share = radial_rays(task, points, slice(1, 3))
+        position, flat, share = radial_rays(task.pupil, points, slice(1, 3))
         place = np.sqrt(hole + (1.0 - hole) * squared[1:3].ravel())
         np.testing.assert_allclose(flat, np.c_[place, 0.0 * place], rtol=1e-13)
         np.testing.assert_allclose(position, pupil.center + 0.02 * place[:, None] * pupil.axes[0], rtol=1e-13)

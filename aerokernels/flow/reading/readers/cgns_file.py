@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..dataset import Block, Dataset, ReadError
+from .cgns_counts import check_cells, check_counts
 from .cgns_statements import statements
 from .cgns_units import conversions, units
 from .cgns_walls import patches
@@ -26,6 +27,7 @@ def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
     """
     from vtkmodules.vtkIOCGNSReader import vtkCGNSReader
 
+    counts = check_counts(path)
     reader = vtkCGNSReader()
     reader.SetFileName(str(path))
     if not reader.CanReadFile(str(path)):
@@ -49,6 +51,7 @@ def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
         fault = f"{reader.GetNumberOfBaseArrays()} of its bases contain a zone {twice!r}: moments or cases of one flow"
         raise ReadError(path, fault, "write each base to a file of its own")
     blocks = [replace(block, name=block.name or f"zone {k}") for k, block in enumerate(blocks, start=1)]
+    check_cells(path, blocks, counts)
     converted = conversions(path)
     blocks = [_dimensional(block, converted) for block in blocks]
     found, notes = patches(path)

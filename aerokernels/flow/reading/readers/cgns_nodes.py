@@ -18,11 +18,14 @@ class Node:
         name: Its name.
         label: Its type, as in "Zone_t".
         data: Its data as an array or an HDF5 dataset; None for a node without data.
+        type: The type of its data that the file states, as in "R8".
     """
 
-    def __init__(self, name: str, label: str, data: Any = None, below: Callable[[], Iterable["Node"]] = tuple):
+    def __init__(
+        self, name: str, label: str, data: Any = None, below: Callable[[], Iterable["Node"]] = tuple, type: str = ""
+    ):
         """Create a node; `below` returns its children and is called when they are first needed."""
-        self.name, self.label, self.data, self._below = name, label, data, below
+        self.name, self.label, self.data, self._below, self.type = name, label, data, below, type
 
     @cached_property
     def below(self) -> list["Node"]:
@@ -54,6 +57,7 @@ def node_of(group: Any) -> Node:
         decoded(group.attrs.get("label", b"")),
         data if isinstance(data, h5py.Dataset) else None,
         lambda: (node_of(own) for own in map(group.__getitem__, group) if isinstance(own, h5py.Group)),
+        decoded(group.attrs.get("type", b"")),
     )
 
 

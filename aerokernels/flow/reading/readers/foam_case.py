@@ -3,6 +3,7 @@
 Finite-volume fields are cell averages and stay so. VTK's reader is not used because it returns single precision.
 """
 
+import os
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -10,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ....process.own_files import own_file
 from ..dataset import POLYHEDRON, Block, Cells, Dataset, ReadError, chosen_time
 from .foam_file import FoamFile, find
 from .foam_mesh import FoamMesh, flat_block, plane_of, read_mesh, surface_patches
@@ -20,7 +22,7 @@ _WIDTH = {"volScalarField": 1, "volVectorField": 3}
 _MOLAR_MASS = re.compile(r"\bmolWeight\s+([0-9.eE+-]+)\s*;")
 _COMMENT = re.compile(r"//[^\n]*|/\*.*?(?:\*/|\Z)", re.DOTALL)  # an unclosed comment extends to the end
 _DIMENSIONS = re.compile(rb"\bdimensions\s*\[([^\]]*)\]")
-GREATEST_INCLUDED = 1_000_000  # [bytes]: a case from elsewhere may include any file of the system
+GREATEST_INCLUDED = 1_000_000  # [bytes]
 _INCLUDE = re.compile(r'^[ \t]*#include\w*\s+"([^"\n]+)"', re.MULTILINE)
 
 
@@ -165,8 +167,8 @@ def _value_of(file: FoamFile, name: str) -> str:
     text = _COMMENT.sub("", file.data.decode("latin-1"))
     texts = [text]
     for included in _INCLUDE.findall(text):
-        other = file.path.parent / included
-        if other.is_file() and 0 < other.stat().st_size <= GREATEST_INCLUDED:  # devices have 0 bytes
+        other = own_file(file.path.parent.parent, os.path.join(file.path.parent.name, included))  # within the case
+        if other.is_file() and other.stat().st_size <= GREATEST_INCLUDED:
             texts.append(_COMMENT.sub("", other.read_text("latin-1")))
     values = [
         found for one in texts for found in re.findall(rf"^[ \t]*{re.escape(name)}\s+([^;{{}}]*);", one, re.MULTILINE)

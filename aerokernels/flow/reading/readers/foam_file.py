@@ -6,6 +6,7 @@ brackets, `3(1 2 3)`; in binary files the entries between the brackets are raw n
 """
 
 import gzip
+import io
 import re
 import warnings
 import zlib
@@ -22,6 +23,7 @@ _HEADER = re.compile(rb"FoamFile\s*\{(.*?)\}", re.DOTALL)
 _ENTRY = re.compile(r"""(\w+)\s+("[^"\n]*"|[^;]+);""")  # a text may contain semicolons, as arch's does
 _BRACKETS = bytes.maketrans(b"()", b"  ")
 PIECE = 1 << 24  # [bytes] unpacked at once
+UNPACKED, UNPACKED_FOR_BYTE = 1 << 28, 200  # [bytes] to which a file may unpack, and bytes per byte of it
 REMEDY = "the file is damaged or was not written to its end: write it again, or read another time"
 
 
@@ -36,14 +38,18 @@ def find(path: Path) -> Path | None:
 def _unpacked(path: Path) -> bytes:
     """Return the content of a compressed file, after checking that it fits in memory.
 
-    The content may be a thousand times larger than the file.
+    Raises:
+        ReadError: It unpacks to far more than numbers do, which may be a thousand times the file.
     """
-    parts: list[bytes] = []
+    parts = io.BytesIO()
+    most = UNPACKED + UNPACKED_FOR_BYTE * path.stat().st_size
     with gzip.open(path) as stream:
         while part := stream.read(PIECE):
-            parts.append(part)
-            check_room(float(sum(map(len, parts))), f"{path}: what it unpacks to")
-    return b"".join(parts)
+            check_room(float(parts.tell() + len(part)), f"{path}: what it unpacks to")
+            if parts.write(part) and parts.tell() > most:
+                fault = f"its {path.stat().st_size} bytes unpack to more than {most} bytes, as no field does"
+                raise ReadError(path, fault, "unpack it with gunzip if it is yours")
+    return parts.getvalue()
 
 
 class FoamFile:

@@ -6,7 +6,7 @@ are named, by dimension scales or labels, are returned in the order time, r, x, 
 
 import re
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -18,8 +18,24 @@ from .coordinates import COLUMNS
 AXIS_END = re.compile(r"([xyzr])_?(min|max)")
 
 
-def hdf5_arrays(path: Path) -> tuple[dict[str, np.ndarray], dict[str, str], dict[str, tuple[float, float]]]:
-    """Return the arrays of an HDF5 file by name, their units, and the ends of axes."""
+class Held(NamedTuple):
+    """Contents of an HDF5 file.
+
+    Attributes:
+        arrays: Its arrays by name.
+        units: Their units.
+        ends: The ends of axes.
+        labelled: Names of the arrays whose axes are named.
+    """
+
+    arrays: dict[str, np.ndarray]
+    units: dict[str, str]
+    ends: dict[str, tuple[float, float]]
+    labelled: set[str]
+
+
+def hdf5_arrays(path: Path) -> Held:
+    """Return the contents of an HDF5 file."""
     import h5py
 
     try:
@@ -29,13 +45,14 @@ def hdf5_arrays(path: Path) -> tuple[dict[str, np.ndarray], dict[str, str], dict
         raise ReadError(path, f"HDF5 cannot read it ({str(fault)[:120]})", DAMAGED) from None
 
 
-def arrays_of(file: Any) -> tuple[dict[str, np.ndarray], dict[str, str], dict[str, tuple[float, float]]]:
+def arrays_of(file: Any) -> Held:
     """Return what `hdf5_arrays` does, from an open file."""
     import h5py
 
     arrays: dict[str, np.ndarray] = {}
     units: dict[str, str] = {}
     bounds: dict[str, set[float]] = {}
+    labelled: set[str] = set()
 
     def take(name: str, entry) -> None:
         for key, value in entry.attrs.items():
@@ -45,14 +62,19 @@ def arrays_of(file: Any) -> tuple[dict[str, np.ndarray], dict[str, str], dict[st
         if isinstance(entry, h5py.Dataset) and entry.shape and np.issubdtype(entry.dtype, np.number):
             if name.rsplit("/", 1)[-1] in ("data", "values") and len(entry.parent) == 1 and "/" in name:
                 name = name.rsplit("/", 1)[0]  # a group with a single array gives it its name
-            arrays[name] = _in_order(entry, _unpacked(entry.attrs, entry[...]))
+            places = _places(entry)
+            arrays[name] = _unpacked(entry.attrs, entry[...])
+            if places is not None:
+                labelled.add(name)
+                if places != sorted(places):
+                    arrays[name] = arrays[name].transpose(np.argsort(places, kind="stable"))
             units[name] = stated_unit(entry.attrs)
 
     take("", file)
     file.visititems(take)
     known = {key: values.pop() for key, values in bounds.items() if len(values) == 1}
     ends = {a: (known[f"{a}min"], known[f"{a}max"]) for a in "xyzr" if f"{a}min" in known and f"{a}max" in known}
-    return arrays, units, ends
+    return Held(arrays, units, ends, labelled)
 
 
 def _unpacked(attributes: Any, values: np.ndarray) -> np.ndarray:
@@ -72,11 +94,8 @@ def _number(value: Any) -> float | None:
     return float(number.reshape(-1)[0]) if number.size == 1 and number.dtype.kind in "iuf" else None
 
 
-def _in_order(entry: Any, values: np.ndarray) -> np.ndarray:
-    """Return an array with its axes in the order of the module, if all of them are named."""
+def _places(entry: Any) -> list[int] | None:
+    """Return where the axes of an array are in the order of the module; None unless all of them are named."""
     names = [next((scale.name for scale in axis.values()), "") or axis.label for axis in entry.dims]
     axes = {plain: axis for axis, plains in COLUMNS.items() for plain in plains}
-    places = ["rxyz".find(axes.get(plain_name(name, True), "?")) for name in names]
-    if not all(names) or places == sorted(places):
-        return values
-    return values.transpose(np.argsort(places, kind="stable"))
+    return ["rxyz".find(axes.get(plain_name(name, True), "?")) for name in names] if all(names) else None

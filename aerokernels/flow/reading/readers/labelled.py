@@ -67,4 +67,4 @@ def labelled_dataset(path, data, variables=None, time=None, kind: str = "xarray"
         if values.ndim:
             arrays[str(name)] = values
             units[str(name)] = stated_unit(entry.attrs)
-    return dataset_of(path, arrays, units, {a: n for a, n in variables.items() if n}, kind, time, True)
+    return dataset_of(path, arrays, units, {a: n for a, n in variables.items() if n}, kind, time, arrays)

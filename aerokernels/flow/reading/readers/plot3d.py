@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from ....process.own_files import own_file
 from ..dataset import Block, Dataset, ReadError
 from .text_tables import fortran_numbers
 
@@ -109,7 +110,8 @@ def grid_and_solution(path: Path, solution) -> tuple[Path, Path]:
         raise ReadError(
             path, f"its {need} is not clear (beside it: {found})", f"name it: solution = PATH ({need} file)"
         )
-    return (path, same[0]) if ends is GRID_ENDS else (same[0], path)
+    other = own_file(path, same[0].name)
+    return (path, other) if ends is GRID_ENDS else (other, path)
 
 
 def _meanings(path: Path, *more: tuple) -> Iterator[tuple]:

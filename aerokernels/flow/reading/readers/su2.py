@@ -4,7 +4,6 @@ The binary restart: five int32 (535532, variable count, point count, 0, 0), name
 by point, then metadata of the run. The first number tells the byte order.
 """
 
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -13,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from ....process.own_files import own_file
 from ..dataset import (  # fmt: skip
     CORNERS,
     FLAT,
@@ -28,6 +28,7 @@ from ..dataset import (  # fmt: skip
     whole_number,
 )
 from .su2_cgns import cgns_mesh
+from .su2_configuration import configured
 from .text_tables import read_table
 
 MAGIC = 535532
@@ -35,8 +36,7 @@ NAME_LENGTH = 33
 GREATEST_VARIABLE_COUNT = 10_000
 HIGH_ORDER = 100  # type numbers of elements with interior points are greater
 ELEMENTS = {LINE: 2, **CORNERS}  # SU2 uses VTK's numbers
-MOST_CONFIGURATIONS, LONGEST_CONFIGURATION = 20, 1_000_000  # files, characters
-_STATED = re.compile(r"^[ \t]*(AXISYMMETRIC|REF_DIMENSIONALIZATION)[ \t]*=[ \t]*(\w+)", re.IGNORECASE | re.MULTILINE)
+DENSITY_NAMES = ("Density", "Conservative_1")
 COORDINATES = ("x", "y", "z", "pointid", "point_id")
 
 
@@ -63,12 +63,15 @@ def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
         raise ReadError(restart, fault, "give the mesh it was made on, of one such zone")
     points, cells, patches = meshes[fitting[0]]
     notes = [f"zone {fitting[0] + 1} of {len(meshes)} in {mesh_path.name}"] if len(meshes) > 1 else []
-    configured, scaled = _configured(restart.parent)
-    notes += configured
+    more, scaled, unit = configured(restart.parent)
+    notes += more
     dimension = 2 if not points[:, 2].any() else 3
     _check_places(restart, arrays, points, dimension)
     arrays = {name: values for name, values in arrays.items() if name.lower() not in COORDINATES}
-    return Dataset([Block(points, cells, point_data=arrays)], "SU2", patches=patches, notes=notes, scaled=scaled)
+    units = dict.fromkeys(DENSITY_NAMES, unit) if unit else {}
+    return Dataset(
+        [Block(points, cells, point_data=arrays)], "SU2", patches=patches, units=units, notes=notes, scaled=scaled
+    )
 
 
 def _meshes(path: Path) -> list[tuple[np.ndarray, Cells, list[Patch]]]:
@@ -83,28 +86,6 @@ def mesh_and_restart(path: Path, options: Mapping[str, Any]) -> tuple[Path, Path
     if path.suffix.lower() == ".su2":
         return path, Path(options["solution"]) if options.get("solution") else _restart_beside(path)
     return Path(options["mesh"]) if options.get("mesh") else _mesh_beside(path), path
-
-
-def _configured(folder: Path) -> tuple[list[str], str]:
-    """Return notes on what the configurations in a folder state of the flow and neither mesh nor restart does.
-
-    The second value is the note on numbers without a unit, or empty.
-    """
-    notes, scaled = [], ""
-    for path in sorted(folder.glob("*.cfg"))[:MOST_CONFIGURATIONS]:
-        try:
-            with path.open("r", encoding="latin-1") as stream:
-                text = stream.read(LONGEST_CONFIGURATION)
-        except OSError:
-            continue
-        stated = {key.upper(): value.upper() for key, value in _STATED.findall(text)}
-        if stated.get("AXISYMMETRIC") == "YES":
-            notes.append(f"{path.name} states AXISYMMETRIC= YES: geometry='axisymmetric' reads y as the radius")
-        scale = stated.get("REF_DIMENSIONALIZATION", "DIMENSIONAL")
-        if scale.startswith("FREESTREAM"):
-            scaled = f"{path.name} states {scale}: the density is one of numbers without a unit, give its reference"
-            notes.append(scaled)
-    return notes, scaled
 
 
 def _check_places(restart: Path, arrays, points: np.ndarray, dimension: int) -> None:
@@ -127,7 +108,7 @@ def _restart_beside(path: Path) -> Path | None:
     if len(found) > 1:
         names = ", ".join(p.name for p in found)
         raise ReadError(path, f"several restarts are beside it ({names})", "name one: flow.read(RESTART, mesh=MESH)")
-    return found[0] if found else None
+    return own_file(path, found[0].name) if found else None
 
 
 def _is_restart(path: Path) -> bool:
@@ -142,7 +123,7 @@ def _mesh_beside(path: Path) -> Path:
     if len(found) != 1:
         names = ", ".join(p.name for p in found) or "none"
         raise ReadError(path, f"its mesh is not clear (beside it: {names})", "name it: mesh = 'MESH.su2'")
-    return found[0]
+    return own_file(path, found[0].name)
 
 
 @dataclass(eq=False)

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 from xml.etree import ElementTree
 
+from ....process.own_files import OwnFilesError, own_file
 from ..dataset import ReadError
 
 SUFFIXES = (".pvd", ".series")
@@ -73,14 +74,13 @@ def _is_there(file: Path) -> bool:
 
 def _within(path: Path, name: str) -> Path:
     """Return the path of a file of a list, after checking that it is within the list's folder."""
-    plain = os.path.normpath(name)
-    if "\0" in name or os.path.isabs(plain) or plain.split(os.sep)[0] == os.pardir:
-        fault = f"it lists {name!r}, which is outside of its own folder"
-        remedy = "lists may not open files there: move the list to a folder that contains them all"
-        raise ReadError(path, fault, remedy)
+    plain = name if "\0" in name else os.path.normpath(name)
     if Path(plain).suffix.lower() not in LISTED:
         raise ReadError(path, f"it lists {name!r}, which is not a VTK file", f"take one of {', '.join(LISTED)}")
-    return path.parent / plain
+    try:
+        return own_file(path, plain)
+    except OwnFilesError as fault:
+        raise ReadError.said(str(fault)) from None
 
 
 def _of_collection(path: Path) -> list[tuple[float, str, Any]]:

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from ....process.own_files import check_own_files
 from ..dataset import (  # fmt: skip
     CORNERS,
     FLAT,
@@ -19,6 +20,7 @@ from ..dataset import (  # fmt: skip
     Cells,
     Dataset,
     Faces,
+    GridPoints,
     Patch,
     Polygons,
     ReadError,
@@ -86,7 +88,10 @@ def _series(path: Path, time) -> Dataset:
     entries = collection(path)
     times = sorted({entry.time for entry in entries})
     chosen = chosen_time(path, times, time)
-    parts = [read(entry.file) for entry in entries if entry.time == chosen]
+    files = [entry.file for entry in entries if entry.time == chosen]
+    for file in files:  # before any is opened: the process that calls this has checked the list
+        check_own_files(file)
+    parts = [read(file) for file in files]
     blocks, patches = _boundaries([block for part in parts for block in part.blocks])
     patches = [*patches, *(patch for part in parts for patch in part.patches)]
     said = f"VTK series of {len(times)} times"
@@ -148,6 +153,8 @@ def _points(data) -> np.ndarray:
     from vtkmodules.util.numpy_support import vtk_to_numpy
     from vtkmodules.vtkCommonDataModel import vtkImageData, vtkRectilinearGrid
 
+    if isinstance(data, (vtkImageData, vtkRectilinearGrid)) and (axes := _axes(data)) is not None:
+        return GridPoints.of(axes)
     if isinstance(data, vtkImageData):
         low, step, count = data.GetExtent()[::2], np.array(data.GetSpacing()), data.GetDimensions()
         nodes = np.meshgrid(*(first + np.arange(n) for first, n in zip(low, count, strict=True)), indexing="ij")
@@ -155,11 +162,21 @@ def _points(data) -> np.ndarray:
         matrix = data.GetDirectionMatrix()
         turn = np.array([[matrix.GetElement(i, j) for j in range(3)] for i in range(3)])
         return np.array(data.GetOrigin()) + (index * step) @ turn.T
-    if isinstance(data, vtkRectilinearGrid):
-        axes = [vtk_to_numpy(axis).astype(np.float64) for axis in
-                (data.GetXCoordinates(), data.GetYCoordinates(), data.GetZCoordinates())]  # fmt: skip
-        return np.stack([axis.ravel(order="F") for axis in np.meshgrid(*axes, indexing="ij")], axis=1)
     return vtk_to_numpy(data.GetPoints().GetData()).astype(np.float64)
+
+
+def _axes(data) -> list[np.ndarray] | None:
+    """Return the coordinates along x, y and z of a grid of VTK; None if it is turned."""
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+    from vtkmodules.vtkCommonDataModel import vtkRectilinearGrid
+
+    if isinstance(data, vtkRectilinearGrid):
+        own = data.GetXCoordinates(), data.GetYCoordinates(), data.GetZCoordinates()
+        return [vtk_to_numpy(axis).astype(np.float64) for axis in own]
+    if not data.GetDirectionMatrix().IsIdentity():
+        return None
+    parts = zip(data.GetOrigin(), data.GetExtent()[::2], data.GetSpacing(), data.GetDimensions(), strict=True)
+    return [origin + (first + np.arange(count)) * step for origin, first, step, count in parts]
 
 
 def _arrays(path: Path | str, attributes, count: int) -> dict[str, np.ndarray]:

@@ -6,7 +6,7 @@ import numpy as np
 
 from ....medium.labelled_grid import unevenness
 from ...sampled_density import GridDensity
-from ..dataset import SOLID, Block, ReadError
+from ..dataset import SOLID, Block, ReadError, grid_of, with_all_points
 from .even_averages import at_corners
 from .even_errors import estimated_error
 from .resampling import Resampling
@@ -28,9 +28,8 @@ def volume_field(reading, spacing=None, region=None, walls=None, shared=None) ->
         ValueError: A spacing or a region that does not give a grid.
     """
     dataset, path = reading.dataset, reading.path
-    moved = [reading.moved(block.points) for block in dataset.blocks]
-    if len(moved) == 1 and spacing is None and region is None:
-        grid = uniform_grid(dataset.blocks[0], moved[0], *reading.densities[0])
+    if len(dataset.blocks) == 1 and spacing is None and region is None:
+        grid = uniform_grid(reading, *reading.densities[0])
         if grid is not None:
             density, low, step, told = grid
             ambient = reading.ambient or dataset.ambient or float(np.median(density[:, :, -1]))
@@ -38,7 +37,7 @@ def volume_field(reading, spacing=None, region=None, walls=None, shared=None) ->
             composition = None
             if (fractions := reading.fractions) is not None:
                 rho, where = reading.densities[0]
-                parts = [uniform_grid(dataset.blocks[0], moved[0], rho * own, where) for own in fractions.blocks[0]]
+                parts = [uniform_grid(reading, rho * own, where) for own in fractions.blocks[0]]
                 partial = np.stack([part[0] for part in parts if part is not None])
                 composition = fractions.composition(partial, partial[..., -1].mean(axis=(1, 2)))
             return GridDensity(
@@ -51,12 +50,16 @@ def volume_field(reading, spacing=None, region=None, walls=None, shared=None) ->
                 resampling=told,
                 composition=composition,
             )
+    dataset = with_all_points(dataset)
+    densities = [(np.asarray(own, np.float64), where) for own, where in reading.densities]
+    reading = replace(reading, dataset=dataset, densities=densities)
+    moved = [reading.moved(block.points) for block in dataset.blocks]
     for block in dataset.blocks:
         if block.cells is None and block.shape is None:
             raise ReadError(
                 path, f"block {block.name!r} has points and no cells", "give a file with cells, or a grid's shape"
             )
-    if not any(block.shape is not None or np.isin(block.cells.types, SOLID).any() for block in dataset.blocks):
+    if not any(block.cells is None or np.isin(block.cells.types, SOLID).any() for block in dataset.blocks):
         raise ReadError(path, "it has no solid cells: a surface in space", "give the volume's mesh")
     blanked = [cells_blanked(block) for block in dataset.blocks]
     if any(one is not other for one, other in zip(blanked, dataset.blocks, strict=True)):
@@ -81,24 +84,30 @@ def cells_blanked(block: Block) -> Block:
     return replace(block, blank=hidden)
 
 
-def uniform_grid(block: Block, points: np.ndarray, density: np.ndarray, where: str):
-    """Return density [x, y, z], first node and spacing of a uniform grid, and its error; None for any other block.
+def uniform_grid(reading, density: np.ndarray, where: str):
+    """Return density [x, y, z], first node and spacing of a single block on a uniform grid, and its error; or None.
 
     Cell averages become values at the corners of the cells: the grid covers what the cells cover, and the error states
-    the
-    deficit of this conversion. For values at nodes the error is None: the error budget estimates their interpolation
-    error.
+    the deficit of this conversion. For values at nodes the error is None: the error budget estimates their
+    interpolation error.
     """
+    block = reading.dataset.blocks[0]
     if block.shape is None or min(block.shape) < 2 or (block.blank is not None and block.blank.any()):
         return None
-    at = points.reshape(*block.shape[::-1], 3)
-    ends = at[0, 0, -1], at[0, -1, 0], at[-1, 0, 0]
-    steps = [(end - at[0, 0, 0]) / (count - 1) for end, count in zip(ends, block.shape, strict=True)]
+    at = None
+    if (grid := grid_of(block.points)) is not None:  # each edge is like all others along it
+        edges = [reading.moved(edge) for edge in grid.edges()]
+    else:
+        at = reading.moved(block.points).reshape(*block.shape[::-1], 3)
+        edges = [at[0, 0], at[0, :, 0], at[:, 0, 0]]
+    steps = [(edge[-1] - edge[0]) / (count - 1) for edge, count in zip(edges, block.shape, strict=True)]
     along = [int(np.argmax(np.abs(step))) for step in steps]
     if sorted(along) != [0, 1, 2]:
         return None
     size = np.array([abs(step[axis]) for step, axis in zip(steps, along, strict=True)])
-    if (size <= 0.0).any() or not _is_even(at, steps, along, size):
+    if (size <= 0.0).any():
+        return None
+    if not (_edges_are_even(edges, steps, along, size) if at is None else _is_even(at, steps, along, size)):
         return None
     cell = where == "cell"
     counts = [n - 1 if cell else n for n in block.shape]
@@ -108,14 +117,26 @@ def uniform_grid(block: Block, points: np.ndarray, density: np.ndarray, where: s
     values = np.transpose(values, [along.index(axis) for axis in range(3)])
     first, step = np.empty(3), np.empty(3)
     for i, axis in enumerate(along):
-        step[axis] = abs(at.reshape(-1, 3)[-1, axis] - at.reshape(-1, 3)[0, axis]) / (block.shape[i] - 1)
-        first[axis] = points[:, axis].min()
+        step[axis] = size[i]
+        first[axis] = min(edges[i][0, axis], edges[i][-1, axis])
         if steps[i][axis] < 0.0:
             values = np.flip(values, axis)
     if not cell:
-        return np.ascontiguousarray(values), first, step, None
+        density = np.array(values, np.float64, order="C")
+        density.setflags(write=False)  # a density field does not copy a read-only array
+        return density, first, step, None
+    values = np.asarray(values, np.float64)
     density, smooth = at_corners(values)
     return density, first, step, estimated_error(values, smooth, step)
+
+
+def _edges_are_even(edges: list[np.ndarray], steps, along: list[int], size: np.ndarray) -> bool:
+    """Return whether the points on the edges of a grid have constant steps along them."""
+    uneven = unevenness(size.min(), max(float(np.abs(edge[[0, -1]]).max()) for edge in edges))
+    return all(
+        (np.abs(edge - (edge[0] + np.arange(len(edge))[:, None] * (step[axis] * np.eye(3)[axis]))) <= uneven).all()
+        for edge, step, axis in zip(edges, steps, along, strict=True)
+    )
 
 
 def _is_even(at: np.ndarray, steps, along: list[int], size: np.ndarray) -> bool:

@@ -11,11 +11,12 @@ import os
 import re
 import sys
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 from ....process.machine import patient_threads
 from ....process.opened import OPENED
-from ....process.spare_cache import NoCacheError
+from ....process.spare_cache import NoCacheError, why_untrusted, why_unusable
 from ..info import BackendInfo, absent
 from .drivers import broken_drivers
 from .linker import linker_trouble
@@ -69,8 +70,9 @@ def import_pyopencl():
     if spec is None:
         raise OpenCLUnavailable("the package pyopencl is not installed: pip install 'aerokernels[opencl]'")
     try:
-        if "pyopencl" not in sys.modules and not _cache_is_writable():
-            # PyOpenCL's first launch of a kernel would fail; it reads this variable once, when it is imported.
+        if "pyopencl" not in sys.modules and not _has_cache():
+            # PyOpenCL's first launch of a kernel would fail, or unpickle what another user wrote; it reads this
+            # variable once, when it is imported.
             os.environ.setdefault("PYOPENCL_NO_CACHE", "1")
         return importlib.import_module("pyopencl")
     except Exception as error:  # a foreign package and a C extension: anything may come
@@ -80,16 +82,12 @@ def import_pyopencl():
         ) from error
 
 
-def _cache_is_writable() -> bool:
-    """Whether PyOpenCL can write its cache of the code that launches kernels."""
+def _has_cache() -> bool:
+    """Whether PyOpenCL can write its cache of the code that launches kernels, and no other user can."""
     import platformdirs  # PyOpenCL's own dependency, and the folder it uses
 
-    folder = platformdirs.user_cache_dir("pytools", "pytools")
-    try:
-        os.makedirs(folder, exist_ok=True)
-    except OSError:
-        return False
-    return os.access(folder, os.W_OK)
+    folder = Path(platformdirs.user_cache_dir("pytools", "pytools"))
+    return not (why_unusable(folder) or why_untrusted(folder))
 
 
 def list_devices() -> list[BackendInfo]:

@@ -4,10 +4,10 @@ import glob
 import os
 import shutil
 import subprocess
-import sys
 import tempfile
+from typing import Any
 
-from ....process.machine import child_environment
+from ....process.machine import python_child
 from ....process.spare_cache import LEAST_SPACE
 from .pocl_cache import cache_folder
 
@@ -36,11 +36,10 @@ def _greatest_file() -> float:
     return float("inf") if limit == resource.RLIM_INFINITY else limit
 
 
-def _succeeds(command: list[str], seconds: float, environment: dict[str, str] | None = None) -> bool:
+def _succeeds(seconds: float, **started: Any) -> bool:
     try:
         done = subprocess.run(
-            command,
-            env=environment,
+            **started,
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
@@ -63,14 +62,13 @@ def _links(folder: str) -> bool:
     places = [f"-L{place}" for place in glob.glob("/usr/lib/gcc/*/*/")]
     library = os.path.join(folder, "library.so")
     return linker is not None and _succeeds(
-        [linker, "-shared", "-o", library, *places, "-lgcc", "-lgcc_s", "-lc"], seconds=20.0
+        20.0, args=[linker, "-shared", "-o", library, *places, "-lgcc", "-lgcc_s", "-lc"]
     )
 
 
 def _compiles(folder: str, options: tuple[str, ...]) -> bool:
     """Whether PoCL compiles and launches a kernel in a child process."""
-    environment = child_environment({"POCL_CACHE_DIR": folder})
-    return _succeeds([sys.executable, "-c", _TRIAL, *options], seconds=60.0, environment=environment)
+    return _succeeds(60.0, **python_child(["-c", _TRIAL, *options], {"POCL_CACHE_DIR": folder}))
 
 
 def linker_trouble(options: tuple[str, ...] = ()) -> str:

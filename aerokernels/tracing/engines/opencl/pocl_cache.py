@@ -4,7 +4,10 @@ PoCL keeps for every program a folder with LLVM bitcode (`program.bc`) and a lib
 them without checks: a file cut short by a full disk or a power failure ends in SIGABRT or SIGBUS inside the driver,
 which no `except` can catch. So before the driver is opened, each file is compared with a record of its size and time,
 and of its checksum if these differ. If a file is not in the record yet, its structure is checked, which detects a file
-that is cut or partly zero. The folder of a program with a damaged file is removed, and PoCL builds it again.
+that is cut or partly zero. The folder of a program with a damaged file is removed, and PoCL builds it again; so it does
+all programs where there is no record, or a damaged one.
+
+A folder that another user owns or may write is not used: its libraries would run as this user.
 """
 
 import json
@@ -19,7 +22,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from ....process.compiled_files import is_whole
-from ....process.spare_cache import spare_cache, why_unusable
+from ....process.spare_cache import spare_cache, why_untrusted, why_unusable
 
 VARIABLE = "POCL_CACHE_DIR"
 RECORD = "aerokernels-checked.json"  # beside PoCL's folders, which have names of two letters
@@ -43,16 +46,18 @@ def cache_folder() -> Path:
 def make_safe() -> None:
     """Remove damaged programs from the cache, once per process and before its driver is opened.
 
-    If that is impossible, if the folder cannot be written or if the disk is full, this process gets its own cache in
-    the folder for temporary files. Both cases are reported as a RuntimeWarning.
+    If that is impossible, if the folder cannot be written, if another user can write it or if the disk is full, this
+    process gets its own cache in the folder for temporary files. All cases are reported as a RuntimeWarning.
 
     Raises:
         NoCacheError: No folder for temporary files can take kernels either.
     """
     folder = cache_folder()
-    damaged = remove_damaged(folder)
-    left = [path for path in damaged if path.exists()]
-    if why := f"{left[0]} is damaged and cannot be removed" if left else why_unusable(folder):
+    why = why_unusable(folder) or why_untrusted(folder)
+    damaged = [] if why else remove_damaged(folder)
+    if left := [path for path in damaged if path.exists()]:
+        why = f"{left[0]} is damaged and cannot be removed"
+    if why:
         os.environ[VARIABLE] = spare_cache("pocl", why)
         return
     if "" in map(os.environ.get, (VARIABLE, "XDG_CACHE_HOME", "HOME")):  # PoCL takes an empty one for a folder's name
@@ -60,7 +65,8 @@ def make_safe() -> None:
     if damaged:
         count = f"{len(damaged)} programs" if len(damaged) > 1 else "a program"
         warnings.warn(
-            f"PoCL's kernel cache in {folder} had {count} with damaged files: they are removed and built again",
+            f"PoCL's kernel cache in {folder} had {count} with damaged files, or without a record of whole ones: they "
+            "are removed and built again",
             RuntimeWarning,
             stacklevel=2,
         )
@@ -70,9 +76,11 @@ def remove_damaged(folder: Path) -> list[Path]:
     """Remove the folders of programs with damaged files, and record the intact files; return the folders removed.
 
     Recorded files are checked one by one; other files are searched for in folders that have changed since the record.
+    Without a record all are removed that were written before now: what another process builds now is checked.
     """
     begun = time.time()
-    known, when = _read_record(folder)
+    record, when = _read_record(folder)
+    known = record or {}
     groups = [entry for entry in _entries(folder) if len(entry.name) == 2 and _changed(entry) >= when - CLOCK_STEP]
     added = dict.fromkeys(_code_files(folder, groups))
     seen: dict[str, list[int]] = {}
@@ -87,6 +95,8 @@ def remove_damaged(folder: Path) -> list[Path]:
             if recorded is not None and recorded[:2] == stamp[:2]:
                 seen[path] = recorded
                 continue
+            if record is None and state.st_mtime < begun:
+                raise OSError("not recorded")
             with open(place, "rb") as file:
                 whole = is_whole(file, state.st_size)
                 if not whole and recorded is None:  # another process may be writing it now
@@ -101,12 +111,12 @@ def remove_damaged(folder: Path) -> list[Path]:
                 continue
         except FileNotFoundError:  # another process removed it
             continue
-        except OSError:  # a folder in its place, or no right to read it
+        except OSError:  # a folder in its place, no right to read it, or no record
             pass
         damaged[folder.joinpath(*Path(path).parts[:2])] = None
     for program in damaged:
         shutil.rmtree(program, ignore_errors=True)
-    if seen != known:
+    if seen != record:
         _write_record(folder, seen, begun)
     return list(damaged)
 
@@ -149,17 +159,17 @@ def _entries(folder: str | Path) -> list[os.DirEntry]:
         return []
 
 
-def _read_record(folder: Path) -> tuple[dict[str, list[int]], float]:
-    """Return size, time and checksum of files by path, and when the record was written [s]."""
+def _read_record(folder: Path) -> tuple[dict[str, list[int]] | None, float]:
+    """Return size, time and checksum of files by path, and when the record was written [s]; None without a record."""
     try:
         when = (folder / RECORD).stat().st_mtime
         record = json.loads((folder / RECORD).read_bytes())
         for path, stamp in record.items():
             if path.startswith("/") or ".." in path or [type(part) for part in stamp] != [int, int, int]:
-                return {}, 0.0
+                return None, 0.0
         return record, when
     except (OSError, ValueError, TypeError, AttributeError, RecursionError):
-        return {}, 0.0  # there is no record yet, or it is damaged
+        return None, 0.0  # there is no record yet, or it is damaged
 
 
 def _write_record(folder: Path, record: dict[str, list[int]], begun: float) -> None:

@@ -9,7 +9,7 @@ from ...scheme import ENTRY_ROUNDING, LEAST_SLOPE
 from ...status import RayStatus
 from ...stop import ArcLength, Plane
 from .flight import Flight
-from .medium import dot, plane_motion
+from .medium import dot, outward, plane_motion
 from .steps import EPSILON, Integrator
 from .walls import Segments, Triangles
 
@@ -21,13 +21,19 @@ class Walls(Segments):
     """The surface of a body in the plane."""
 
     def __init__(self, body: Body):
-        """Orient the profile counter-clockwise."""
-        start, end = body.walls
-        first, second = body.profile.T
-        if np.sum(first * np.roll(second, -1) - np.roll(first, -1) * second) < 0.0:  # clockwise
-            start, end = end, start
-        super().__init__(start, end, body.geometry == "axisymmetric")
+        """Take its segments, which have the solid on their left."""
+        super().__init__(*body.surface, body.geometry == "axisymmetric")
         self.body = body
+
+    def outward(self, which: np.ndarray, place: np.ndarray) -> np.ndarray:
+        """Unit normals at places (n, 3) on the segments `which`, shape (n, 3)."""
+        there = plane_motion(place, np.zeros_like(place), np.zeros_like(place), self.axisymmetric)[0]
+        share = dot(there - self.start[which], self.step[which]) / self.length[which] ** 2
+        first, second = self.body.normals[which].swapaxes(0, 1)
+        normal = first + share[:, None] * (second - first)
+        beside = outward(place) if self.axisymmetric else np.array([0.0, 1.0, 0.0])
+        normal = normal[:, :1] * beside + normal[:, 1:] * [0.0, 0.0, 1.0]
+        return np.asarray(normal / np.linalg.norm(normal, axis=1)[:, None])
 
     def contains(self, place: np.ndarray) -> np.ndarray:
         """Whether places (n, 3) are inside the body."""
@@ -43,6 +49,13 @@ class SurfaceWalls(Triangles):
         super().__init__(body.surface)
         self.body = body
 
+    def outward(self, which: np.ndarray, place: np.ndarray) -> np.ndarray:
+        """Unit normals at places (n, 3) on the triangles `which`, shape (n, 3)."""
+        shares = np.einsum("nk,njk->nj", place - self.corner[which], self.share[which])
+        shares = np.concatenate([1.0 - shares.sum(axis=1)[:, None], shares], axis=1)
+        normal = np.einsum("nj,njk->nk", shares, self.body.normals[which])
+        return np.asarray(normal / np.linalg.norm(normal, axis=1)[:, None])
+
     def contains(self, place: np.ndarray) -> np.ndarray:
         """Whether places (n, 3) are inside the body."""
         return self.body.contains(place)
@@ -55,7 +68,10 @@ def walls_of(body: Body | SolidBody | None) -> Walls | SurfaceWalls | None:
 
 @dataclass
 class Interval:
-    """The undisturbed rays: distances at which they enter and leave the field and meet the stop [m]; their status."""
+    """The undisturbed rays: distances at which they enter and leave the field and meet the stop [m]; their status.
+
+    `normal` (n, 3) is the body's outward normal where rays leave the body in which they start, zero for others.
+    """
 
     t_enter: np.ndarray
     t_exit: np.ndarray
@@ -63,6 +79,7 @@ class Interval:
     has_stop: np.ndarray
     meets: np.ndarray
     status: np.ndarray
+    normal: np.ndarray
 
 
 class Ends:
@@ -119,6 +136,7 @@ class Ends:
             status[meets & ~np.isfinite(leave)] = RayStatus.STOP_NOT_REACHED  # along x a planar field is infinite
         stops = has_stop & (self.until is not None)
         meets &= ~(stops & (stop <= enter))
+        normal = np.zeros_like(start)
         if self.walls is not None:
             inside = np.flatnonzero(meets)
             # If the body extends beyond the box, a ray may hit the body before it reaches the box.
@@ -129,7 +147,11 @@ class Ends:
             inside = inside[~hit]
             inside = inside[self.walls.contains(start[inside] + enter[inside, None] * heading[inside])]
             entry = start[inside] + enter[inside, None] * heading[inside]
-            out = enter[inside] + self.walls.first_crossing(entry, heading[inside], inward=False, least=0.0)[0]
+            distance, which = self.walls.first_crossing(entry, heading[inside], inward=False, least=0.0)
+            out = enter[inside] + distance
+            leaves = np.isfinite(out)
+            some = inside[leaves]
+            normal[some] = self.walls.outward(which[leaves], start[some] + out[leaves, None] * heading[some])
             enter[inside] = np.minimum(out, leave[inside])
             stopped = stops[inside] & (stop[inside] <= enter[inside])
             meets[inside[stopped]] = False
@@ -138,7 +160,7 @@ class Ends:
             status[inside[~stopped & ~(out < (1.0 - ENTRY_ROUNDING) * leave[inside])]] = RayStatus.INSIDE_BODY
         if self.until is None:
             status[~meets & (status == RayStatus.OK)] = RayStatus.MISSED_FIELD
-        return Interval(enter, leave, stop, has_stop, meets, status)
+        return Interval(enter, leave, stop, has_stop, meets, status, normal)
 
     def flight(self, start, heading, interval: Interval, cell) -> Flight:
         """Return the rays at the positions where they enter the field."""
@@ -153,7 +175,9 @@ class Ends:
         beyond = np.where(stops, np.maximum(interval.stop - interval.t_exit, 0.0), 0.0)
         gain = 1.0 / np.maximum(cosine, LEAST_COSINE)
         lever_arm = self.extent + (np.sqrt(1.0 - np.minimum(cosine, 1.0) ** 2) + 0.05) * beyond
-        return Flight(start, heading, side, interval.t_enter.copy(), lever_arm, gain, cell)
+        flight = Flight(start, heading, side, interval.t_enter.copy(), lever_arm, gain, cell)
+        flight.normal = interval.normal
+        return flight
 
     def leaving_cosine(self, place, heading) -> np.ndarray:
         """Cosine of the angle at which straight rays leave the box at these places."""

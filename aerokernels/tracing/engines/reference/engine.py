@@ -50,7 +50,7 @@ def trace(field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelength
             turn = march(field, ends, flight, plan)
         else:
             inside = np.flatnonzero(~air.in_gap(flight.cell))
-            integrator.enter(flight, inside)
+            integrator.begin(flight, inside)
             integrator.run(flight)
             turn = integrator.turn(flight.direction, flight.momentum)
     found = ends.finish(interval, rows, flight, turn, start, heading, plan.method == "straight")

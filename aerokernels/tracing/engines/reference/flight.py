@@ -10,10 +10,10 @@ class Flight:
     """The state of rays in flight, one entry per ray.
 
     Constant: start [m], direction, side (1 or -1, so that side times the distance from the stop plane is negative
-    before the plane). State: along t [m], q [m], momentum P, work W [m], stretch S [m], cell. Errors: lever_arm [m] and
-    gain, by which errors of direction and of position become errors of the optical path; error [m]. Counts: steps,
-    evaluations, attempts. Ends: stopped (at the user's stop), left (the box), hit (the body), failed (not finite),
-    spent (all steps).
+    before the plane), normal of the body where the ray leaves it, zero for other rays. State: along t [m], q [m],
+    momentum P, work W [m], stretch S [m], cell. Errors: lever_arm [m] and gain, by which errors of direction and of
+    position become errors of the optical path; error [m]. Counts: steps, evaluations, attempts. Ends: stopped (at the
+    user's stop), left (the box), hit (the body), failed (not finite), spent (all steps).
     """
 
     start: np.ndarray
@@ -23,13 +23,14 @@ class Flight:
     lever_arm: np.ndarray
     gain: np.ndarray
     cell: np.ndarray
+    normal: np.ndarray = field(init=False)
     q: np.ndarray = field(init=False)
     momentum: np.ndarray = field(init=False)
 
     def __post_init__(self):
         """Start undisturbed."""
         count = len(self.start)
-        self.q, self.momentum = np.zeros((count, 3)), np.zeros((count, 3))
+        self.q, self.momentum, self.normal = (np.zeros((count, 3)) for _ in range(3))
         self.work, self.stretch, self.error = np.zeros(count), np.zeros(count), np.zeros(count)
         self.steps, self.evaluations, self.attempts = (np.zeros(count, dtype=np.int64) for _ in range(3))
         self.stopped, self.left, self.hit, self.failed, self.spent = (np.zeros(count, dtype=bool) for _ in range(5))
@@ -38,6 +39,20 @@ class Flight:
     def going(self) -> np.ndarray:
         """Numbers of the rays that are still in flight."""
         return np.flatnonzero(~(self.stopped | self.left | self.hit | self.failed | self.spent))
+
+
+def starting_momentum(ambient: float, contrast, direction, normal) -> np.ndarray:
+    """Return the momenta n dr/ds of rays where they begin, minus `ambient` times their directions, shape (n, 3).
+
+    Rays that leave the body, where `normal` is not zero, are refracted there; others keep their direction. A ray that
+    would be reflected within the body runs along its surface.
+    """
+    before = ambient * np.sum(direction * normal, axis=1)
+    twice = contrast * (2.0 * ambient + contrast)  # n^2 - a^2
+    behind = np.sqrt(np.maximum(before**2 + twice, 0.0))
+    leaves = before > 0.0
+    kick = np.maximum(twice / np.where(leaves, before + behind, 1.0), -before)
+    return np.asarray(np.where(leaves[:, None], kick[:, None] * normal, contrast[:, None] * direction))
 
 
 def rising_root(v0, v1, v2, tolerance) -> np.ndarray:

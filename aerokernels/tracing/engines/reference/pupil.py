@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from ....pupils import across_look
 from ....rays import RayBundle
 from ...pupil.fit import fit_surface, moments_in_metres
 from ...pupil.lattice_quadrature import lattice_points, smoothed_axes
@@ -24,6 +25,7 @@ class PupilRun:
         kept = []
         for replicate in range(task.replicates):
             position, direction, place, weight = self._rays(replicate, seed)
+            place = place @ across_look(task.pupil, task.look).T
             arrays = run_plan(
                 task.field, RayBundle(position, direction), task.plan, task.until, task.wavelength, PUPIL_OUTPUTS
             )
@@ -49,7 +51,7 @@ class PupilRun:
     def _rays(self, replicate: int, seed: int) -> tuple[np.ndarray, ...]:
         task = self.task
         if task.is_radial:
-            position, place, weight = radial_rays(task, task.points(seed), slice(replicate, replicate + 1))
+            position, place, weight = radial_rays(task.pupil, task.points(seed), slice(replicate, replicate + 1))
             return position, np.repeat(task.look[None], len(position), axis=0), place, weight
         if task.generator:
             square, weight = lattice_points(

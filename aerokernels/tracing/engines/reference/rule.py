@@ -13,7 +13,7 @@ from ...plan import TracePlan
 from ...stop import ArcLength, Plane
 from ...tableau import BT, NEARLY_STRAIGHT, STAGE_MOMENTUM, A, C, has_consistent_gradient
 from .ends import Ends
-from .flight import Flight
+from .flight import Flight, starting_momentum
 from .medium import dot
 
 BISECTIONS = 60
@@ -54,7 +54,8 @@ class _Rule:
         count = len(self.origin)
         self.deflection = np.zeros(count)  # greatest angle with the first direction
         index, _ = self.look(self.origin)
-        start = [self.origin, index[:, None] * flight.direction]
+        turned = starting_momentum(self.ambient, index - self.ambient, flight.direction, flight.normal)
+        start = [self.origin, self.ambient * flight.direction + turned]
         self.state = np.concatenate([*start, (self.ambient * self.enter)[:, None], self.enter[:, None]], axis=1)
         self.state = np.concatenate([self.state, np.zeros((count, 1))], axis=1)
 

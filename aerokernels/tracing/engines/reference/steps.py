@@ -16,7 +16,7 @@ step whose error exceeds its share of the tolerance, or that passes a face, is r
 import numpy as np
 from scipy.integrate import DOP853
 
-from .flight import Flight, rising_root
+from .flight import Flight, rising_root, starting_momentum
 from .medium import dot
 
 A, B, C, E3, E5 = (np.asarray(getattr(DOP853, name)) for name in ("A", "B", "C", "E3", "E5"))
@@ -69,6 +69,13 @@ class Integrator:
         """Positions at which the field is sampled [m], shape (n, 3)."""
         line = flight.start[rows] + flight.along[rows, None] * flight.direction[rows]
         return line if self.straight else line + flight.q[rows]
+
+    def begin(self, flight: Flight, rows) -> None:
+        """Give rays the momentum with which they begin in their cells, on straight lines up to there."""
+        place = self.place(flight, rows)
+        potential, _ = self.air.frame(flight.cell[rows], place).sample(np.zeros_like(place))
+        contrast = 2.0 * potential / (self.index(potential) + self.ambient)
+        flight.momentum[rows] = starting_momentum(self.ambient, contrast, flight.direction[rows], flight.normal[rows])
 
     def enter(self, flight: Flight, rows) -> None:
         """Give rays at the start of their cells the momentum n d of their heading there, |T| = n."""

@@ -304,7 +304,9 @@ def build_meet_wall(library: KernelLibrary, geometry: str):
                             if enters:
                                 found.entry = wp.min(found.entry, t)
                             else:
-                                found.exit = wp.min(found.exit, t)
+                                if t < found.exit:
+                                    found.exit = t
+                                    found.piece = k
             node = onward
         return found
 

@@ -24,7 +24,7 @@ from .box import (
 )
 from .crossings import NEVER
 from .motion import deflection
-from .wall import build_body_entry, build_body_exit
+from .wall import build_body_entry, build_body_exit, build_outward_normal
 
 
 @built_once
@@ -35,6 +35,7 @@ def build_start(library: KernelLibrary, geometry: str, stop: str, has_body: bool
     crossing = build_crossing(library, geometry)
     body_exit = build_body_exit(library, geometry)
     body_entry = build_body_entry(library, geometry)
+    outward_normal = build_outward_normal(library, geometry)
     ok, not_reached = int(RayStatus.OK), int(RayStatus.STOP_NOT_REACHED)
     inside_body, hit_body = int(RayStatus.INSIDE_BODY), int(RayStatus.HIT_BODY)
 
@@ -70,9 +71,11 @@ def build_start(library: KernelLibrary, geometry: str, stop: str, has_body: bool
 
         # A ray that starts inside the body begins where it leaves the body. If the body extends beyond the box, a ray
         # may hit the body before it reaches the box.
+        normal = wp.vec3d(none, none, none)
         if wp.static(has_body):
             if meets:
-                leaves = body_exit(field, p, d, enter)
+                exit = body_exit(field, p, d, enter)
+                leaves = exit.exit
                 hits = body_entry(field, p, d, enter)
                 if hits < wp.float64(NEVER):
                     status = int(hit_body)
@@ -85,6 +88,8 @@ def build_start(library: KernelLibrary, geometry: str, stop: str, has_body: bool
                     status = int(inside_body)  # it comes out where the box ends, if at all
                 else:
                     enter = leaves
+                    if exit.odd:
+                        normal = outward_normal(field, exit.piece, p + leaves * d)
 
         t_exit = span[1]
         if has_stop and wp.static(stop != "none"):
@@ -96,6 +101,7 @@ def build_start(library: KernelLibrary, geometry: str, stop: str, has_body: bool
         interval.stop_distance = stop_distance
         interval.has_stop = has_stop
         interval.meets = meets
+        interval.normal = normal
         interval.side = side
         return status, interval
 

@@ -50,7 +50,7 @@ from .support import (
 )
 from .team import place_at_ray
 from .unresolved import build_unresolved, build_with_lever_arm
-from .wall import build_has_clearance
+from .wall import build_has_clearance, build_starting_momentum
 
 # Per thread of a GPU: with the 200 that the compiler would use, too few rays could wait for memory at the same time.
 MOST_REGISTERS = 128
@@ -88,7 +88,7 @@ def build_leapfrog_kernel(
     exit_of = build_exit(library, geometry)
     line_to = build_line_to(library, geometry)
     has_clearance = build_has_clearance(library, geometry)
-    write_outputs = build_write_outputs(library)
+    starting_momentum, write_outputs = build_starting_momentum(library), build_write_outputs(library)
     ok = int(RayStatus.OK)
     tiny = TINY[library.precision]
     beyond_support = wp.constant(BEYOND_SUPPORT)
@@ -151,6 +151,16 @@ def build_leapfrog_kernel(
             length = real(interval.t_exit - interval.t_enter)
             h = length / real(count)
             corner = wp.vec3i(0, 0, 0)
+            if wp.static(has_body):
+                # Refraction where the ray leaves the body: part of the momentum, and no error of the sums.
+                if wp.static(cubes):
+                    at, _bound, _slope_bound = sample(field, start)
+                else:
+                    at = sample(field, corner, start, 0)
+                momentum = starting_momentum(ambient, at[0], d, interval.normal)
+                momentum -= wp.dot(momentum, d) * d
+                impulse += momentum
+                momentum_diff -= momentum
             for triple in range(count // 3):
                 added = vec4(real(0.0), real(0.0), real(0.0), real(0.0))
                 for j in range(3):

@@ -85,6 +85,8 @@ def launch_pupil(
     first,
     second,
     look,
+    to_x,
+    to_y,
     shape,
     row_count,
     column_count,
@@ -101,6 +103,9 @@ def launch_pupil(
     weight_out,
 ):
     """Place points on the pupil and launch their rays; `first` and `second` are the pupil's axes times its reach.
+
+    `pupil_out` are coordinates across the look direction, in units of the reach: `to_x` and `to_y` are the rows of
+    pupils.across_look.
 
     Ray r of a replicate is point order_in[r] of the replicate: neighbours in the launch are then neighbours on the
     pupil. With a generator the points are those of a lattice, with weights: see lattice_quadrature.py.
@@ -132,7 +137,7 @@ def launch_pupil(
     place = place_on_pupil(shape, row_count, column_count, table_in, u, v)
     position_out[ray] = center + place[0] * first + place[1] * second
     direction_out[ray] = look
-    pupil_out[ray] = place
+    pupil_out[ray] = wp.vec2d(to_x[0] * place[0] + to_x[1] * place[1], to_y[0] * place[0] + to_y[1] * place[1])
 
 
 @wp.func

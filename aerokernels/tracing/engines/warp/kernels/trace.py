@@ -40,7 +40,7 @@ from .motion import advance, build_cells, build_contrast, build_project_momentum
 from .outputs import build_write_outputs
 from .step import build_kick, build_sample_at_stage, build_step_acceptance, build_stride
 from .step_bound import build_cone
-from .wall import build_behind_wall, build_has_clearance, build_place
+from .wall import build_behind_wall, build_has_clearance, build_place, build_starting_momentum
 
 
 @built_once
@@ -84,7 +84,7 @@ def build_kernel(
     arc_event_location, passes_arc, arc_surface_intersection = build_arc_event_location(library)
     cone_of, place_of = build_cone(library, geometry), build_place(library)
     behind_wall, has_clearance = build_behind_wall(library, geometry), build_has_clearance(library, geometry)
-    write_outputs = build_write_outputs(library)
+    starting_momentum, write_outputs = build_starting_momentum(library), build_write_outputs(library)
     arc_surface = wp.constant(ARC_SURFACE)
     at_faces, at_edges = interpolation == "linear" and controlled, on_mesh and controlled
     kick_of, impulse_of, force_rate_of = build_kick(library)
@@ -130,6 +130,9 @@ def build_kernel(
             pot, force = first_sample(field, cell, frac, current_cell, d)
             evaluations += 1
             momentum = contrast(ambient, pot) * d
+            if wp.static(has_body):
+                momentum = starting_momentum(ambient, pot, d, interval.normal)
+                max_deflection = wp.length(momentum - wp.dot(momentum, d) * d) / ambient
             cone = cone_of(d0)
             to_stop = stop_geometry_of(bounds, control, interval, p0, d0)
             obliquity, lever_arm, reach = to_stop.obliquity, to_stop.lever_arm, to_stop.reach

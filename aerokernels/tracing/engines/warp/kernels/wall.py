@@ -1,5 +1,10 @@
 """Device functions about the body: where a ray leaves it, whether a ray stays clear of it, where a step enters it.
 
+Inside the body the index is the ambient index, so a ray that starts there is refracted where it leaves the body: by
+Snell's law the momentum T = n dr/ds gains k N along the normal N. With c = d . N and T = a d before, |T| = n behind it,
+
+    k = sqrt(a^2 c^2 + 2 s) - a c = 2 s / (a c + sqrt(a^2 c^2 + 2 s)),    s = (n^2 - a^2) / 2
+
 All use the crossings of straight lines with the body's surface, see crossings.py. The OpenCL twin is
 kernels/include/wall.h.
 """
@@ -17,14 +22,15 @@ from .crossings import (
     build_triangle_at,
     build_wall_line,
 )
+from .motion import build_contrast
 from .triangles import NEVER, may_enter_triangle
 
 
 @built_once
 def build_body_exit(library: KernelLibrary, geometry: str):
-    """Build a function (field, p, d, first) -> distance at which a ray that starts inside the body leaves it.
+    """Build a function (field, p, d, first) -> WallMeeting whose exit is where a ray that starts in the body leaves it.
 
-    NEVER if it does not leave; `first` for rays that start outside the body.
+    The exit is NEVER if it does not leave, and `first` for rays that start outside the body, which are not `odd`.
     """
     Field = library.types.Field
     wall_line = build_wall_line(library, geometry)
@@ -43,14 +49,76 @@ def build_body_exit(library: KernelLibrary, geometry: str):
                 begin = none
                 along_x = bool(True)
         met = meet_wall(field, wall_line(p, toward), begin, wp.float64(NEVER))
-        out = wp.float64(first)
-        if met.odd:
-            out = met.exit
-            if along_x:
-                out = wp.float64(NEVER)
-        return out
+        if not met.odd:
+            met.exit = first
+        elif along_x:
+            met.exit = wp.float64(NEVER)
+        return met
 
     return body_exit
+
+
+@built_once
+def build_outward_normal(library: KernelLibrary, geometry: str):
+    """Build a function (field, piece, p) -> outward unit normal of the body at a point of a piece of its surface."""
+    Field = library.types.Field
+    if geometry == "volume":
+        triangle_at = build_triangle_at(library)
+
+        @wp.func
+        def normal_in_space(field: Field, piece: int, p: wp.vec3d):
+            a = triangle_at(field, piece, 0)
+            first = triangle_at(field, piece, 1) - a
+            second = triangle_at(field, piece, 2) - a
+            area = wp.cross(first, second)
+            # Shares of the corners: those of the second and the third are areas within the triangle.
+            shares = wp.vec2d(wp.dot(wp.cross(p - a, second), area), wp.dot(wp.cross(first, p - a), area))
+            shares = shares / wp.dot(area, area)
+            sum = (wp.float64(1.0) - shares[0] - shares[1]) * field.wall_normals[3 * piece]
+            sum += shares[0] * field.wall_normals[3 * piece + 1] + shares[1] * field.wall_normals[3 * piece + 2]
+            return wp.normalize(wp.vec3d(sum[0], sum[1], sum[2]))
+
+        return normal_in_space
+
+    @wp.func
+    def outward_normal(field: Field, piece: int, p: wp.vec3d):
+        s = field.wall[piece]
+        at_ends = field.wall_normals[piece]
+        place = p[1]
+        across = wp.vec2d(wp.float64(0.0), wp.float64(1.0))
+        if wp.static(geometry == "axisymmetric"):
+            across = wp.vec2d(p[0], p[1])
+            place = wp.length(across)
+            across = across / wp.max(place, wp.float64(1.0e-300))
+        step = wp.vec2d(s[2] - s[0], s[3] - s[1])
+        share = wp.dot(wp.vec2d(place - s[0], p[2] - s[1]), step) / wp.dot(step, step)
+        r = at_ends[0] + share * (at_ends[2] - at_ends[0])
+        return wp.normalize(wp.vec3d(r * across[0], r * across[1], at_ends[1] + share * (at_ends[3] - at_ends[1])))
+
+    return outward_normal
+
+
+@built_once
+def build_starting_momentum(library: KernelLibrary):
+    """Build a function (ambient, pot, d, normal) -> deviation of the momentum where a ray begins.
+
+    A ray that leaves the body, where `normal` is not zero, is refracted there; other rays keep their direction. A ray
+    that would be reflected within the body runs along its surface.
+    """
+    t = library.types
+    real, vec3 = t.real, t.vec3
+    contrast = build_contrast(library)
+
+    @wp.func
+    def starting_momentum(ambient: real, pot: real, d: vec3, normal: wp.vec3d):
+        outward = vec3(real(normal[0]), real(normal[1]), real(normal[2]))
+        before = ambient * wp.dot(d, outward)
+        if before <= real(0.0):
+            return contrast(ambient, pot) * d
+        root = wp.sqrt(wp.max(before * before + real(2.0) * pot, real(0.0)))
+        return wp.max(real(2.0) * pot / (before + root), -before) * outward
+
+    return starting_momentum
 
 
 @built_once

@@ -1,0 +1,175 @@
+"""Files that a file names are regular files in its own folder, after resolving links: read there, refused elsewhere."""
+
+import os
+
+import numpy as np
+import pytest
+
+from aerokernels import flow
+
+from . import vtk_writers, writers
+
+h5py = pytest.importorskip("h5py")
+AXES = {name: np.linspace(0.0, 0.1, 5) for name in "xyz"}
+DENSITY = 1.0 + np.arange(125.0).reshape(5, 5, 5) / 125.0
+
+
+def linked(path, how: str, other: str):
+    """A volume whose density is in another file, in each way that HDF5 knows."""
+    with h5py.File(path, "w") as file:
+        for name, values in AXES.items():
+            file.create_dataset(name, data=values).make_scale(name)
+        if how == "link":
+            file["rho"] = h5py.ExternalLink(other, "/rho")
+        elif how == "virtual":
+            layout = h5py.VirtualLayout(DENSITY.shape, "f8")
+            layout[:] = h5py.VirtualSource(other, "rho", DENSITY.shape)
+            file.create_virtual_dataset("rho", layout)
+        else:
+            file.create_dataset("rho", DENSITY.shape, "f8", external=[(other, 0, DENSITY.nbytes)])
+        if how != "link":
+            for axis, name in enumerate(AXES):
+                file["rho"].dims[axis].attach_scale(file[name])
+    return path
+
+
+def held(path):
+    with h5py.File(path, "w") as file:
+        file["rho"] = DENSITY
+    return path
+
+
+@pytest.mark.parametrize("end", ["h5", "nc", "cgns", "vtkhdf"])
+@pytest.mark.parametrize("how", ["link", "virtual", "raw"])
+def test_hdf5_of_other_folders_is_refused(tmp_path, how: str, end: str):
+    """Set-up: the density in a file below, above, behind a symbolic link, in a device, in a chain of two files.
+
+    Expected: refused by each reader of HDF5, by their names; raw data of other files are refused wherever they are.
+    """
+    if end == "vtkhdf":
+        pytest.importorskip("vtkmodules")
+    folder = tmp_path / "own"
+    (folder / "below").mkdir(parents=True)
+    held(tmp_path / "secret.h5"), held(folder / "below/secret.h5"), held(folder / "beside.h5")
+    (folder / "behind.h5").symlink_to(tmp_path / "secret.h5")
+    linked(folder / "chain.h5", how, str(tmp_path / "secret.h5"))
+    places = ["below/secret.h5", "../secret.h5", str(tmp_path / "secret.h5"), "behind.h5", "/dev/urandom", "lost.h5"]
+    for other in [*places, "chain.h5", *(["beside.h5"] if how == "raw" else [])]:
+        path = linked(folder / f"a.{end}", "link" if other == "chain.h5" else how, other)
+        told = r"outside of it, in other files" if how == "raw" else r"not beside it"
+        with pytest.raises(ValueError, match=rf"own/(a\.{end}|chain\.h5): .*({told})"):
+            flow.read(path)
+
+
+def test_hdf5_beside_is_read(tmp_path):
+    """Expected: the other file's density, by a virtual data set and, where the reader follows links, by a link."""
+    held(tmp_path / "beside.h5")
+    for how, end in (("virtual", "h5"), ("link", "nc")):
+        if how == "link":  # which has the other file's own axes
+            with h5py.File(tmp_path / "beside.h5", "w") as file:
+                for name, values in AXES.items():
+                    file.create_dataset(name, data=values).make_scale(name)
+                made = file.create_dataset("rho", data=DENSITY)
+                for axis, name in enumerate(AXES):
+                    made.dims[axis].attach_scale(file[name])
+        field = flow.read(linked(tmp_path / f"a.{end}", how, "beside.h5"))
+        assert np.array_equal(field.density, DENSITY)
+
+
+def vtu(path):
+    path.parent.mkdir(exist_ok=True, parents=True)
+    return vtk_writers.write_vtk(path, vtk_writers.vtk_unstructured(vtk_writers.vtk_even(three=True)))
+
+
+def listing(path, name: str):
+    """A list of one piece; of other kinds than VTK's parallel files the piece is a block."""
+    if path.suffix == ".pvtu":
+        path.write_text(
+            '<VTKFile type="PUnstructuredGrid" version="1.0"><PUnstructuredGrid GhostLevel="0"><PPointData>'
+            '<PDataArray type="Float64" Name="rho"/></PPointData><PPoints><PDataArray type="Float64" Name="Points" '
+            f'NumberOfComponents="3"/></PPoints><Piece Source="{name}"/></PUnstructuredGrid></VTKFile>'
+        )
+    else:
+        path.write_text(
+            '<VTKFile type="vtkMultiBlockDataSet" version="1.0"><vtkMultiBlockDataSet>'
+            f'<DataSet index="0" file="{name}"/></vtkMultiBlockDataSet></VTKFile>'
+        )
+    return path
+
+
+@pytest.mark.parametrize("end", ["pvtu", "vtm", "vtm in pvd"])
+def test_pieces_of_other_folders_and_pipes_are_refused(tmp_path, end: str, monkeypatch):
+    """Expected: a piece in a folder below is read; elsewhere, by whatever way, it is refused, and so is a pipe."""
+    pytest.importorskip("vtkmodules")
+    monkeypatch.setenv("HOME", str(tmp_path))
+    folder = tmp_path / "own"
+    vtu(tmp_path / "secret.vtu"), vtu(folder / "below/piece.vtu")
+    (folder / "behind.vtu").symlink_to(tmp_path / "secret.vtu")
+    os.mkfifo(folder / "pipe.vtu")
+    list_of = listing(folder / f"a.{end.split()[0]}", "below/piece.vtu")
+    path = list_of
+    if " " in end:
+        path = folder / "a.pvd"
+        path.write_text('<VTKFile type="Collection"><Collection><DataSet file="a.vtm"/></Collection></VTKFile>')
+    x, y = 0.003 * np.arange(writers.NI), 0.01 + 0.002 * np.arange(writers.NJ)
+    at = np.array([[x[3], y[4], 0.02], [x[20], y[11], 0.03]])
+    density = [writers.rho(x[3], y[4]) + 0.02, writers.rho(x[20], y[11]) + 0.03]
+    assert flow.read(path, spacing=1e-3).density_at(at) == pytest.approx(density, rel=1e-3)
+    outside = r"a\.\w+: it names '.*secret\.vtu', which is outside of its own folder"
+    for name, told in (
+        ("../secret.vtu", outside),
+        (str(tmp_path / "secret.vtu"), outside),
+        ("&#46;&#46;&#47;secret.vtu", outside),
+        ("..\\secret.vtu", "outside of its own folder"),
+        ("~/secret.vtu", outside),
+        ("behind.vtu", "outside of its own folder"),
+        ("pipe.vtu", r"which is not a regular file"),
+        ("lost.vtu", "not there"),
+    ):
+        listing(list_of, name)
+        with pytest.raises(ValueError, match=told):
+            flow.read(path)
+    text = listing(list_of, "&e;").read_text()
+    list_of.write_text(f'<!DOCTYPE a [<!ENTITY e "../secret.vtu">]>{text}')
+    with pytest.raises(ValueError, match=outside):
+        flow.read(path)
+
+
+def test_meshes_and_configurations_beside(tmp_path):
+    """Set-up: a restart beside a link to a mesh elsewhere, or a pipe; a pipe as its configuration.
+
+    Expected: a mesh is taken from its own folder, or from elsewhere if the caller names it; pipes are not waited for.
+    """
+    restart = writers.su2(tmp_path, binary=False)
+    mesh = next(tmp_path.glob("*.su2"))
+    (tmp_path / "elsewhere").mkdir()
+    other = mesh.rename(tmp_path / "elsewhere/mesh.su2")
+    (own := tmp_path / "own").mkdir()
+    restart = restart.rename(own / restart.name)
+    os.mkfifo(own / "a.cfg")
+    (own / "mesh.su2").symlink_to(other)
+    with pytest.raises(ValueError, match=r"mesh\.su2', which is outside of its own folder"):
+        flow.read(restart)
+    assert flow.read(restart, mesh=other).geometry == "planar"
+    (own / "mesh.su2").unlink()
+    os.mkfifo(own / "mesh.su2")
+    with pytest.raises(ValueError, match=r"mesh\.su2', which is not a regular file"):
+        flow.read(restart)
+
+
+def test_a_store_with_a_link_to_another_file_is_refused(tmp_path):
+    """Set-up: a chunk of a Zarr store is a link to a file outside, whose bytes are as many. Expected: refused."""
+    pytest.importorskip("zarr")
+    import xarray
+
+    axis = np.arange(4.0)
+    coordinates = {"time": [0.0, 1.0], "y": axis, "z": axis}
+    data = xarray.Dataset({"rho": (("time", "y", "z"), np.ones((2, 4, 4)))}, coordinates)
+    data.to_zarr(tmp_path / "a.zarr", consolidated=False)
+    assert len(flow.open_series(tmp_path / "a.zarr", ambient_density=1.0).time) == 2
+    (tmp_path / "secret").write_bytes(bytes(range(256)))
+    chunk = next(file for file in (tmp_path / "a.zarr/rho").rglob("*") if file.is_file() and "z" not in file.name)
+    chunk.unlink()
+    chunk.symlink_to(tmp_path / "secret")
+    with pytest.raises(ValueError, match=r"a\.zarr: it names 'rho/.*', which is outside of its own folder"):
+        flow.open_series(tmp_path / "a.zarr", ambient_density=1.0)

@@ -1,0 +1,66 @@
+"""Children of this process: files of the working directory are data to them, never code."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import h5netcdf
+import numpy as np
+import pytest
+
+# What the children import of Python itself, and this package by its name.
+SHADOWED = ("random", "resource", "pickle", "subprocess", "aerokernels", "distributed", "numpy")
+LOCAL = "from aerokernels.jobs.sweeps.local import Worker; one = Worker({}); print(one.pipe.recv(), one.end())"
+DASK = (
+    "from aerokernels.jobs.sweeps.dask_workers import connected, worker_version\n"
+    "with connected(None, [{}]) as (client, _): print(client.run(worker_version))"
+)
+TRIAL = (
+    "import tempfile; from aerokernels.tracing.engines.opencl import linker; print(linker._compiles('%s', ()) or 'no')"
+)
+
+
+def write_density(path: Path, peak: float = 0.1) -> None:
+    """A smooth lump of `peak` more than 1.2 kg/m3 at 21 x 21 x 21 points."""
+    x = np.linspace(-0.05, 0.05, 21)
+    radius2 = x[:, None, None] ** 2 + x[None, :, None] ** 2 + x[None, None, :] ** 2
+    with h5netcdf.File(path, "w") as file:
+        file.dimensions = dict.fromkeys("xyz", 21)
+        for name in "xyz":
+            file.create_variable(name, (name,), "f8")[:] = x
+            file.variables[name].attrs["units"] = "m"
+        file.create_variable("rho", ("x", "y", "z"), "f8")[:] = 1.2 + peak * np.exp(-radius2 / 0.02**2)
+        file.variables["rho"].attrs["units"] = "kg m-3"
+
+
+@pytest.mark.parametrize("started", ["reader", "local", "dask", "trial"])
+def test_a_strangers_folder_is_no_code(started: str, tmp_path: Path):
+    """Modules of that folder leave a mark and raise: each child ran the first that it imported."""
+    folder = tmp_path / "folder"
+    folder.mkdir()
+    for name in SHADOWED:
+        (folder / f"{name}.py").write_text("open('mark', 'a').write(__file__); raise ImportError('shadowed')")
+    write_density(folder / "rho.nc")
+    if started == "dask":
+        pytest.importorskip("distributed")
+    if started == "trial" and not sys.platform.startswith("linux"):
+        pytest.skip("PoCL is for Linux")
+    code = {"local": LOCAL, "dask": DASK, "trial": TRIAL % tmp_path}.get(started)
+    arguments = ["-m", "aerokernels", "fields", "rho.nc"] if started == "reader" else ["-c", code]
+    done = subprocess.run(
+        [sys.executable, "-P", *arguments], cwd=folder, capture_output=True, encoding="utf-8", timeout=120
+    )
+    assert done.returncode == 0, done.stderr
+    assert not (folder / "mark").exists(), (folder / "mark").read_text()
+
+
+def test_a_reader_follows_the_caller_to_another_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """A file of the same name in the folder where the reader was started would be read, or none be found."""
+    from aerokernels import flow
+
+    for name in ("one", "other"):
+        (tmp_path / name).mkdir()
+        monkeypatch.chdir(tmp_path / name)
+        write_density(Path("rho.nc"), peak=0.1 if name == "one" else 0.2)
+        found = flow.read("rho.nc").density.max()
+        assert abs(found - (1.3 if name == "one" else 1.4)) < 1e-9
