@@ -40,7 +40,9 @@ def strehl_of_chords(flow_name: str, density: float | None, ring_count: int = 40
     height = PUPIL_RADIUS * np.sqrt((np.arange(ring_count) + 0.5) / ring_count)
     delay = np.zeros(ring_count)
     for ring, h in enumerate(height):
-        near = (corner[..., 0].min(axis=1) < h) & (corner[..., 0].max(axis=1) > h) & (corner[..., 1].max(axis=1) > -8e-3)
+        near = (
+            (corner[..., 0].min(axis=1) < h) & (corner[..., 0].max(axis=1) > h) & (corner[..., 1].max(axis=1) > -8e-3)
+        )
         start = corner[near]
         end = np.roll(start, -1, axis=1)
         crosses = (start[..., 0] < h) != (end[..., 0] < h)
@@ -56,8 +58,8 @@ def strehl_of_chords(flow_name: str, density: float | None, ring_count: int = 40
 def test_strehl_ratios_of_the_shipped_scenes(air, mach):
     """Plane wave looking forward from the dome over 12 mm, beside exact chords through cells times their averages.
 
-    Error sources: the field is smooth where the cells are steps, and bends rays by 1e-5 of it; the phase moves by 0.55 %
-    at most. The Strehl ratio S = exp(-variance) then moves by 2 x 0.007 x variance x S at most, which is 2e-4 to 4e-3,
+    Error sources: the field is smooth where the cells are steps, and bends rays a little; the phase moves by 0.55 % at
+    most. The Strehl ratio S = exp(-variance) then moves by 2 x 0.007 x variance x S at most, which is 2e-4 to 4e-3,
     where no flow at all is 0.012 to 0.34 off.
     """
     expected = strehl_of_chords(f"mach{mach}", 1.225 if air == "sea-level" else None)
