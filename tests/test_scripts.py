@@ -221,7 +221,8 @@ def test_paper_says_what_is_known_without_it(paper: Path):
 
     Walk of a 1 V threshold on Table 3: 40, 61, 85 mm; the other methods stay. Isentropic densities. A bow shock that
     leans back with the Mach number but stays steeper than the Mach wave. Shocks that fade in the tunnel's picture, and
-    deflect in proportion to the density. Peaks that fall as the Strehl ratios do.
+    deflect in proportion to the density, but for the 1 % by which dense air moves its rays. Peaks that fall as the
+    Strehl ratios do.
     """
     rows = read_csv(paper / "paper.csv")
 
@@ -243,7 +244,7 @@ def test_paper_says_what_is_known_without_it(paper: Path):
     for shock in ("bow", "nose cone", "step"):
         thin, dense = (ours(f"deflection across the edge, {shock}", air) for air in ("tunnel", "atmospheric"))
         assert thin[3] > thin[4] and (thin[2] > thin[3] or shock == "bow")  # which a coarse grid blurs
-        assert all(dense[mach] / thin[mach] == pytest.approx(1.225 / density[mach], rel=5e-3) for mach in (2, 3, 4))
+        assert all(dense[mach] / thin[mach] == pytest.approx(1.225 / density[mach], rel=2e-2) for mach in (2, 3, 4))
     for air in ("tunnel", "atmospheric"):
         peak, strehl = ours("echo peak", air), ours("Strehl ratio of the way back", air)
         assert all(peak[mach] / peak[0] == pytest.approx(strehl[mach], rel=1e-3) for mach in (2, 3, 4))
