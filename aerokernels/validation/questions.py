@@ -227,7 +227,8 @@ def look_angle(
     maps = []
     for flow in flows:
         field = Scene.load(SCENE, {"flow.source": flow}).density_field()
-        maps.append(look_map(field, [0.0], np.radians(angles), pupil, ray_count=ray_count, tolerance=tolerance))
+        index = field.index_field(scene.flow.wavelength, scene.flow.relation)  # as in the other questions
+        maps.append(look_map(index, [0.0], np.radians(angles), pupil, ray_count=ray_count, tolerance=tolerance))
     strehl, sampling, boresight, known = (
         np.array([one[name].values[0] for one in maps])
         for name in ("strehl", "strehl_standard_error", "boresight", "known")

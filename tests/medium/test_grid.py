@@ -140,6 +140,14 @@ def test_eq_5_takes_the_difference_over_the_corners_of_a_cell():
     assert g.paper_step == pytest.approx(np.array([[1.0, 2.0, 2.0], [2.0, 0.1, 0.1]]), rel=1e-15)
 
 
+def test_eq_5_in_a_volume_takes_the_cube_root_of_the_cell():
+    """Cells of 1 x 2 x 13.5: l = 27^(1/3) = 3, and half of it where a corner differs by 1e-4."""
+    samples = np.zeros((3, 2, 2))
+    samples[0, 1, 0] = 1e-4
+    g = UniformGrid(samples, [0, 0, 0], [1.0, 2.0, 13.5], "linear", False, 1.0)
+    assert g.paper_step == pytest.approx(np.array([1.5, 3.0]).reshape(2, 1, 1), rel=1e-14)
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [

@@ -105,6 +105,7 @@ class Shadow:
         outline: The model's outline, z and y [m], shape (k, 2).
         bow_angle: Angle of the first shock to the axis, between 20 and 60 mm behind the nose [rad].
         stand_off: Distance of the first shock ahead of the nose [m].
+        shocks: For each shock of `SHOCKS` the deflection across the edge [rad] and the density step [kg/m3].
     """
 
     mach: int
@@ -112,11 +113,16 @@ class Shadow:
     outline: np.ndarray
     bow_angle: float
     stand_off: float
+    shocks: dict[str, tuple[float, float]]
 
 
 # The part of the flow in the picture: z and y [m].
 VIEW = (-0.130, 0.012, -0.085, 0.085)
 BOW_REACH = (-60e-3, -20e-3)  # z between which the first shock's angle is fitted [m]
+# z between which each shock's strength is measured [m], where it lies apart from the others at Mach 2 to 4, and which
+# of the dark lines in a column it is, from the axis outward.
+SHOCKS = {"bow": (-30e-3, 0.0, -1), "nose cone": (-60e-3, -45e-3, 0), "step": (-105e-3, -90e-3, 0)}
+SHOCK_WIDTH = 3e-3  # on either side of a dark line, between which the density step is taken [m]
 
 
 def shadow(mach: int, grid: IndexField, pixels: int, sensitivity: float | None = None) -> Shadow:
@@ -127,7 +133,7 @@ def shadow(mach: int, grid: IndexField, pixels: int, sensitivity: float | None =
     angle, stand_off = read_bow_shock(image)
     profile = body.profile
     outline = np.concatenate([profile[:, ::-1], profile[::-1, ::-1] * (1.0, -1.0)])
-    return Shadow(mach, image, outline, angle, stand_off)
+    return Shadow(mach, image, outline, angle, stand_off, read_shocks(image, grid))
 
 
 def picture_grid(mach: int, spacing: float, density: float | None = None) -> IndexField:
@@ -158,3 +164,31 @@ def read_bow_shock(image: SchlierenImage) -> tuple[float, float]:
     strength = bend[middle][:, ahead].mean(axis=0)
     deflecting = np.flatnonzero(strength > 0.25 * strength.max())
     return float(np.arctan(-slope)), float(z[ahead][deflecting[-1]])
+
+
+def read_shocks(image: SchlierenImage, grid: IndexField) -> dict[str, tuple[float, float]]:
+    """Strength of each shock of `SHOCKS` in a picture of `grid`: deflection [rad] and density step [kg/m3].
+
+    Both are means over the columns of the shock's reach. In a column the deflection is the greatest across the edge, as
+    the picture shows it, and the step is the density's rise across that place, of the index from which it was made.
+    """
+    from scipy.signal import find_peaks
+
+    constant = flow.gladstone_dale_constant(905e-9)
+    upper = image.vertical > 0.0
+    y = image.vertical[upper]
+    found = {}
+    for name, (rear, front, which) in SHOCKS.items():
+        strengths, steps = [], []
+        for column in np.flatnonzero((image.horizontal >= rear) & (image.horizontal <= front)):
+            darkening = np.nan_to_num(-image.deflection[upper, column, 0])
+            place = find_peaks(darkening, prominence=0.1 * darkening.max())[0][which]
+            behind, ahead = (y[place] + np.linspace(0.0, side * SHOCK_WIDTH, 31) for side in (-1.0, 1.0))
+            contrast = [
+                grid.contrast_at(np.stack([0.0 * r, r, np.full(r.shape, image.horizontal[column])], axis=1))
+                for r in (behind, ahead)
+            ]
+            strengths.append(darkening[place])
+            steps.append((contrast[0].max() - contrast[1].min()) / constant)
+        found[name] = float(np.mean(strengths)), float(np.mean(steps))
+    return found

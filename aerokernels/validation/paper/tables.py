@@ -9,8 +9,9 @@ from aerokernels.compare import DEGREES
 from aerokernels.echo import RANGING_METHODS
 
 from ..report import markdown_table
-from .cases import Case, Shadow, compare_cases, lag_of_correlation
+from .cases import SHOCKS, Case, Shadow, compare_cases, lag_of_correlation
 from .printed import FIGURE_1, MACH, SIMULATED, TABLE_2, TABLE_3, TABLE_4, TABLE_6, TOTAL_TEMPERATURE
+from .scheme import Steps
 
 HEADING = ["item", "quantity", "density", "mach", "unit", "paper", "ours"]
 Cases = dict[str, dict[int, Case]]
@@ -179,6 +180,52 @@ def table_shadows(shadows: dict[int, Shadow]) -> Table:
         rows.append(["figure 5", "angle of the first shock", "tunnel", mach, "deg", "", angle])
         rows.append(["figure 5", "stand-off of the first shock", "tunnel", mach, "m", "", shadow.stand_off])
     heading = ["Mach", "first shock, 20 to 60 mm behind the nose [deg]", "Mach wave [deg]", "stand-off [mm]"]
+    return Table(markdown_table(heading, cells), rows)
+
+
+def table_shocks(pictures: dict[str, dict[int, Shadow]]) -> Table:
+    """Strength of the three shocks in the pictures by density."""
+    cells, rows = [], []
+    quantities = ("deflection across the edge", "rad", 1e6, ".0f"), ("density step", "kg/m3", 1.0, ".2f")
+    for density, shadows in pictures.items():
+        for shock in SHOCKS:
+            row = [density, shock]
+            for index, (words, unit, scale, form) in enumerate(quantities):
+                strength = {mach: shadow.shocks[shock][index] for mach, shadow in shadows.items()}
+                row += [format(scale * value, form) for value in strength.values()]
+                rows += [["figure 5", f"{words}, {shock}", density, m, unit, "", v] for m, v in strength.items()]
+            cells.append(row)
+    heading = ["density", "shock", *(f"Mach {mach} [µrad]" for mach in MACH[1:])]
+    heading += [f"Mach {mach} [kg/m³]" for mach in MACH[1:]]
+    return Table(markdown_table(heading, cells, text_columns=2), rows)
+
+
+def table_steps(steps: dict[int, Steps]) -> Table:
+    """Steps and errors of the OPD by eq 5, by fixed steps of the same count, and by error control."""
+    cells, rows = [], []
+    for mach, found in steps.items():
+        rules = ("eq 5", "fixed", "adaptive")
+        cells.append([str(mach), *(f"{found.count[r]:.1f}" for r in rules), *(f"{found.error[r]:.1e}" for r in rules)])
+        for rule in rules:
+            rows.append(["eq 5", f"steps a ray, {rule}", "tunnel", mach, "1", "", found.count[rule]])
+            rows.append(["eq 5", f"rms error of the OPD, {rule}", "tunnel", mach, "wave", "", found.error[rule]])
+    heading = ["Mach", "steps, eq 5", "fixed", "error control", "rms error, eq 5 [waves]", "fixed", "error control"]
+    return Table(markdown_table(heading, cells), rows)
+
+
+def table_scheme(peaks: dict[str, dict[int, dict[str, float]]]) -> Table:
+    """Echo peaks by the paper's whole scheme beside ours."""
+    cells, rows = [], []
+    for density, by_mach in peaks.items():
+        for mach, peak in by_mach.items():
+            others = {name: value for name, value in peak.items() if name != "ours"}
+            change = {name: value / peak["ours"] - 1.0 for name, value in others.items()}
+            cells.append(
+                [density, str(mach), f"{peak['ours']:.3f}"]
+                + [f"{value:.3f} ({100 * change[name]:+.1f} %)" for name, value in others.items()]
+            )
+            rows += [["scheme", f"echo peak, {name}", density, mach, "V", "", value] for name, value in peak.items()]
+    heading = ["density", "Mach", "ours [V]", "eq 5, bilinear [V]", "eq 5, 6, 7 [V]", "eq 6, 7, error control [V]"]
     return Table(markdown_table(heading, cells), rows)
 
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 import pytest
 
 from aerokernels.tracing import available_backends
+from aerokernels.tracing.engines import choice
 from aerokernels.tracing.engines.choice import VARIABLES, choose_backend, preferred
 from aerokernels.tracing.engines.info import BackendInfo
 
@@ -128,6 +129,20 @@ def test_a_gpu_has_a_variable_of_its_own(monkeypatch):
     assert [info.backend for info in preferred([WARP], [OPENCL])] == ["warp", "opencl"]
     monkeypatch.setenv("AEROKERNELS_GPU_BACKEND", "warp")
     assert [info.backend for info in preferred([cuda], [gpu])] == ["warp", "opencl"]
+
+
+@pytest.mark.parametrize("of_warp", [True, False], ids=["cuda", "opencl"])
+def test_a_gpu_goes_before_a_cpu(monkeypatch, of_warp):
+    """Whichever backend has it, and though a backend that has none is preferred on the CPU; it leads the list too."""
+    gpu = replace(WARP, device="cuda:0") if of_warp else replace(OPENCL, device="Some GPU", description="GPU, a driver")
+    warp, opencl = [WARP, *([gpu] if of_warp else [])], [OPENCL, *([] if of_warp else [gpu])]
+    monkeypatch.setattr(choice, "_warp_devices", lambda **options: warp)
+    monkeypatch.setattr(choice, "_opencl_devices", lambda: opencl)
+    assert choose_backend("auto", None)[:2] == choose_backend("auto", "gpu")[:2] == (gpu.backend, gpu.device)
+    assert choose_backend("auto", "cpu")[:2] == (OPENCL.backend, OPENCL.device)
+    listed = available_backends()
+    assert listed[0].device == gpu.device
+    assert [info.reason for info in listed[1:3]] == ["a GPU is preferred"] * 2
 
 
 def test_a_variable_that_names_no_backend_is_refused(monkeypatch):
