@@ -70,7 +70,7 @@ def check_count(count: float, name: str = "ray_count", least: int = 1, most: int
     """
     number = as_whole(count)
     if number is None or not least <= number <= most:
-        is_small = most == GREATEST_COUNT and (number is None or number < least)
+        is_small = most >= GREATEST_COUNT and (number is None or number < least)
         limits = f"of at least {least}" if is_small else f"from {least} to {most}"
         raise ValueError(f"{name} must be a whole number {limits}, got {count!r}")
     return number

@@ -20,7 +20,7 @@ import numpy as np
 from aerokernels.files.drafts import FULL, OutputError
 from aerokernels.files.one_writer import only_writer
 from aerokernels.files.zarr_codecs import check_codecs
-from aerokernels.process.fault_text import fault_text
+from aerokernels.process.fault_text import FileFault, fault_text
 
 from .journal import DamagedError, OtherSeriesError, line_of, read_journal
 from .store_arrays import MAPS, NUMBERS, consolidate, lengthen_arrays, make_arrays
@@ -127,7 +127,10 @@ class ZarrStore:
         self._kept_size = self._read_size = 0  # bytes of the journal that are kept, and of its whole lines
         self._arrays: dict[str, Any] = {}
         if self.journal.is_file() and path.is_dir():
-            check_codecs(path)
+            try:
+                check_codecs(path)
+            except FileFault as fault:
+                raise self._damaged(f"the store is damaged ({fault})") from None
             self._read(is_unchanged, earlier)
         elif path.exists() and (not path.is_dir() or any(path.iterdir())):
             raise ValueError(f"out={path}: something else is there; take another name, or remove it")

@@ -195,7 +195,7 @@ def test_every_error_of_a_driver_means_that_the_port_is_lost(tmp_path: Path, kin
 @pytest.mark.parametrize(
     ("settings", "match"),
     [
-        ({"baud": 0}, "line rate must be a whole number from 1 to 2147483647, got 0"),
+        ({"baud": 0}, "line rate must be a whole number of at least 1, got 0"),
         ({"baud": 2**31}, "got 2147483648"),
         ({"flow": "xonxoff"}, "takes bytes out of binary data"),
         ({"flow": "x"}, "one of none"),

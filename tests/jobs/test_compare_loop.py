@@ -64,7 +64,7 @@ def test_board_record_compare(tmp_path: Path, aerokernels, command_line):
         rows = {row["label"].removeprefix("mach="): row for row in csv.DictReader(file)}
     assert list(rows) == list(SCENES)
     for mach, row in rows.items():
-        assert row["run"] == SCENES[mach] and int(row["echo_count"]) == ECHOES
+        assert row["run"] == f"{SCENES[mach]}-changed" and int(row["echo_count"]) == ECHOES
         assert abs(float(row["peak_error"])) < 0.01
         assert float(row["correlation"]) > 0.9999 and row["degree"] == "highly correlated"
         off = float(row["matched_filter_systematic_error_m"]) - float(row["matched_filter_simulated_error_m"])

@@ -74,7 +74,8 @@ def test_statistics_add_back_what_was_removed_from_the_maps(count: int, remove: 
     point = math.sqrt(float(weight @ opd.var(axis=0)) * independent / (independent - 1.0))
     assert float(found.opd_rms_point) == pytest.approx(point, rel=1e-6, abs=0.0)
     x, y = np.meshgrid(maps.x, maps.y)
-    start = pupil.center + x[lit][:, None] * pupil.axes[0] + y[lit][:, None] * pupil.axes[1]
+    first, second = np.reshape(maps.attrs["pupil_axes"], (2, 3))  # coordinates of maps are across the look
+    start = pupil.center + x[lit][:, None] * first + y[lit][:, None] * second
     linked = linking_equation(series, start, ALONG, WAVELENGTH, constant=CONSTANT)
     for name, mean in linked.items():
         assert float(found[name]) == pytest.approx(mean.value, rel=1e-9, abs=0.0)

@@ -101,6 +101,6 @@ def test_planes_may_be_counted_from_either_end():
     after = _linked_and_path(smooth[:, :, ::-1], weights[:, ::-1])
     np.testing.assert_allclose(after, before, rtol=1e-9)
     np.testing.assert_allclose(_linked_and_path(2.0 * smooth, weights), 4.0 * before, rtol=1e-9)
-    # The variance of the integral, about the mean over the snapshots, without bias.
+    # The variance of the integral, about the mean over the snapshots, which is corrected for afterwards.
     integral = smooth @ weights[0]
-    np.testing.assert_allclose(before[1].mean(), integral.var(axis=0, ddof=1).mean(), rtol=1e-9)
+    np.testing.assert_allclose(before[1].mean(), integral.var(axis=0, ddof=0).mean(), rtol=1e-9)

@@ -31,7 +31,7 @@ def write(folder: Path, number: int, seed: int) -> None:
 
 
 def maps(folder: Path, out: Path | None, **more) -> xarray.Dataset:
-    series = flow.open_series(folder / "f*.npz", time_step=1e-5)
+    series = flow.open_series(folder / "f*.npz", time_step=1e-5, order="xyz")
     return optical_series(series, PUPIL, pixel_count=8, method="linear", out=out, **more)
 
 

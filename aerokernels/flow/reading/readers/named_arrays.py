@@ -171,7 +171,7 @@ def dataset_of(
     """Return a dataset of named arrays; `variables` names coordinates by axis.
 
     The axes of `labelled` arrays are in a known order, those of others in the `order` that a caller gives; else they
-    are identified by their lengths, where these differ.
+    are identified by their lengths, where these tell it.
     """
     plain: dict[str, str] = {}
     for name in sorted(arrays, key=lambda name: name.count("/")):  # an array at the root counts before those in groups
@@ -212,7 +212,9 @@ def dataset_of(
     block, notes = _block(path, axes, coordinates, arrays, order is None or not along)
     unsure = ""
     told = order is not None or not along or all(n in labelled for n, a in arrays.items() if a.ndim > 1)
-    if not told and block.shape and len({*map(len, coordinates)}) < len(axes):
+    lengths = [*map(len, coordinates)]
+    # Of the other orders programs write numpy.meshgrid's, whose first two axes are exchanged, and the reversed one.
+    if not told and block.shape and lengths in ([lengths[1], lengths[0], *lengths[2:]], lengths[::-1]):
         own, other = "".join(axes), "".join((axes[1], axes[0], *axes[2:]))
         unsure = (
             f"arrays taken as [{', '.join(axes)}], which equal lengths do not tell: say so by order = {own!r}, or "
