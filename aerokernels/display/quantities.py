@@ -1,27 +1,27 @@
-"""Format a number with its error (digits beyond the error are dropped), and judge if it is meaningful given the error.
+"""Format a number with its error.
 
-    0.978 +- 0.004        the error has one digit if that is 3 or more, else two; the value ends where the error ends
+    0.9779 +- 0.0041      the error has two digits; the value ends where the error ends
+    13.8 +- 2100 V        and has three significant digits or more, whatever its error
     (2.15 +- 0.12)e-08    one power of ten for both, if plain digits would need many zeros
+    0.999 (0.988 to 1)    a ratio that its error would take beyond 0 or 1
     0.978, error not known
     1, error below rounding
-    0, not meaningful: its error allows any ratio from 0 to 1
+    0.3, not meaningful: its error allows any ratio from 0 to 1
 
-An error is the greatest deviation from the exact answer that the measured causes can make: the root sum of squares of
-all of them. It is not a standard deviation unless its source says so.
+"+-" covers the truth in at least 95 of 100 cases: value and error of 100 different answers contain the exact answer, of
+the same flow, in 95 or more. Errors of independent causes add as the root of the sum of their squares.
 """
 
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
-# Significant digits of a value without a usable error, and the most that any value is written with.
-PLAIN_DIGITS, MOST_DIGITS = 6, 9
+# Significant digits of a value without a usable error; the least and the most that a value is written with.
+PLAIN_DIGITS, LEAST_DIGITS, MOST_DIGITS = 6, 3, 9
 # Powers of ten beyond which value and error are written with a common power.
 LEAST_POWER, GREATEST_POWER = -4, 6
-# Error of a Strehl ratio above which there is always a warning; and effect below which the flow counts as having none.
-GREAT_ERROR, NO_EFFECT = 0.1, 1e-6
-
-FINE, WARNING, WORTHLESS = "fine", "warning", "worthless"
+# An error greater than the value by more powers of ten is written with a power of its own.
+GREATEST_GAP = 4
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class Quantity:
             number is no estimate (a count, a setting) and has no error.
         unit: Unit of both, as it is written.
         is_ratio: The number is between 0 and 1: a greater error than these bounds allow is reduced to
-            max(value, 1 - value), and the number is not meaningful.
+            max(value, 1 - value), and the number is not meaningful. Its unit is none.
     """
 
     value: float
@@ -43,15 +43,24 @@ class Quantity:
     is_ratio: bool = False
 
     def __post_init__(self) -> None:
-        """Check the error, and limit that of a ratio.
+        """Check the error, and limit a ratio, which rounding may take beyond its bounds, and its error.
 
         Raises:
             ValueError: A negative error.
         """
         if self.error is not None and self.error < 0.0:
             raise ValueError(f"an error is not negative, got {self.error!r} for the value {self.value!r}")
+        if self.is_ratio:
+            object.__setattr__(self, "value", min(max(self.value, 0.0), 1.0))
         if self.allows_any_ratio:
             object.__setattr__(self, "error", greatest_ratio_error(self.value))
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """Least and greatest value that the error allows, in the number's unit; a ratio's are within 0 and 1."""
+        error = self.error or 0.0
+        low, high = self.value - error, self.value + error
+        return (max(low, 0.0), min(high, 1.0)) if self.is_ratio else (low, high)
 
     @property
     def allows_any_ratio(self) -> bool:
@@ -77,9 +86,11 @@ class Quantity:
         if math.isinf(self.error) or math.isinf(self.value):
             return f"{text}, error without bound"
         if self.allows_any_ratio:
-            return f"{self.value:{sign}.2g}{unit}, not meaningful: its error allows any ratio from 0 to 1"
+            return f"{self.value:.{LEAST_DIGITS}g}, not meaningful: its error allows any ratio from 0 to 1"
         if self.error == 0.0:
             return f"{text}, error below rounding"
+        if self.is_ratio and self.error > max(min(self.value, 1.0 - self.value), 10.0**-MOST_DIGITS):
+            return _with_interval(self)
         return _joined(self.value, self.error, sign, self.unit)
 
     def __str__(self) -> str:
@@ -105,87 +116,47 @@ def listed(quantities: Sequence[Quantity], signed: bool = False) -> str:
     return "; ".join(words)
 
 
+def _with_interval(ratio: Quantity) -> str:
+    """Return a ratio with the interval that its error allows: "0.999 (0.988 to 1)"."""
+    places = -_last_place(ratio.value, ratio.error or 0.0)
+    form = f".{places}f" if max(ratio.interval) >= 10.0**LEAST_POWER else ".3g"
+    low, high = (f"{end:g}" if end in (0.0, 1.0) else f"{end:{form}}" for end in ratio.interval)
+    return f"{ratio.value:{form}} ({low} to {high})"
+
+
 def _joined(value: float, error: float, sign: str, unit: str) -> str:
-    """Return value and error, both to the same decimal place."""
-    last = last_place(error)
-    top = max(_power(value), _power(error))
-    least = top - MOST_DIGITS + 1
-    small = f"{error:.2g}" if last < least else None  # an error smaller than the last digit of the value
-    last = max(last, least)
+    """Return value and error, the value to the error's last place or farther."""
     after = f" {unit}" if unit else ""
+    sign = sign if value else ""
+    if value and _power(error) - _power(value) > GREATEST_GAP:
+        return f"{value:{sign}.3g} +- {error:.2g}{after}"
+    last, own = _last_place(value, error), _power(error, 2) - 1
+    top = max(_power(value), _power(error))
+    small = f"{error:.2g}" if own < last else None  # an error smaller than the last digit of the value
     if LEAST_POWER < top < GREATEST_POWER:
-        places = max(-last, 0)
-        rounded = round(value, -last) + 0.0  # no negative zero
-        text = f"{rounded:{sign if rounded else ''}.{places}f} +- {small or f'{round(error, -last):.{places}f}'}"
-        return f"{text}{after}"
-    scale, places = 10.0**top, max(top - last, 0)
-    text = f"{round(value / scale, places) + 0.0:{sign}.{places}f}"
+        text = f"{round(value, -last):{sign}.{max(-last, 0)}f}"
+        return f"{text} +- {small or f'{round(error, -own):.{max(-own, 0)}f}'}{after}"
+    scale = 10.0**top
+    text = f"{value / scale:{sign}.{max(top - last, 0)}f}"
     if small is not None:
         return f"{text}e{top:+03d} +- {small}{after}"
-    return f"({text} +- {error / scale:.{places}f})e{top:+03d}{after}"
+    return f"({text} +- {error / scale:.{max(top - own, 0)}f})e{top:+03d}{after}"
 
 
-def last_place(error: float) -> int:
-    """Return the power of ten of an error's last shown digit: the first digit if that is 3 or more, else the second."""
-    power = _power(error)
-    return power - 1 if error / 10.0**power < 2.95 else power  # 2.95 rounds up to 3
+def _last_place(value: float, error: float) -> int:
+    """Return the power of ten of a value's last digit: that of the error's second, within the limits above."""
+    last = _power(error, 2) - 1
+    if not value:
+        return last
+    first = _power(value, LEAST_DIGITS)
+    return max(min(last, first - LEAST_DIGITS + 1), first - MOST_DIGITS + 1)
 
 
-def _power(number: float) -> int:
-    return math.floor(math.log10(abs(number))) if number else -400
+def _power(number: float, digits: int = LEAST_DIGITS) -> int:
+    """Return the power of ten of the first digit of a number that is rounded to so many digits."""
+    return int(f"{number:.{digits - 1}e}".partition("e")[2]) if number else -400
 
 
 def root_sum_square(errors: Iterable[float]) -> float:
     """Return the error of a number from the errors of independent causes."""
     return math.sqrt(sum(error * error for error in errors))
-
-
-@dataclass(frozen=True)
-class Verdict:
-    """Whether a number is meaningful given its error.
-
-    Attributes:
-        level: "fine"; "warning": read the number with its error in mind; "worthless": the number is not meaningful.
-        reason: Why, in one sentence; empty if the level is "fine".
-    """
-
-    level: str = FINE
-    reason: str = ""
-
-    @property
-    def worthless(self) -> bool:
-        """Whether the number is not meaningful."""
-        return self.level == WORTHLESS
-
-    def __bool__(self) -> bool:
-        """Return whether there is a warning or worse."""
-        return self.level != FINE
-
-
-def judge_strehl(ratio: Quantity, main_cause: str = "") -> Verdict:
-    """Return the verdict on a Strehl ratio; no other code makes one.
-
-    Worthless: an error that is not known, that allows any ratio from 0 to 1, or that is above the ratio itself.
-    A warning: an error above a tenth of 1, or above the effect 1 - ratio, so that the flow may have no effect.
-    An effect below 1e-6 counts as none, and an error of that size gives no warning.
-
-    Args:
-        ratio: The Strehl ratio.
-        main_cause: The main cause of the error, with the remedy, in words.
-    """
-    value, error = ratio.value, ratio.error
-    effect, cause = 1.0 - value, f"; {main_cause}" if main_cause else ""
-    if error is None or math.isnan(value) or not math.isfinite(error):
-        return Verdict(WORTHLESS, f"the Strehl ratio's error is not known, so the number is not meaningful{cause}")
-    if error >= greatest_ratio_error(value):
-        reason = "the Strehl ratio's error allows any ratio from 0 to 1: the number is not meaningful"
-        return Verdict(WORTHLESS, f"{reason}{cause}")
-    if error > value:
-        level, bound = WORTHLESS, f"the ratio itself, {value:.2g}: the number is not meaningful"
-    elif error > max(effect, NO_EFFECT):
-        level, bound = WARNING, f"the effect of the flow, which reduces the ratio by {effect:.2g}"
-    elif error > GREAT_ERROR:
-        level, bound = WARNING, "a tenth of 1"
-    else:
-        return Verdict()
-    return Verdict(level, f"the Strehl ratio's error, {error:.2g}, is greater than {bound}{cause}")

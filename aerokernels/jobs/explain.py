@@ -2,7 +2,8 @@
 
 import math
 
-from aerokernels.display.quantities import GREAT_ERROR, root_sum_square
+from aerokernels.display.quantities import root_sum_square
+from aerokernels.display.verdict import GREAT_ERROR
 from aerokernels.echo import RANGING_METHODS
 from aerokernels.echo.paths import target_plane, trace_options
 from aerokernels.echo.prediction import predict_echo

@@ -10,7 +10,8 @@ from collections.abc import Iterable, Mapping
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from aerokernels.display.quantities import WORTHLESS, Quantity, listed
+from aerokernels.display.quantities import Quantity, listed
+from aerokernels.display.verdict import WORTHLESS
 from aerokernels.jobs import plots
 from aerokernels.jobs.figure_layout import png_or_fault
 from aerokernels.jobs.page import cards, named_values, page, paragraph, picture, remarks, section, text_block

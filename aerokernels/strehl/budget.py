@@ -7,18 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..display.error_budget import CAUSES, ErrorBudget, combine
 from ..medium import IndexField
 from ..rays import Pupil, RayBundle
 from ..tracing import Plane
-from ..tracing.error_budget.budget import (
-    CAUSES,
-    SAFETY,
-    column_error,
-    combine,
-    faintly_lost,
-    float64_rounding,
-    opd_errors,
-)
+from ..tracing.error_budget.budget import SAFETY, column_error, faintly_lost, float64_rounding, opd_errors
 from ..tracing.error_budget.grid_error import spread as grid_spread
 from ..tracing.error_budget.rays import SUBSET
 from ..tracing.pupil.air import PupilAir
@@ -48,7 +41,7 @@ class StrehlBudget:
     wavelength: float
     air: PupilAir
 
-    def __call__(self, found) -> dict[str, float]:
+    def __call__(self, found) -> ErrorBudget:
         """Trace some rays of the pupil again, and return the errors of an estimate's value by cause, and "total".
 
         Args:

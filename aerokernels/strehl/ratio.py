@@ -15,7 +15,9 @@ from typing import Any
 
 import numpy as np
 
-from ..display.quantities import Quantity, Verdict, judge_strehl, listed
+from ..display.error_budget import ErrorBudget
+from ..display.quantities import Quantity, listed
+from ..display.verdict import Verdict, judge
 from ..display.shown import shown
 from ..inputs.arguments import Numbers, checked
 from ..inputs.wavelength import check_wavelength
@@ -126,7 +128,7 @@ class StrehlEstimate:
     spread: Any = field(default=None, repr=False)
 
     @cached_property
-    def error(self) -> dict[str, float]:
+    def error(self) -> ErrorBudget:
         """Error budget, each entry an error of `value`; computed at the first access, in the time seconds["error"].
 
         "step", "interpolation", "resampling" and "precision" from rays traced again (tracing/error_budget/budget.py),
@@ -134,7 +136,7 @@ class StrehlEstimate:
         (known_air.py), and "total", their root sum of squares.
         """
         with clocked() as spent, stage("error"):
-            found = self.budget(self) if self.budget is not None else {}
+            found = self.budget(self) if self.budget is not None else ErrorBudget()
         self.seconds["error"] = spent["total"]
         return found
 
@@ -161,8 +163,8 @@ class StrehlEstimate:
 
     @property
     def verdict(self) -> Verdict:
-        """Whether the value is meaningful given its error, and why: see quantities.py."""
-        return judge_strehl(self.quantities["value"], main_cause(self.error))
+        """Whether the value is meaningful given its error, and why: see verdict.py."""
+        return judge({"Strehl ratio": self.quantities["value"]}, main_cause(self.error))
 
     def __repr__(self) -> str:
         """Return the numbers with their errors, and the plan; the first call traces some rays for the errors."""

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..device_arrays import DeviceArray, read_on_touch
+from ..display.error_budget import ErrorBudget
 from ..display.quantities import Quantity
 from ..display.shown import drawn_on, shown
 from ..process.clock import clocked, stage
@@ -152,13 +153,13 @@ class TraceResult:
         return reached(self.traced_status)
 
     @cached_property
-    def error(self) -> dict[str, float]:
+    def error(self) -> ErrorBudget:
         """The error budget of the optical path difference [m], by cause: see budget.py.
 
         Some rays are traced again when it is first read; seconds["error"] is the time that this takes.
         """
         with clocked() as spent, stage("error"):
-            found = self.budget(self) if self.budget is not None else {}
+            found = self.budget(self) if self.budget is not None else ErrorBudget()
         self.seconds["error"] = spent["total"]
         return found
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..derived import key_of
+from ..display.error_budget import ErrorBudget
 from ..inputs.arguments import checked
 from ..inputs.checks import check_positive, check_share
 from ..inputs.doubtful import refuse_masked
@@ -143,13 +144,13 @@ class WavefrontMap:
         return self.opd[self.lit], weight / weight.sum()
 
     @cached_property
-    def error(self) -> dict[str, float]:
+    def error(self) -> ErrorBudget:
         """Error budget of the OPD [m] by cause, and "total" (tracing/error_budget/budget.py). Empty if it is not known.
 
         Some rays are retraced when it is first read; seconds["error"] is the time spent on that.
         """
         with clocked() as spent, stage("error"):
-            found = self.budget() if self.budget is not None else {}
+            found = self.budget() if self.budget is not None else ErrorBudget()
         self.seconds["error"] = spent["total"]
         return found
 

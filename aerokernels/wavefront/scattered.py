@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from ..display.error_budget import ErrorBudget, combine
 from ..inputs.doubtful import refuse_masked
 from ..pupils import Pupil
 from ..zernike import zernike_modes
@@ -54,18 +55,15 @@ def from_scattered(
     }
 
 
-def _budget(place: np.ndarray, values: np.ndarray, radius: float, opd_error: float | None) -> dict[str, float]:
-    """Return the error budget of the map [m] by cause, and "total"."""
+def _budget(place: np.ndarray, values: np.ndarray, radius: float, opd_error: float | None) -> ErrorBudget:
+    """Return the error budget of the map [m]: "sampling" is the error of the samples, if it was given."""
     turns = min(max(LEFT_OUT * EACH_LEFT_OUT // len(values), 1), LEFT_OUT)
     worst = 0.0
     for turn in range(turns):
         out = np.arange(len(values)) % LEFT_OUT == (turn + LEFT_OUT // 2) % LEFT_OUT
         again = _interpolated(place[~out], values[~out], place[out], radius)
         worst = max(worst, float(np.abs(again - values[out]).max()))
-    found = {"interpolation": SAFETY * worst}
-    if opd_error is not None:
-        found["samples"] = float(opd_error)
-    return {**found, "total": float(np.linalg.norm(list(found.values())))}
+    return combine({"interpolation": SAFETY * worst, "sampling": float(opd_error or 0.0)}, "m")
 
 
 def _checked(points: Any, opd: Any, pupil: Pupil) -> tuple[np.ndarray, np.ndarray]:

@@ -11,8 +11,7 @@ r"""The error budget of a trace's optical path difference, by cause, measured on
     sampling        0: a trace is no mean over rays (an estimate over a pupil fills it in)
     bundle          the error of interpolating between traced rays, as estimated while they were chosen (bundle/)
     truncation      the OPD that rays may have lost where the known air ends (known_air.py)
-    refractivity    the uncertainty of the model that made the index from a density: a share of the OPD. A finer
-                    computation would not reduce it, so it is given beside the total and is not part of it
+    refractivity    the uncertainty of the model that made the index from a density: a share of the OPD
     total           root sum of squares of the others
 
 Each cause up to "sampling" is the greatest over the rays of the subset. All but "bundle" and "refractivity", which
@@ -30,6 +29,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ...display.error_budget import ErrorBudget, combine, unknown
 from ...medium import IndexField
 from ...rays import RayBundle
 from ..allowance import step_allowance
@@ -48,7 +48,6 @@ SAFETY = 3.0
 TIGHTER = {"linear": 1.0 / 8.0, "bilinear": 1.0 / 8.0}
 TIGHTER_ELSEWHERE = 1.0 / 64.0
 TIGHTEST_ASKED = 1e-3
-CAUSES = ("step", "interpolation", "resampling", "precision", "sampling", "bundle", "truncation", "refractivity")
 # Of the rays that leave through the curved side of a field's box, this many are traced, each to a plane of its own.
 SIDE_RAYS = 16
 # (field, rays, plan, until, wavelength) -> OPD [m], status and the trace's own estimate of its error [m], each of shape
@@ -192,7 +191,7 @@ def error_budget(
     lost: np.ndarray,
     ends: Ends | None = None,
     step_error: np.ndarray | None = None,
-) -> dict[str, float]:
+) -> ErrorBudget:
     """The budget of a trace [m of OPD]: the greatest error of each cause over the rays that arrived.
 
     `good` says which arrived, `lost` is the OPD that each may have lost where the known air ends [m], both of shape
@@ -200,7 +199,7 @@ def error_budget(
     `step_error` is the trace's own estimate of each ray's step error [m], shape (ray_count,), if it was kept.
     """
     if not good.any():
-        return dict.fromkeys((*CAUSES, "total"), float("nan"))
+        return unknown("m")
     rows = subset(field, rays, good, step_error)
     chosen = rays.rows(rows)
     ended = None if ends is None else (ends[0][rows], ends[1][rows])
@@ -214,7 +213,7 @@ def error_budget(
     causes["bundle"] = 0.0 if plan.bundle is None else plan.bundle.error
     faint = faintly_lost(field, chosen, retrace.until, ended)
     causes["truncation"] = SAFETY * max(_greatest(lost[good]), _greatest(faint))
-    return combine(causes)
+    return combine(causes, "m")
 
 
 def column_error(field: IndexField) -> float:
@@ -225,13 +224,6 @@ def column_error(field: IndexField) -> float:
 def faintly_lost(field: IndexField, rays: RayBundle, until, ends: Ends | None = None) -> np.ndarray:
     """OPD that each of a few rays may lose where the known air ends [m], down to rounding, shape (ray_count,)."""
     return may_be_lost(field, rays, until, float64_rounding(field, rays), ends)[0]
-
-
-def combine(causes: dict[str, float]) -> dict[str, float]:
-    """All causes, 0 for those that are not given, and the root sum of squares of all but "refractivity"."""
-    budget = {**dict.fromkeys(CAUSES, 0.0), **causes}
-    budget["total"] = float(np.sqrt(sum(v * v for cause, v in budget.items() if cause != "refractivity")))
-    return budget
 
 
 def _greatest(array: np.ndarray) -> float:
