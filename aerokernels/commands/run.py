@@ -22,7 +22,7 @@ def run(
 
     Compute wavefront, Strehl ratio, echo and range, each number with its error, and write a report. A stage that
     finds nothing, such as an echo that cannot be ranged, does not stop the others. Exit status 3: all files are
-    written, but the Strehl ratio is not meaningful: its error is greater than the ratio or than 1.
+    written, but the answer is not meaningful: the error allows any Strehl ratio, or is above the echo's peak.
     """
     from aerokernels.commands._ahead import REPORT, import_ahead
     from aerokernels.commands._output import note
@@ -45,7 +45,7 @@ def run(
     rows = [*headline_rows(summary), *remark_rows(summary), *_cost_rows(summary)]
     print_table(loaded.title or loaded.name, ("quantity", "value"), rows, summary)
     note(f"wrote {out / 'report.html'}, summary.json and result.nc")
-    leave_with(result.strehl.verdict)
+    leave_with(result.verdict)
 
 
 def _cost_rows(summary: dict) -> list[tuple[str, str]]:

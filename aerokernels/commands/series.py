@@ -19,11 +19,14 @@ def series(
     """Compute OPD maps and statistics of flow snapshots.
 
     The table [series] of the scene names the snapshots; the results include a report. An interrupted job resumes at
-    the snapshot where it stopped.
+    the snapshot where it stopped. Exit status 3: all files are written, but the error allows any mean Strehl ratio.
     """
     from aerokernels.commands._output import note
     from aerokernels.commands._progress import every_tenth, shown_progress
     from aerokernels.commands._table import print_table
+    from aerokernels.commands._verdict import leave_with
+    from aerokernels.display.verdict import judge
+    from aerokernels.jobs.report import quantity_of
     from aerokernels.jobs.series_job import run_series
     from aerokernels.jobs.series_report import headline_rows
 
@@ -32,3 +35,4 @@ def series(
         summary = run_series(loaded, out, every_tenth(progress))
     print_table(loaded.title or loaded.name, ("quantity", "value"), headline_rows(summary))
     note(f"wrote {out / 'report.html'}, summary.json, statistics.nc and series.zarr")
+    leave_with(judge({"mean Strehl ratio": quantity_of(summary, "strehl")}))

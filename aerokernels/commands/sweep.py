@@ -44,7 +44,7 @@ def sweep(
 
     Every combination of the values is a case, and all cases make one labelled dataset. An interrupted sweep resumes
     where it stopped; a finished one does nothing. A case that fails is recorded with its error and does not stop
-    the others. Exit status 1: all cases failed.
+    the others. Exit status 1: all cases failed; 3: no case that succeeded is meaningful given its errors.
     """
     from aerokernels.commands._output import note
     from aerokernels.commands._vary import parse_vary
@@ -68,18 +68,24 @@ def _finish(total: int, out: Path) -> None:
     """Print how many cases succeeded, and the first failures, of a whole case and of a stage of one.
 
     Raises:
-        typer.Exit: Every case failed.
+        typer.Exit: Every case failed, or no other is meaningful.
     """
     from aerokernels.commands._output import result, warn
+    from aerokernels.commands._verdict import leave_with
+    from aerokernels.display.verdict import WARNING, WORTHLESS, Verdict
     from aerokernels.jobs.sweeps.dataset import failure_of
     from aerokernels.jobs.sweeps.records import DATASET_FILE, Records
 
     done = Records(out).done
     failed: dict[str, str] = {}
     incomplete: dict[str, str] = {}
+    worthless: dict[str, str] = {}
     for number, record in sorted(done.items()):
         if why := failure_of(record):
             (failed if "error" in record else incomplete)[str(number)] = why
+        summary = record.get("summary") or {}
+        if summary.get("verdict") == WORTHLESS:
+            worthless[str(number)] = str(next(iter(summary.get("warnings") or ()), ""))
     text = f"{total - len(failed)} of {total} cases succeeded: {out / DATASET_FILE} and report.html"
     result(text, {"case_count": total, "failed": failed, "incomplete": incomplete, "out": str(out)})
     for some, what in ((failed, "failed"), (incomplete, "lack some numbers")):
@@ -88,3 +94,7 @@ def _finish(total: int, out: Path) -> None:
             warn(f"warning: {len(some)} of {total} cases {what}; the first, case {first}: {some[first]}")
     if len(failed) == total:
         raise typer.Exit(1)
+    if worthless:
+        first = next(iter(worthless))
+        level = WORTHLESS if len(worthless) == total - len(failed) else WARNING
+        leave_with(Verdict(level, f"{len(worthless)} of {total} cases; the first, case {first}: {worthless[first]}"))

@@ -4,11 +4,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
+from aerokernels.display.verdict import Verdict, judge
 from aerokernels.echo import EchoResult
 from aerokernels.jobs.views import PupilMap, RayFan, Spot, spot
 from aerokernels.prepare import Prepared
 from aerokernels.scene import Scene
 from aerokernels.strehl import StrehlEstimate
+from aerokernels.wavefront.strehl_errors import main_cause
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,6 +44,14 @@ class RunParts:
         """The reason for each stage without a result; "range" is for an echo that cannot be ranged."""
         reason = self.echo.reason if self.echo is not None else None
         return {**self.failed, **({"range": reason} if reason else {})}
+
+    @property
+    def verdict(self) -> Verdict:
+        """Whether the Strehl ratio and the echo's peak are meaningful given their errors, and why."""
+        numbers = {"Strehl ratio": self.strehl.quantities["value"]}
+        if self.echo is not None:
+            numbers["echo's peak power"] = self.echo.quantities["peak_power"]
+        return judge(numbers, main_cause(self.strehl.error))
 
     @cached_property
     def spot(self) -> Spot | None:

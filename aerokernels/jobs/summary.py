@@ -7,7 +7,7 @@ bounds allow, max(ratio, 1 - ratio): the number is then not meaningful, as the v
 still_air_m            the part of the range error that the air at rest between aperture and target causes, not the flow
 range_uncertainty_m    the systematic and the random part of the range's error, by ranging method, and of the systematic
 part that of the refractivity model
-verdict, warnings      whether the Strehl ratio is meaningful given its error ("fine", "warning", "worthless"), and why
+verdict, warnings      whether the answer is meaningful given its errors ("fine", "warning", "worthless"), and why
 failures               why a stage has no result, by stage ("wavefront", "rays", "echo", "range", "picture echo", ...)
 error                  the error budget of the Strehl ratio by cause, each at most what the bounds 0 and 1 allow
 averages_lacking       deficit of the interpolant against the averages over rows and columns of the flow's cells and
@@ -46,7 +46,7 @@ def summarise(result: RunParts) -> dict[str, Any]:
     scene, strehl = result.scene, result.strehl
     plan = strehl.plan.as_dict()
     density = result.prepared.density
-    verdict = strehl.verdict
+    verdict = result.verdict
     echo_numbers, echo_errors = _echo_numbers(result.echo)
     return {
         "scene": scene.name,

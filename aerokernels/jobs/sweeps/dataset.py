@@ -43,7 +43,7 @@ NUMBERS = {
     "tracing_processor_seconds": ("s", "processor time of tracing, plans and error budgets included"),
 }
 TEXTS = {
-    "verdict": "whether the Strehl ratio is meaningful given its error",
+    "verdict": "whether the answer is meaningful given its errors",
     "backend": "backend that ran the kernels",
     "device": "device that ran the kernels",
     "precision": "precision of the kernels",
@@ -97,7 +97,7 @@ def sweep_dataset(
     }
     labels: dict[str, Any] = {}
     for name, (dimension, units, words) in tables.items():
-        columns = sorted({key for summary in summaries for key in (summary.get(name) or {})})
+        columns = list(dict.fromkeys(key for summary in summaries for key in summary.get(name) or {}))
         if columns:
             parts = [shaped([number_or_nan((one.get(name) or {}).get(key)) for one in summaries]) for key in columns]
             variables[name] = ((*dims, dimension), np.stack(parts, axis=-1), {"units": units, "long_name": words})
