@@ -55,3 +55,27 @@ def unknown(unit: str = "") -> ErrorBudget:
 def two_digits(error: float) -> str:
     """Return an error with two digits, "not known" for NaN."""
     return "not known" if math.isnan(error) else f"{error:.2g}"
+
+
+# Causes of an error in words, each with its remedy.
+REMEDIES = {
+    "step": "the steps of the rays: ask for a smaller tolerance",
+    "precision": "the precision of the kernels: trace in float64",
+    "interpolation": "the samples of the field itself: give it finer cells",
+    "jumps": "jumps of the index between samples: give the field finer cells, or averages of cells",
+    "resampling": "the uniform grid: give it a smaller spacing",
+    "truncation": "air beyond the region that was resampled: give it a larger region",
+    "refractivity": "the refractivity model: take one of a smaller uncertainty, such as 'ciddor' in air",
+    "sampling": "the number of rays: take more",
+}
+
+
+def main_cause(budget: Mapping[str, float]) -> str:
+    """Return the cause of the greatest part of an error and its remedy, in words; empty for an empty budget."""
+    causes = {cause: error for cause, error in budget.items() if cause != TOTAL}
+    if not causes:
+        return ""
+    unknown = [cause for cause, error in causes.items() if math.isnan(error)]
+    worst = unknown[0] if unknown else max(causes, key=lambda cause: causes[cause])
+    words = REMEDIES.get(worst, worst)
+    return f"not known is the part of {words}" if unknown else f"most of it comes from {words}"

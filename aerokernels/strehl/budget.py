@@ -1,66 +1,98 @@
-"""Compute the error budget of a Strehl ratio over a pupil, from the OPD errors of some of its rays.
+"""The errors of a pupil's Strehl ratio, OPD rms and boresight: each computed again on some rays that change by cause."""
 
-strehl_errors.py bounds the change of the ratio by a phase error. The sampling error is STANDARD_ERRORS standard errors.
-"""
-
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
-from ..display.error_budget import CAUSES, ErrorBudget, combine
+from ..display.error_budget import ErrorBudget, combine, unknown
 from ..medium import IndexField
+from ..pupils import transverse_axes
 from ..rays import Pupil, RayBundle
 from ..tracing import Plane
-from ..tracing.error_budget.budget import SAFETY, column_error, faintly_lost, float64_rounding, opd_errors
-from ..tracing.error_budget.grid_error import spread as grid_spread
-from ..tracing.error_budget.rays import SUBSET
-from ..tracing.pupil.air import PupilAir
-from ..tracing.trace import retracer
-from ..wavefront.strehl_errors import STANDARD_ERRORS, strehl_error
+from ..tracing.cuts import lost
+from ..tracing.plan import TracePlan
+from ..tracing.pupil.fit import fit_moments, rms_about
+from ..tracing.status import reached
+from ..tracing.trace import rerun
+from ..tracing.variants.causes import Variants, sample_size, variants
+from ..tracing.variants.spread import errors
+from ..wavefront.pupil_numbers import NUMBERS, PupilNumbers
+
+# Standard errors of a mean over 16 replicates within which it is 95 times of 100 (Student's t).
+STANDARD_ERRORS = 2.13
 
 
 @dataclass(eq=False)
-class StrehlBudget:
-    """Compute the error budget of a StrehlEstimate when its `error` is read.
+class StrehlVariants:
+    """Traces some rays of a pupil again, and finds how they change by cause, when it is asked.
 
     Attributes:
         field: The refractive index.
         pupil: The pupil.
         look: Direction in which the rays leave, unit vector of shape (3,).
-        seed: Seed of the rays that are traced again.
+        seed: Seed of the rays.
         until: Plane on which the rays stop.
         wavelength: Vacuum wavelength [m].
-        air: What the pupil may lose where the known air ends.
+        plan: The plan of the estimate.
     """
 
     field: IndexField
     pupil: Pupil
     look: np.ndarray
-    seed: int | None
+    seed: int
     until: Plane
     wavelength: float
-    air: PupilAir
+    plan: TracePlan
 
-    def __call__(self, found) -> ErrorBudget:
-        """Trace some rays of the pupil again, and return the errors of an estimate's value by cause, and "total".
+    @cached_property
+    def found(self) -> Variants | None:
+        """The rays and their changes; None where none arrived."""
+        rays = RayBundle.collimated(self.pupil, sample_size(self.field), direction=self.look, seed=self.seed)
+        run = rerun(self.until, self.wavelength)
+        plan = replace(self.plan, bundle=None)
+        base, status = run(self.field, rays, plan)
+        good = np.flatnonzero(reached(status))
+        if not len(good):
+            return None
+        base, some = base[good], rays.rows(good)
+        beyond = lost(self.field, some, self.until, (base.position, base.direction))
+        return variants(
+            self.field, some, base, plan, self.until, run, weight=np.asarray(rays.weight)[good], lost=beyond
+        )
 
-        Args:
-            found: The StrehlEstimate.
-        """
-        seed = 0 if self.seed is None else self.seed
-        probe = RayBundle.collimated(self.pupil, SUBSET, direction=self.look, seed=seed)
-        errors = opd_errors(self.field, probe, found.plan, retracer(self.until, self.wavelength))
-        omitted = SAFETY * grid_spread(errors.pop("omitted"))
-        spread = {
-            cause: SAFETY * float(np.std(error)) if len(error) else float("nan") for cause, error in errors.items()
-        }
-        spread["interpolation"] = float(np.maximum(spread["interpolation"], omitted))
-        # The column's and the refractivity model's errors are root mean squares, not samples of a few rays.
-        spread["resampling"] = float(np.hypot(spread["resampling"], SAFETY * column_error(self.field)))
-        spread["refractivity"] /= SAFETY
-        spread["precision"] += float64_rounding(self.field, probe)
-        faint = float(np.sqrt(np.mean(faintly_lost(self.field, probe, None) ** 2)))
-        spread["truncation"] = SAFETY * max(self.air.lost_rms, faint)
-        of_path = combine(spread)
-        causes = {cause: strehl_error(found.value, 2.0 * np.pi * of_path[cause] / self.wavelength) for cause in CAUSES}
-        return combine({**causes, "sampling": STANDARD_ERRORS * found.standard_error})
+    def numbers(self, remove: tuple[str, ...]) -> PupilNumbers:
+        """Return what computes the numbers of these rays, without some terms."""
+        assert self.found is not None
+        points = (self.found.start - self.pupil.center) @ np.stack(transverse_axes(self.look), axis=1)
+        return PupilNumbers(points, self.found.weight, self.wavelength, remove)
+
+
+def budgets(
+    found: StrehlVariants, standard_error: float, moments: np.ndarray, remove: tuple[str, ...]
+) -> dict[str, ErrorBudget]:
+    """Return the error budgets of an estimate's numbers, by NUMBERS.
+
+    Args:
+        found: The rays and their changes.
+        standard_error: Standard error of the Strehl ratio over the replicates.
+        moments: Sums of the replicates, shape (replicate_count, at least 10), see tracing/pupil/sums.py.
+        remove: Terms removed from the wavefront.
+    """
+    units = dict(zip(NUMBERS, ("", "", "m", "rad", "rad"), strict=True))
+    if found.found is None:
+        return {name: unknown(unit) for name, unit in units.items()}
+    by_cause = errors(found.numbers(remove), found.found)
+    arrived = [row for row in moments if row[0] > 0.0]
+    fits = np.array([[rms_about(row, remove), *fit_moments(row)[1]] for row in arrived])
+    rms, *tilt = np.std(fits, axis=0, ddof=1) / np.sqrt(len(fits)) if len(fits) > 1 else np.full(3, np.nan)
+    slope = 2.0 * (2.0 * np.pi / found.wavelength) ** 2 * float(np.mean(fits[:, 0])) if len(fits) else 0.0
+    sampling = standard_error, slope * rms, rms, *tilt
+    return {
+        name: combine(
+            {cause: float(error[k]) for cause, error in by_cause.items()}
+            | {"sampling": STANDARD_ERRORS * float(sampling[k])},
+            unit,
+        )
+        for k, (name, unit) in enumerate(units.items())
+    }

@@ -22,8 +22,7 @@ from ..tracing.pupil.job import REPLICATES, PupilJob, make_job
 from ..tracing.pupil.new_values import next_job
 from ..tracing.retrace import report_rejected
 from ..wavefront import check_terms
-from ..wavefront.strehl_errors import estimate_quantities
-from .budget import StrehlBudget
+from .budget import StrehlVariants, budgets
 from .ratio import StrehlEstimate
 from .sums import combined, met_nothing
 
@@ -76,7 +75,7 @@ def estimate_strehl(
             points of shifted lattices, if those are fewer: see tracing/pupil/lattice_quadrature.py. "off" traces
             `ray_count`.
         allow_truncation: Whether more than a thousandth of the pupil may look through disturbed air that ends at the
-            field's box, or pass beside it there. A warning is issued then, and error["truncation"] bounds the loss.
+            field's box, or pass beside it there. A warning is issued then, and error["truncation"] has what is lost.
 
     Raises:
         TypeError: `field` or `pupil` of the wrong kind.
@@ -287,21 +286,15 @@ class PreparedStrehl:
                 "the Strehl ratio is 1; check the units (metres are expected), and the pupil's direction and position"
             )
 
-        spread = partial(
-            estimate_quantities,
-            moments=sums.moments,
-            wavelength=wavelength,
-            remove=self.remove,
-            symmetric=job.is_radial,
-        )
+        found = StrehlVariants(self.field, self.pupil, self.look, seed, job.until, wavelength, plan)
         return StrehlEstimate(
             ray_count=job.per_replicate * REPLICATES,
             traced_ray_count=traced,
             # The weights of a lattice add up to its number of rays within 3e-7 only.
             blocked=max(0.0, 1.0 - float(np.add.reduce(sums.moments[:, 0])) / sums.ray_count),
             plan=plan,
-            budget=StrehlBudget(self.field, self.pupil, self.look, seed, job.until, wavelength, job.air),
-            spread=spread,
+            varied=found,
+            budgets=partial(budgets, found, standard_error, sums.moments, self.remove),
             seconds=seconds,
             standard_error=standard_error,
             evaluation_count=evaluations,

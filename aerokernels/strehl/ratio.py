@@ -8,6 +8,7 @@ reduces them on the device; the spread of the replicates gives the standard erro
 radial quadrature, with far fewer rays (tracing/pupil/radial_quadrature.py).
 """
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -15,15 +16,14 @@ from typing import Any
 
 import numpy as np
 
-from ..display.error_budget import ErrorBudget
+from ..display.error_budget import ErrorBudget, main_cause
 from ..display.quantities import Quantity, listed
-from ..display.verdict import Verdict, judge
 from ..display.shown import shown
+from ..display.verdict import Verdict, judge
 from ..inputs.arguments import Numbers, checked
 from ..inputs.wavelength import check_wavelength
 from ..process.clock import clocked, stage
 from ..wavefront import check_metres, check_terms, check_wavefront, map_points, mean_phasor, remove_terms, weighted_mean
-from ..wavefront.strehl_errors import main_cause, phase_error
 
 
 @checked
@@ -109,8 +109,8 @@ class StrehlEstimate:
         plan: What was chosen, skipped and why.
         seconds: Wall time by stage: see STAGES in clock.py.
         evaluation_count: Total number of field evaluations.
-        budget: Computes the error budget from the estimate; called by `error`.
-        spread: Computes the numbers with their errors from the estimate; called by `quantities`.
+        varied: The rays on which the errors are computed, and how they change by cause (budget.py).
+        budgets: Computes the error budgets of all numbers.
     """
 
     value: float
@@ -124,42 +124,45 @@ class StrehlEstimate:
     seconds: dict[str, float] = field(default_factory=dict)
     evaluation_count: int = 0
     traced_ray_count: int = 0
-    budget: Any = field(default=None, repr=False)
-    spread: Any = field(default=None, repr=False)
+    varied: Any = field(default=None, repr=False)
+    budgets: Any = field(default=None, repr=False)
 
     @cached_property
-    def error(self) -> ErrorBudget:
-        """Error budget, each entry an error of `value`; computed at the first access, in the time seconds["error"].
-
-        "step", "interpolation", "resampling" and "precision" from rays traced again (tracing/error_budget/budget.py),
-        "sampling" from the replicates, "truncation" from what rays may have lost where the known air ends
-        (known_air.py), and "total", their root sum of squares.
-        """
+    def errors(self) -> dict[str, ErrorBudget]:
+        """Error budgets of all numbers, by the names of `quantities`: see `error`."""
         with clocked() as spent, stage("error"):
-            found = self.budget(self) if self.budget is not None else ErrorBudget()
+            found = {} if self.budgets is None else self.budgets()
         self.seconds["error"] = spent["total"]
         return found
+
+    @property
+    def error(self) -> ErrorBudget:
+        """The error of `value` by cause, and "total", which covers the truth 95 times of 100.
+
+        Each is the change of the Strehl ratio of some rays where one thing about the run is done another way
+        (tracing/variants/causes.py); "sampling" is from the replicates. Computed at the first access, in the time
+        seconds["error"].
+        """
+        return self.errors.get("value", ErrorBudget())
 
     @cached_property
     def quantities(self) -> dict[str, Quantity]:
         """The numbers with their errors: "value", "marechal", "opd_rms" [m], "boresight_x", "boresight_y" [rad].
 
-        The parts of each error: see strehl_errors.py. Computed at the first access, from `error`.
+        Computed at the first access, as `error`.
         """
-        if self.spread is not None:
-            return self.spread(self)
         x, y = (float(angle) for angle in self.boresight)
-        bare = {"value": self.value, "marechal": self.marechal}
-        return {name: Quantity(number, is_ratio=True) for name, number in bare.items()} | {
-            "opd_rms": Quantity(self.opd_rms, unit="m"),
-            "boresight_x": Quantity(x, unit="rad"),
-            "boresight_y": Quantity(y, unit="rad"),
+        numbers = {"value": self.value, "marechal": self.marechal, "opd_rms": self.opd_rms}
+        units = {"opd_rms": "m", "boresight_x": "rad", "boresight_y": "rad"}
+        return {
+            name: Quantity(
+                number,
+                self.errors[name]["total"] if name in self.errors else math.nan,
+                units.get(name, ""),
+                is_ratio=name not in units,
+            )
+            for name, number in (numbers | {"boresight_x": x, "boresight_y": y}).items()
         }
-
-    @cached_property
-    def phase_error(self) -> float:
-        """Rms phase error of the rays [rad] according to the budget without the sampling error; NaN if not known."""
-        return phase_error(self.value, self.error)
 
     @property
     def verdict(self) -> Verdict:

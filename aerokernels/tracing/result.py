@@ -7,12 +7,15 @@ from typing import Any
 import numpy as np
 
 from ..device_arrays import DeviceArray, read_on_touch
-from ..display.error_budget import ErrorBudget
+from ..display.error_budget import ErrorBudget, unknown
 from ..display.quantities import Quantity
 from ..display.shown import drawn_on, shown
 from ..process.clock import clocked, stage
 from ..pupils import transverse_axes
 from .status import RayStatus, reached
+from .variants.causes import Variants
+from .variants.rays import Rays
+from .variants.spread import budget, of_a_ray
 
 # Per-ray arrays: unit and meaning, in the order of results.
 RAY_OUTPUTS = {
@@ -29,6 +32,17 @@ RAY_OUTPUTS = {
 ON_DEVICE = (*RAY_OUTPUTS, "status", "start_position", "start_direction")
 # Kernels receive the requested outputs as an integer with one bit for each.
 OUTPUT_BITS = {name: 1 << bit for bit, name in enumerate(RAY_OUTPUTS)}
+
+
+def _about_mean(rays: Rays) -> np.ndarray:
+    return np.asarray(rays.opd - rays.opd.mean())
+
+
+def _rms(opd: np.ndarray, share: np.ndarray) -> float:
+    """Return the rms about the mean of optical path differences with weights, both (n,)."""
+    # Not by BLAS, whose last bits depend on the number of threads.
+    mean = np.sum(share * opd) / np.sum(share)
+    return float(np.sqrt(np.sum(share * (opd - mean) ** 2) / np.sum(share)))
 
 
 def output_mask(outputs: frozenset) -> int:
@@ -77,7 +91,7 @@ class TraceResult:
     step_error: np.ndarray | None = None
     step_count: np.ndarray | None = None
     evaluation_count: np.ndarray | None = None
-    budget: Any = field(default=None, repr=False)
+    varied: Any = field(default=None, repr=False)
     known_air: Any = field(default=None, repr=False)
     group: Any = field(default=None, repr=False)
     start_position: np.ndarray | None = None
@@ -153,13 +167,22 @@ class TraceResult:
         return reached(self.traced_status)
 
     @cached_property
-    def error(self) -> ErrorBudget:
-        """The error budget of the optical path difference [m], by cause: see budget.py.
+    def variants(self) -> Variants | None:
+        """How some of the rays change by each cause of an error (variants/causes.py); None where no ray arrived.
 
-        Some rays are traced again when it is first read; seconds["error"] is the time that this takes.
+        Computed when first read.
+        """
+        return None if self.varied is None else self.varied(self)
+
+    @cached_property
+    def error(self) -> ErrorBudget:
+        """The error of a ray's optical path difference from the bundle's mean [m], by cause and in "total".
+
+        It is the root mean square over some of the rays, and covers that of 95 rays in 100. It is computed when it is
+        first read, and seconds["error"] is the time that this takes.
         """
         with clocked() as spent, stage("error"):
-            found = self.budget(self) if self.budget is not None else ErrorBudget()
+            found = unknown("m") if self.variants is None else of_a_ray(_about_mean, self.variants, "m")
         self.seconds["error"] = spent["total"]
         return found
 
@@ -168,19 +191,17 @@ class TraceResult:
         """The bundle's numbers with their errors: "opd_rms" [m], where "opd" is among the outputs.
 
         "opd_rms" is the rms of the OPD about its mean over the rays that reached the stop, weighted by their shares of
-        the bundle; NaN where no ray reached it. Its error is the budget's total, which is the greatest OPD error of a
-        ray: the error of the rms cannot be greater.
+        the bundle; NaN where no ray reached it.
         """
         good = self.ok
-        share = self.weight[good] if np.ndim(self.weight) else np.ones(int(good.sum()))
         if self.opd is None:
             return {}
-        if not share.sum() > 0.0:
+        if self.variants is None:
             return {"opd_rms": Quantity(float("nan"), unit="m")}
-        opd = self.opd[good]
-        mean = float(np.sum(share * opd) / share.sum())  # not by BLAS, whose last bits depend on the number of threads
-        rms = float(np.sqrt(share @ (opd - mean) ** 2 / share.sum()))
-        return {"opd_rms": Quantity(rms, self.error.get("total", float("nan")), "m")}
+        share = np.broadcast_to(self.weight, good.shape)[good]
+        sampled = self.variants.weight
+        error = budget(lambda rays: _rms(rays.opd, sampled), self.variants, "m")
+        return {"opd_rms": Quantity(_rms(self.opd[good], share), error["total"], "m")}
 
     def plot(self, axes=None):
         """Draw the spot diagram, the ray directions about their mean [urad], on matplotlib axes; returns the axes.

@@ -13,7 +13,6 @@ from ..medium import IndexField
 from ..process.clock import clocked, stage
 from ..rays import RayBundle
 from .bundle.run import BundleRequest, trace_bundle
-from .error_budget.budget import Retrace, error_budget
 from .error_budget.known_air import KnownAir
 from .launch import launch
 from .meeting import check_meeting
@@ -23,11 +22,13 @@ from .result import RAY_OUTPUTS, TraceResult
 from .retrace import report_rejected, retrace_rejected
 from .status import RayStatus
 from .stop import ArcLength, Plane
+from .variants.causes import Run, Variants, sample_rows, variants
+from .variants.rays import Rays
 
 # Allowed values of `bundle`.
 BUNDLES = ("auto", "off")
-# The outputs of a pupil's rays, so that an error budget compiles no kernel of its own.
-BUDGET_OUTPUTS = frozenset(("opd", "step_error", "evaluation_count"))
+# What a ray brings to its stop.
+BROUGHT = frozenset(("opd", "position", "direction", "step_error"))
 
 NONE_REJECTED = np.zeros(0, np.int32)
 
@@ -129,7 +130,7 @@ def trace(
         weight=np.asarray(rays.weight),
         start_position=rays.held("position"),
         start_direction=rays.held("direction"),
-        budget=partial(_budget, field, rays, retracer(until, wavelength)),
+        varied=partial(_variants, field, rays, until, wavelength),
         known_air=KnownAir(field, rays, until, tolerance * wavelength),
         group=partial(_group_path, field, rays, until),
         traced_status=arrays.pop("status"),
@@ -137,9 +138,18 @@ def trace(
     )
 
 
-def _budget(field: IndexField, rays: RayBundle, retrace: Retrace, result: TraceResult) -> dict[str, float]:
-    ends = None if result.known_air is None else result.known_air.needed(result.ends)
-    return error_budget(field, rays, result.ok, result.plan, retrace, result.truncation, ends, result.step_error)
+def _variants(field: IndexField, rays: RayBundle, until, wavelength: float, result: TraceResult) -> Variants | None:
+    """Return how some of a result's rays change by each cause of an error; None where no ray arrived."""
+    rows = sample_rows(field, result.ok)
+    if not len(rows):
+        return None
+    some, run = rays.rows(rows), rerun(until, wavelength)
+    if result.opd is None or result.ends is None:
+        base, _ = run(field, some, replace(result.plan, bundle=None))
+    else:
+        base = Rays(result.opd[rows], result.direction[rows], result.position[rows])
+    weight = np.broadcast_to(result.weight, (result.ray_count,))[rows]
+    return variants(field, some, base, result.plan, until, run, weight=weight, lost=result.truncation[rows])
 
 
 def _group_path(field: IndexField, rays: RayBundle, until, result: TraceResult) -> np.ndarray:
@@ -172,14 +182,15 @@ def run_plan(field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelen
     return arrays
 
 
-def retracer(until, wavelength: float) -> Retrace:
-    """Return the function by which an error budget traces rays again to this stop."""
-    return Retrace(_retrace, until, wavelength)
+def rerun(until, wavelength: float) -> Run:
+    """Return the function that traces rays to a stop, for `variants`."""
 
+    def run(field: IndexField, rays: RayBundle, plan: TracePlan) -> tuple[Rays, np.ndarray]:
+        arrays = run_plan(field, rays, plan, until, wavelength, BROUGHT)
+        opd, direction, position = (np.asarray(arrays[name]) for name in ("opd", "direction", "position"))
+        return Rays(opd, direction, position), np.asarray(arrays["status"])
 
-def _retrace(field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelength: float):
-    arrays = run_plan(field, rays, plan, until, wavelength, BUDGET_OUTPUTS)
-    return tuple(np.asarray(arrays[name]) for name in ("opd", "status", "step_error"))
+    return run
 
 
 def check_outputs(outputs) -> frozenset:

@@ -1,0 +1,229 @@
+"""What differs, by cause, where one thing about a run is done another way, for some of its rays.
+
+    interpolation   the next order on the same nodes, of the field or, if the field was resampled, of its source
+    jumps           the place of jumps between nodes (jumps.py); what an interpolant of cell averages lacks of them
+    resampling      the source of a resampled field in place of it, of few rays; draws of the optical path's error by
+                    the resampling of a volume's own cells
+    truncation      the source beyond the faces at which the resampled field was cut
+    step            steps in float64 with a tenth of the tolerance; of few rays
+    precision       the run's steps in float64; of few rays
+    bundle          rays traced one by one that were interpolated; of few rays
+    refractivity    the contrast times 1 + the model's relative uncertainty
+
+Changes of a uniform grid are integrated along the traced paths, to first order.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from ...display.error_budget import CAUSES
+from ...medium import IndexField
+from ...medium.grid import UniformGrid
+from ...medium.refined import refined
+from ...rays import RayBundle
+from ..allowance import step_allowance
+from ..plan import TracePlan
+from ..status import reached
+from .jumps import jumps, patterns
+from .meshes import lacking, next_order
+from .paths import Paths, paths_of, shortest_cell
+from .planes import volume_changes
+from .rays import Cause, Rays
+from .surfaces import surface_changes
+
+# Rays whose changes are integrated, of a volume and of a field of two axes; how many of them are traced again.
+SAMPLE, SAMPLE_OF_TWO_AXES, TRACED = 512, 256, 128
+# The order of a grid's interpolant, and the next.
+ORDERS = {"cubic": (3, 5), "linear": (1, 3), "monotone": (1, 3)}
+# Tolerance of the rays that measure the steps', as a share, and the greatest tolerance that it is a share of [waves].
+TIGHTER, LARGEST_TOLERANCE = 0.1, 1e-3
+# A mesh's next order over its change by cells cut in four, and what is left of that where averages are kept: the rms of
+# u (1 - u) about its mean over that mean.
+REFINED, KEPT = 4.0 / 3.0, np.sqrt(1.0 / 5.0)
+# (field, rays, plan) -> what the rays bring, and their status
+Run = Callable[[IndexField, RayBundle, TracePlan], tuple[Rays, np.ndarray]]
+
+
+@dataclass(frozen=True, eq=False)
+class Variants:
+    """Some rays of a run, and how they change by each cause.
+
+    Attributes:
+        start: Where the rays start [m], shape (n, 3).
+        ahead: Their unit directions there, shape (n, 3).
+        weight: Their shares in means over the bundle, shape (n,).
+        base: What the run brings to the stop.
+        causes: The changes, by the name of the cause.
+    """
+
+    start: np.ndarray
+    ahead: np.ndarray
+    weight: np.ndarray
+    base: Rays
+    causes: Mapping[str, Cause]
+
+
+def sample_size(field: IndexField) -> int:
+    """Return the number of rays whose changes are computed."""
+    return SAMPLE if field.geometry == "volume" else SAMPLE_OF_TWO_AXES
+
+
+def sample_rows(field: IndexField, good: np.ndarray) -> np.ndarray:
+    """Return rows of some of the rays that arrived, drawn in random order: any part of them is a sample."""
+    rows = np.flatnonzero(good)
+    return rows[np.random.default_rng(0).permutation(len(rows))[: sample_size(field)]]
+
+
+def variants(
+    field: IndexField,
+    rays: RayBundle,
+    base: Rays,
+    plan: TracePlan,
+    until,
+    run: Run,
+    *,
+    weight: np.ndarray | None = None,
+    lost: np.ndarray | None = None,
+) -> Variants:
+    """Return how some rays of a run change by each cause.
+
+    Args:
+        field: The refractive index.
+        rays: The rays, all of which arrived.
+        base: What they brought.
+        plan: The run's plan.
+        until: Their stop.
+        run: Traces rays by a plan to the same stop.
+        weight: Their shares in means over the bundle, shape (n,); None for equal ones.
+        lost: Optical path that the source has beyond the field's cuts [m], shape (n,); None for no cut.
+    """
+    paths = paths_of(field, rays.position, rays.direction, until, (base.position, base.direction))
+    lost = np.zeros(rays.ray_count) if lost is None else lost
+    traced = _Traced(field, rays, base, plan, run)
+    causes = traced.steps()
+    if field.resampling is None:
+        causes |= _by_index(field, paths, traced)
+    else:
+        causes |= _by_source(field, paths, traced, until, lost)
+    if np.any(lost):
+        causes["truncation"] = Cause(known=(replace(Rays.still(len(lost)), opd=lost),))
+    made = field.upstream
+    if made is not None:
+        turned, moved = base.direction - rays.direction, _moved(base, rays)
+        causes["refractivity"] = Cause(known=(Rays(base.opd, turned, moved) * made.refractivity,))
+        if made.columns > 0.0:
+            size, before = np.full(rays.ray_count, made.columns), causes.get("resampling", Cause())
+            causes["resampling"] = replace(before, draws=patterns(field, paths, size, float(np.max(field.spacing))))
+    weight = np.full(rays.ray_count, 1.0 / rays.ray_count) if weight is None else weight
+    return Variants(
+        rays.position, rays.direction, weight, base, {name: causes[name] for name in CAUSES if name in causes}
+    )
+
+
+def _moved(base: Rays, rays: RayBundle) -> np.ndarray:
+    """Return the displacement of the ends across the undisturbed rays [m], shape (n, 3)."""
+    way = base.position - rays.position
+    return np.asarray(way - np.sum(way * rays.direction, axis=1, keepdims=True) * rays.direction)
+
+
+def _by_index(field: IndexField, paths: Paths, traced: "_Traced") -> dict[str, Cause]:
+    """Return the changes by the order of interpolation and by jumps of a field that was not resampled."""
+    if isinstance(field.samples, UniformGrid):
+        find = volume_changes if field.geometry == "volume" else surface_changes
+        order, sums, size = find(field, paths, ORDERS[field.interpolation])
+        return {"interpolation": Cause(like=(order,)), "jumps": jumps(field, paths, sums, size)}
+    finer = field.derive("refined", lambda: refined(field)) if field.interpolation == "bilinear" else None
+    if finer is None:
+        order = paths.integral(next_order(field), shortest_cell(field, paths))
+    else:
+        share = REFINED * (KEPT if field.samples.averages is not None else 1.0)
+        order = traced.change(field, finer) * share
+    return {"interpolation": Cause(like=(order,)), "jumps": Cause(like=(lacking(field, paths),))}
+
+
+def _by_source(field: IndexField, paths: Paths, traced: "_Traced", until, lost: np.ndarray) -> dict[str, Cause]:
+    """Return the changes by the source of a resampled field."""
+    source = field.source
+    if source is None:
+        return {"resampling": Cause(known=(Rays.still(len(paths.length)) * np.nan,))}
+    if until is not None:
+        change = traced.change(field, source)
+        change = replace(change, opd=change.opd - lost)
+    else:  # the rays end on faces that the source does not have
+
+        def difference(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            (value, slope), (before, slope_before) = source.evaluate(points), field.evaluate(points)
+            return value - before, slope - slope_before
+
+        change = paths.integral(difference, min(shortest_cell(field, paths), shortest_cell(source, paths)))
+    return {**_by_index(source, paths, traced), "resampling": Cause(known=(change,))}
+
+
+class _Traced:
+    """Traces few of some rays again, by other plans and through other fields; each stands for those nearest to it."""
+
+    def __init__(self, field: IndexField, rays: RayBundle, base: Rays, plan: TracePlan, run: Run):
+        """Take the rays, all of which arrived, and what they brought by a plan."""
+        self.field, self.base, self.plan, self.run = field, base, plan, run
+        self.rays = rays
+        self.few = np.arange(min(TRACED, rays.ray_count))
+        self.some = rays.rows(self.few)
+
+    def tight(self, field: IndexField) -> TracePlan:
+        """Return the plan of rays through a field whose steps and precision leave no error that counts."""
+        return replace(
+            self.plan,
+            method="adaptive",
+            sample_count=0,
+            cubes=False,
+            step=None,
+            backend="warp"
+            if self.plan.backend == "reference" and field.interpolation != "cells"
+            else self.plan.backend,
+            precision="float64",
+            tolerance=TIGHTER * min(self.plan.tolerance, LARGEST_TOLERANCE),
+            max_steps=max(self.plan.max_steps, step_allowance(field, "adaptive", None, None)),
+        )
+
+    @cached_property
+    def true(self) -> dict[int, tuple[Rays, np.ndarray]]:
+        """The rays through fields by such plans, by the fields' identities."""
+        return {}
+
+    def through(self, field: IndexField) -> tuple[Rays, np.ndarray]:
+        """Trace the rays through a field by such a plan."""
+        if id(field) not in self.true:
+            self.true[id(field)] = self.run(field, self.some, self.tight(field))
+        return self.true[id(field)]
+
+    def change(self, field: IndexField, other: IndexField) -> Rays:
+        """Return what another field in the place of one changes, for all rays."""
+        return self._for_all({"": self.through(field), "other": self.through(other)})["other"]
+
+    def steps(self) -> dict[str, Cause]:
+        """Return the changes by bundle, precision and steps."""
+        plan, few = self.plan, (self.base[self.few], np.zeros(len(self.few), int))
+        one_by_one = self.run(self.field, self.some, plan) if plan.bundle is not None else few
+        doubled = replace(plan, precision="float64")
+        double = self.run(self.field, self.some, doubled) if plan.precision != "float64" else one_by_one
+        chain = {"": few, "bundle": one_by_one, "precision": double, "step": self.through(self.field)}
+        return {name: Cause(known=(change,)) for name, change in self._for_all(chain).items()}
+
+    def _for_all(self, chain: dict[str, tuple[Rays, np.ndarray]]) -> dict[str, Rays]:
+        """Return the changes from one to the next, for all rays those of the nearest few; NaN where none arrived."""
+        from scipy.spatial import cKDTree
+
+        names = list(chain)
+        good = np.logical_and.reduce([reached(status) for _, status in chain.values()])
+        if not good.any():
+            return dict.fromkeys(names[1:], self.base * np.nan)
+        start, ahead = self.rays.position, self.rays.direction
+        places = start + ahead * np.linalg.norm(start - start.mean(axis=0), axis=1).max()
+        _, nearest = cKDTree(places[self.few[good]]).query(places)
+        return {
+            name: (chain[name][0] - chain[before][0])[good][nearest]
+            for before, name in zip(names, names[1:], strict=False)
+        }

@@ -1,0 +1,138 @@
+"""The paths of traced rays through a field's box, and integrals of other contrasts along them.
+
+A path is a cubic that begins and ends at the ray's crossings of the box with the ray's directions there. To first order
+a change e of the contrast adds int e ds to the optical path, turns the ray by int grad e ds / n across it, and moves it
+at its stop by int (length left) grad e ds / n.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...medium import IndexField
+from ..lines import box_span, cell_along
+from ..stop import Plane, stop_distance
+from .rays import Rays
+
+GAUSS = 0.5 + np.array([-0.5, 0.5]) / np.sqrt(3.0)
+# Least and greatest number of pieces of a path, each with two Gauss points.
+LEAST_PIECES, MOST_PIECES = 8, 2048
+# points (m, 3) [m] -> contrast (m,) and its gradient [1/m] (m, 3)
+Contrast = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
+
+
+@dataclass(frozen=True, eq=False)
+class Paths:
+    """Paths of rays through a box.
+
+    Attributes:
+        first: Where they begin in the box [m], shape (n, 3).
+        last: Where they end in it [m], shape (n, 3).
+        ahead: Unit directions at the beginning, shape (n, 3).
+        onward: Unit directions at the end, shape (n, 3).
+        length: Lengths in the box [m], shape (n,); 0 for rays that do not meet it.
+        rest: Length from the end in the box to the stop [m], shape (n,).
+        normal: Normal of the plane at which the rays stop, shape (3,), or None.
+        index: Ambient index.
+    """
+
+    first: np.ndarray
+    last: np.ndarray
+    ahead: np.ndarray
+    onward: np.ndarray
+    length: np.ndarray
+    rest: np.ndarray
+    normal: np.ndarray | None
+    index: float
+
+    def at(self, share: np.ndarray) -> np.ndarray:
+        """Return the points at shares of the lengths, (k,) or (n, k), as an array of shape (n, k, 3) [m]."""
+        t = np.broadcast_to(share, (len(self.length), np.shape(share)[-1]))[..., None]
+        chord = (self.last - self.first)[:, None]
+        size = np.linalg.norm(chord, axis=2, keepdims=True)
+        begin, end = size * self.ahead[:, None] - chord, size * self.onward[:, None] - chord
+        bend = t * (1.0 - t) * ((1.0 - t) * begin - t * end)
+        return np.asarray(self.first[:, None] + t * chord + bend)
+
+    def rows(self, rows: np.ndarray) -> "Paths":
+        """Return some of the paths."""
+        parts = (self.first, self.last, self.ahead, self.onward, self.length, self.rest)
+        return Paths(*(part[rows] for part in parts), self.normal, self.index)
+
+    def integral(self, contrast: Contrast, cell: float) -> Rays:
+        """Return what a change of the contrast adds to each ray, by Gauss points of pieces not longer than `cell` [m]."""
+        found = Rays.still(len(self.length))
+        rows = np.flatnonzero(self.length > 0.0)
+        if not len(rows):
+            return found
+        some = self.rows(rows)
+        pieces = int(np.clip(np.ceil(some.length.max() / cell), LEAST_PIECES, MOST_PIECES))
+        share = ((np.arange(pieces)[:, None] + GAUSS) / pieces).ravel()
+        points = some.at(share)
+        value, slope = contrast(points.reshape(-1, 3))
+        weight = np.repeat(some.length[:, None] / len(share), len(share), axis=1)
+        added = some.carried(value.reshape(weight.shape), slope.reshape(*weight.shape, 3), share, weight)
+        for whole, part in zip(
+            (found.opd, found.direction, found.position), (added.opd, added.direction, added.position), strict=True
+        ):
+            whole[rows] = part
+        return found
+
+    def carried(self, value: np.ndarray, slope: np.ndarray, share: np.ndarray, weight: np.ndarray) -> Rays:
+        """Return what changes of the contrast on the paths add at the stop.
+
+        Args:
+            value: Changes of the contrast, shape (n, k).
+            slope: Their gradients [1/m], shape (n, k, 3).
+            share: Where they are, as shares of the lengths, shape (k,) or (n, k).
+            weight: Length of the path that each stands for [m], shape (n, k).
+        """
+        left = (1.0 - share) * self.length[:, None] + self.rest[:, None]
+        turned = np.einsum("nk,nki->ni", weight / self.index, slope)
+        moved = np.einsum("nk,nki->ni", weight * left / self.index, slope)
+        turned, moved = (
+            part - np.sum(part * self.onward, axis=1, keepdims=True) * self.onward for part in (turned, moved)
+        )
+        if self.normal is not None:  # along the ray onto the plane
+            slant = (moved @ self.normal) / (self.onward @ self.normal)
+            moved = moved - slant[:, None] * self.onward
+        return Rays(np.sum(weight * value, axis=1), turned, moved)
+
+
+def paths_of(field: IndexField, position: np.ndarray, direction: np.ndarray, until, ends=None) -> Paths:
+    """Return the paths of rays through a field's box.
+
+    Args:
+        field: The refractive index.
+        position: Where the rays start [m], shape (n, 3).
+        direction: Unit directions there, shape (n, 3).
+        until: Their stop; None where they leave the box.
+        ends: Where they stopped [m] and their unit directions there, both (n, 3); None takes straight lines.
+    """
+    span = box_span(field, position, direction)
+    enter, leave = span.enter, np.minimum(span.leave, stop_distance(position, direction, until))
+    if field.body is not None:
+        walls = field.body.crossings(position, direction)
+        out = np.where(walls > 0.0, walls, np.inf).min(axis=1, initial=np.inf)
+        enter = np.where(np.count_nonzero(walls <= 0.0, axis=1) % 2 == 1, np.maximum(enter, out), enter)
+    good = span.meets & (leave > enter) & np.isfinite(leave)
+    enter, leave = np.where(good, enter, 0.0), np.where(good, leave, 0.0)
+    stop = stop_distance(position, direction, until)
+    rest = np.where(np.isfinite(stop) & good, stop - leave, 0.0)
+    first, last, onward = position + enter[:, None] * direction, position + leave[:, None] * direction, direction
+    if ends is not None:  # the traced ray's last leg, back to where it left the box
+        back = box_span(field, ends[0], -ends[1])
+        inside = good & back.meets & np.isfinite(back.enter)
+        distance = np.where(inside, back.enter, 0.0)
+        last = np.where(inside[:, None], ends[0] - distance[:, None] * ends[1], last)
+        onward = np.where(inside[:, None], ends[1], direction)
+        rest = np.where(inside, distance, rest)
+    length = np.where(good, np.linalg.norm(last - first, axis=1), 0.0)
+    normal = until.normal if isinstance(until, Plane) else None
+    return Paths(first, last, direction, np.asarray(onward), length, rest, normal, field.ambient_index)
+
+
+def shortest_cell(field: IndexField, paths: Paths) -> float:
+    """Return the least length of a path in a cell of the field [m]."""
+    return float(np.min(cell_along(field, paths.ahead[paths.length > 0.0]), initial=np.inf))

@@ -1,0 +1,81 @@
+"""The error of a number by each cause: the number computed again where rays change, and what it changes by.
+
+One eighth of the rays is changed at a time; eight times the number's change is a sample of its error. Of changes to what
+is right, such as those by the source of a resampled field, the error is their mean and its standard error. Of changes
+that are only like those to what is right, such as those by the next order of interpolation, the mean may vanish by
+chance: the error is the root mean square. What all rays share, the mean change of their paths, is applied by itself. Of
+draws the error is the root mean square of the number's change by each of them, of all rays. What each ray has of its
+own, as the pixels of a picture, has the root mean square over rays, all or those about it. Everything times FACTOR;
+causes add as independent.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from ...display.error_budget import ErrorBudget, combine
+from .causes import Variants
+from .rays import Cause, Rays
+
+FACTOR = 2.0
+BLOCKS = 8
+# What rays bring -> a number, or an array of them.
+Number = Callable[[Rays], Any]
+
+
+def spread(number: Number, base: Rays, cause: Cause) -> np.ndarray:
+    """Return the error of a number, or of each in an array, by one cause."""
+    plain, count = np.asarray(number(base)), len(base.opd)
+    block = np.arange(count) * BLOCKS // max(count, 1)
+    total = np.zeros(plain.shape)
+    for change in filter(_differs, (*cause.known, *cause.like)):
+        piston = change.opd.mean()
+        total += np.square(number(base + Rays.still(count).lifted(piston)) - plain)
+        centred = change.lifted(-piston)
+        samples = np.array([BLOCKS * (number(base + centred * (block == part)) - plain) for part in range(BLOCKS)])
+        mean, variance = samples.mean(axis=0), samples.var(axis=0)
+        total += mean**2 + (variance / (BLOCKS - 1) if change in cause.known else variance)
+    for draw in cause.draws:
+        total += np.square(number(base + draw) - plain) / len(cause.draws)
+    return np.asarray(FACTOR * np.sqrt(total))
+
+
+def of_each(pick: Number, found: Variants, near: np.ndarray | None = None) -> dict[str, np.ndarray]:
+    """Return the error by cause of what each ray has of its own.
+
+    Args:
+        pick: Returns it for changes of the rays, shape (n,); the same for a change as for the rays themselves.
+        found: The rays and their changes.
+        near: Rays about each ray, by which its error is found, shape (n, k); None for one error of all rays.
+    """
+    everywhere = np.arange(len(found.base.opd))[None] if near is None else near
+
+    def square(change: Rays) -> np.ndarray:
+        return np.asarray(np.square(pick(change))[everywhere].mean(axis=1))
+
+    errors = {}
+    for name, cause in found.causes.items():
+        total = np.zeros(len(everywhere)) + sum(map(square, (*cause.known, *cause.like)))
+        total = total + sum(map(square, cause.draws)) / max(len(cause.draws), 1)
+        errors[name] = FACTOR * np.sqrt(total)
+    return errors
+
+
+def of_a_ray(pick: Number, found: Variants, unit: str = "") -> ErrorBudget:
+    """Return the error budget of what each ray has of its own: the same for all of them."""
+    return combine({name: float(error[0]) for name, error in of_each(pick, found).items()}, unit)
+
+
+def _differs(change: Rays) -> bool:
+    return bool(np.any(change.opd) or np.any(change.direction) or np.any(change.position))
+
+
+def errors(number: Number, found: Variants) -> dict[str, np.ndarray]:
+    """Return the error of a number, or of each in an array, by cause."""
+    return {name: spread(number, found.base, cause) for name, cause in found.causes.items()}
+
+
+def budget(number: Number, found: Variants, unit: str = "", **others: float) -> ErrorBudget:
+    """Return the error budget of one number; `others` are errors by causes that no ray shows, such as "sampling"."""
+    return combine({name: float(error) for name, error in errors(number, found).items()} | others, unit)
