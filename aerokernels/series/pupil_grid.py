@@ -9,7 +9,7 @@ import numpy as np
 from ..inputs.checks import check_count
 from ..pupils import Projected, Pupil, seen_along
 from ..wavefront import exact_weights, remove_terms, weighted_mean
-from ..wavefront.pixel_weights import three_in_a_row
+from ..wavefront.stencils import three_in_a_row
 from .map_errors import MapErrors, PixelErrors
 
 # Share of a pixel below which a remainder is rounding.

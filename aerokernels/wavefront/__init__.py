@@ -1,8 +1,7 @@
 """Wavefronts over a pupil: fitted terms, Zernike modes, point spread and transfer functions, exchange formats."""
 
 from ..callable_module import make_callable
-from .pixel_errors import SAFETY
-from .pixel_weights import exact_weights
+from .pixel_weights import SAFETY, exact_weights
 from .point_spread import PointSpread, point_spread_function
 from .result import Wavefront
 from .terms import (

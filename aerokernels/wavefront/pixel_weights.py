@@ -15,27 +15,12 @@ quantity with either weights is its error due to the pixels, up to third order.
 import numpy as np
 
 from ..pupils import Projected, Pupil
+from .stencils import derivative_weights
 
 # Subdivisions of a pixel's side over which its moments are summed; fewer for fine maps, whose moments matter less.
 PARTS, MOST_CELLS = 4, 1024
-# Finite differences: offset in pixels -> coefficients of the first and the second derivative at offset 0. Central ones
-# first, then one-sided ones over three pixels and over two.
-STENCILS = (
-    {-1: (-0.5, 1.0), 0: (0.0, -2.0), 1: (0.5, 1.0)},
-    {0: (-1.5, 1.0), 1: (2.0, -2.0), 2: (-0.5, 1.0)},
-    {0: (1.5, 1.0), -1: (-2.0, -2.0), -2: (0.5, 1.0)},
-    {0: (-1.0, 0.0), 1: (1.0, 0.0)},
-    {0: (1.0, 0.0), -1: (-1.0, 0.0)},
-)
-REACH = 2
-
-
-def three_in_a_row(lit: np.ndarray) -> bool:
-    """Return whether three pixels in a row or a column have a sample, shape (ny, nx).
-
-    Without them nothing tells how much a wavefront varies within a pixel, and errors due to the pixels are not known.
-    """
-    return any(bool((one[:-2] & one[1:-1] & one[2:]).any()) for one in (lit, lit.T))
+# Error over the second-order deficit of the shares: the third order is left out.
+SAFETY = 2.0
 
 
 def exact_weights(weight: np.ndarray, pixel: float, pupil: Pupil | Projected | None) -> np.ndarray:
@@ -75,24 +60,3 @@ def _moments(weight: np.ndarray, pixel: float, pupil: Pupil | Projected | None) 
         # Plus the second moment of a subdivision about its own middle.
         found.append((scale * first, scale * (second + share / (12.0 * parts**2))))
     return found
-
-
-def derivative_weights(lit: np.ndarray, first: np.ndarray, second: np.ndarray, axis: int) -> np.ndarray:
-    """Return the weights of the pixels in a sum of their derivatives along an axis, each times its moment.
-
-    Args:
-        lit: Mask of the pixels that have a sample, shape (ny, nx).
-        first: Factors of the first derivatives [pixels], of the same shape.
-        second: Twice the factors of the second derivatives.
-        axis: The axis.
-    """
-    lit, first, second = (np.pad(array, REACH) for array in (lit, first, second))
-    free, found = lit.copy(), np.zeros(lit.shape)
-    for stencil in STENCILS:
-        taken = free.copy()
-        for place in stencil:
-            taken &= np.roll(lit, -place, axis)
-        free &= ~taken
-        for place, (slope, bend) in stencil.items():
-            found += np.roll(np.where(taken, slope * first + 0.5 * bend * second, 0.0), place, axis)
-    return found[REACH:-REACH, REACH:-REACH]
