@@ -2,8 +2,8 @@
 
 A traced map changes as some of its rays do (tracing/variants): each pixel as the nearest of them. Of a map from
 elsewhere the error of the OPD is known at most: it changes by smooth patterns of that size, from a tenth of the pupil's
-radius to all of it. "sampling" is what the number changes by on pixels of half the side (finer.py), twice: a number of
-second order in the side is off by 4/3 of that change.
+radius to all of it. "sampling" is twice what the number changes by on pixels of a third of the side (finer.py): nine
+tenths of what a number of second order in the side is off by.
 """
 
 from collections.abc import Callable
@@ -25,8 +25,8 @@ from .terms import remove_named, weighted_mean
 PIXELS, DRAWS, WAVES, SIZES = 512, 16, 24, (1.0, 0.5, 0.25, 0.1)
 # Greatest size of changes by a cause, over the greatest of any, that does not count.
 LEAST = 0.01
-# Error due to the pixels over the change by pixels of half the side.
-BY_HALVES = 2.0
+# Error due to the pixels over the change by finer ones.
+BY_PIXELS = 2.0
 # A wavefront -> a number of it, or an array.
 Number = Callable[[Any], Any]
 
@@ -102,7 +102,7 @@ def of_pixels(wave: Any, number: Number) -> np.ndarray:
     plain = np.asarray(number(wave))
     if not three_in_a_row(wave.lit):
         return np.full(plain.shape, np.nan)
-    return np.asarray(BY_HALVES * np.abs(number(finer(wave)) - plain))
+    return np.asarray(BY_PIXELS * np.abs(number(finer(wave)) - plain))
 
 
 def of_changes(wave: Any, number: Number) -> np.ndarray:

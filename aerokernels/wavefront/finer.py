@@ -1,9 +1,9 @@
-"""A wavefront on pixels of half the side, by which the error due to the pixels is told.
+"""A wavefront on pixels of a third of the side, by which the error due to the pixels is told.
 
-A pixel has one sample, at its centre, and the mean amplitude of its area. The OPD at the middles of its quarters is its
-Taylor series to second order, with derivatives from the neighbours inside the pupil; the mixed one cancels among the
-quarters. Their amplitudes are the pupil's, where the map has one. The OPD, not its phase, is continued: only its slope
-tells where the phase advances by nearly a period from pixel to pixel.
+A pixel has one sample, at its centre, and the mean amplitude of its area. The OPD within it is its Taylor series to
+second order along either axis, with derivatives from the neighbours inside the pupil; amplitudes there are the pupil's,
+where the map has one. The OPD, not its phase, is continued: only its slope tells where the phase advances by nearly a
+period from pixel to pixel.
 """
 
 from dataclasses import replace
@@ -14,24 +14,25 @@ import numpy as np
 from .stencils import derivatives
 from .terms import remove_named
 
-# Middles of a pixel's halves, from its own [pixels].
-QUARTERS = np.array([-0.25, 0.25])
+# Parts of a pixel's side, and their middles from its own [pixels].
+PARTS, STEPS = 3, (-1.0 / 3.0, 0.0, 1.0 / 3.0)
 
 
 def finer(wave: Any) -> Any:
-    """Return a wavefront on pixels of half the side, with the removed terms fitted and removed again."""
+    """Return a wavefront on pixels of a third of the side, with the removed terms fitted and removed again."""
     lit = wave.lit
-    opd = np.where(lit, wave.opd, 0.0)
-    parts = [opd]
+    parts = [np.where(lit, wave.opd, 0.0)]
     for axis in (0, 1):
-        slope, bend = derivatives(opd, lit, axis)
-        parts = [one + step * slope + 0.5 * step**2 * bend for one in parts for step in QUARTERS]
-    found = np.empty((2 * len(opd), 2 * len(opd)))
-    for number, one in enumerate(parts):  # even and odd rows and columns
-        found[number // 2 :: 2, number % 2 :: 2] = one
-    weight, intensity = _quartered(wave, wave.weight, 1), _quartered(wave, wave.intensity, 2)
-    half = replace(wave, opd=found, weight=weight, intensity=np.maximum(intensity, weight**2), pixel=0.5 * wave.pixel)
-    return removed_again(half)
+        parts = [
+            one + step * slope + 0.5 * step**2 * bend
+            for one in parts
+            for slope, bend in [derivatives(one, lit, axis)]
+            for step in STEPS
+        ]
+    found = np.stack(parts).reshape(PARTS, PARTS, *lit.shape).transpose(2, 0, 3, 1).reshape(_repeated(lit).shape)
+    weight, intensity = _divided(wave, wave.weight, 1), _divided(wave, wave.intensity, 2)
+    intensity = np.maximum(intensity, weight**2)
+    return removed_again(replace(wave, opd=found, weight=weight, intensity=intensity, pixel=wave.pixel / PARTS))
 
 
 def removed_again(wave: Any) -> Any:
@@ -43,14 +44,16 @@ def removed_again(wave: Any) -> Any:
     return replace(wave, opd=opd)
 
 
-def _quartered(wave: Any, values: np.ndarray, power: int) -> np.ndarray:
-    """Return mean amplitudes or intensities (power 2) of the quarters of pixels; their mean is the pixel's own."""
-    whole = np.repeat(np.repeat(values, 2, axis=0), 2, axis=1)
+def _divided(wave: Any, values: np.ndarray, power: int) -> np.ndarray:
+    """Return mean amplitudes or intensities (power 2) of the parts of pixels; their mean is the pixel's own."""
+    whole, count = _repeated(values), len(values)
     if wave.aperture is None:
         return whole
-    count = len(values)
-    edges = 0.5 * wave.pixel * (np.arange(2 * count + 1) - count)
+    edges = wave.pixel / PARTS * (np.arange(PARTS * count + 1) - 0.5 * PARTS * count)
     share = wave.aperture.coverage(edges, edges, power)
-    mean = share.reshape(count, 2, count, 2).mean(axis=(1, 3))
-    mean = np.repeat(np.repeat(mean, 2, axis=0), 2, axis=1)
+    mean = _repeated(share.reshape(count, PARTS, count, PARTS).mean(axis=(1, 3)))
     return np.where(mean > 0.0, whole * share / np.where(mean > 0.0, mean, 1.0), whole)
+
+
+def _repeated(values: np.ndarray) -> np.ndarray:
+    return np.repeat(np.repeat(values, PARTS, axis=0), PARTS, axis=1)

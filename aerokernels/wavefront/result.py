@@ -137,7 +137,7 @@ class Wavefront(WavefrontMap):
     def zernike_errors(self, count: int) -> np.ndarray:
         """Return the error of each Zernike coefficient [m], shape (count,).
 
-        Each is fitted again to maps that changed, and to pixels of half the side (changes.py). NaN if that is not
+        Each is fitted again to maps that changed, and to finer pixels (changes.py). NaN if that is not
         known; infinite if the pupil's samples cannot distinguish the polynomials.
 
         Raises:
@@ -231,7 +231,7 @@ class Wavefront(WavefrontMap):
     def quantities(self) -> dict[str, Quantity]:
         """Quantities with their errors: "strehl", "opd_rms" [m], "peak_to_valley" [m], "tilt_x", "tilt_y" [rad].
 
-        Each error is the change of the number where the rays change by a cause, and where pixels have half the side:
+        Each error is the change of the number where the rays change by a cause, and where pixels are finer:
         see changes.py. Both extremes of "peak_to_valley" are off by the OPD's error, and lie between pixels.
         """
         tilt, (strehl, rms, *slopes) = self.tilt, of_samples(self)
