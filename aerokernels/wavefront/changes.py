@@ -153,11 +153,16 @@ def of_opd(wave: Any):
     return of_a_ray(flat, changes.found, "m")
 
 
-def steps_at_extremes(opd: np.ndarray) -> float:
-    """Return the sum of the greatest steps from the greatest and the least OPD to a neighbour [m]."""
-    found = 0.0
-    for place in (np.nanargmax(opd), np.nanargmin(opd)):
-        row, column = np.unravel_index(place, opd.shape)
-        about = opd[max(row - 1, 0) : row + 2, max(column - 1, 0) : column + 2]
-        found += float(np.nanmax(np.abs(about - opd[row, column])))
-    return found
+def of_extremes(wave: Any) -> float:
+    """Return the error of the greatest OPD minus the least [m].
+
+    Both are off by the OPD's error, and lie between pixels: at most a step to a neighbour from those that were found.
+    """
+    if not three_in_a_row(wave.lit):
+        return float("nan")
+    steps = 0.0
+    for place in (np.nanargmax(wave.opd), np.nanargmin(wave.opd)):
+        row, column = np.unravel_index(place, wave.opd.shape)
+        about = wave.opd[max(row - 1, 0) : row + 2, max(column - 1, 0) : column + 2]
+        steps += float(np.nanmax(np.abs(about - wave.opd[row, column])))
+    return float(np.hypot(2.0 * wave.opd_error, steps))

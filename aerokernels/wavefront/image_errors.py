@@ -115,7 +115,14 @@ def sensitivity_error(wave: Any, fried: float) -> float:
 
     The change by linear interpolation between the frequencies represents the error of the cubic one.
     """
-    transfer = wave.otf()
+    transfer = transfer_function(wave)
     number, linear = (sensitivity(transfer, wave.wavelength, fried, cubic) for cubic in (True, False))
-    by_map = of_map(wave, lambda one: number(_transfer(one, wave.pixel)))
-    return float(np.hypot(by_map, linear(transfer.value) - number(transfer.value)))
+    solved = {wave.pixel: number}
+
+    def of(one: Any) -> float:
+        if one.pixel not in solved:
+            perfect = np.abs(_transfer(replace(one, opd=0.0 * one.opd), wave.pixel))
+            solved[one.pixel] = sensitivity(replace(transfer, perfect=perfect), wave.wavelength, fried)
+        return solved[one.pixel](_transfer(one, wave.pixel))
+
+    return float(np.hypot(of_map(wave, of), linear(transfer.value) - number(transfer.value)))

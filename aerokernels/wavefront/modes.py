@@ -151,6 +151,8 @@ def _structure_errors(wavefront: WavefrontMap, by_rings: np.ndarray) -> np.ndarr
 
 def _rings(wavefront: WavefrontMap) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Return distances [m], values [m2], weights of the pairs and errors due to the rings [m2], all of shape (n,)."""
+    from scipy.ndimage import uniform_filter1d
+
     weight = wavefront.weight
     opd, share = wavefront.samples
     flat = np.zeros(weight.shape)
@@ -174,7 +176,9 @@ def _rings(wavefront: WavefrontMap) -> tuple[np.ndarray, np.ndarray, np.ndarray,
     steep = np.divide(sums, squares, out=np.zeros_like(sums), where=squares > 0.0)
     rest = steep - np.divide(value, spread, out=np.zeros_like(value), where=spread > 0.0)[:, None]
     known = np.maximum(np.count_nonzero(counts, axis=1) - 1, 1)
-    by_parts = spread * np.sqrt(np.sum(counts * rest**2, axis=1) / whole / known)
+    scatter = np.sum(counts * rest**2, axis=1) / whole / known
+    # Four parts may agree by chance: three rings in a row tell.
+    by_parts = spread * np.sqrt(np.maximum(scatter, uniform_filter1d(scatter, 3)))
     by_distance = value * (np.divide(spread, place**2, out=np.ones_like(spread), where=place > 0.0) - 1.0)
     return wavefront.pixel * place, value, whole / whole.sum(), np.hypot(by_parts, by_distance)
 

@@ -11,7 +11,7 @@ from ..display.shown import shown
 from ..inputs.arguments import Numbers, checked
 from ..inputs.checks import check_count
 from ..pupils import Pupil
-from .changes import of_samples, steps_at_extremes
+from .changes import of_extremes, of_samples
 from .data import WavefrontMap
 from .image_errors import encircled_errors, intensities, spread_errors, transfer_errors
 from .image_quantities import image_quantities
@@ -232,14 +232,13 @@ class Wavefront(WavefrontMap):
         """Quantities with their errors: "strehl", "opd_rms" [m], "peak_to_valley" [m], "tilt_x", "tilt_y" [rad].
 
         Each error is the change of the number where the rays change by a cause, and where pixels are finer:
-        see changes.py. Both extremes of "peak_to_valley" are off by the OPD's error, and lie between pixels.
+        see changes.py.
         """
         tilt, (strehl, rms, *slopes) = self.tilt, of_samples(self)
-        valley = np.hypot(2.0 * self.opd_error, steps_at_extremes(self.opd))
         return {
             "strehl": Quantity(self.strehl(), float(strehl), is_ratio=True),
             "opd_rms": Quantity(self.rms, float(rms), "m"),
-            "peak_to_valley": Quantity(self.peak_to_valley, float(valley), "m"),
+            "peak_to_valley": Quantity(self.peak_to_valley, of_extremes(self), "m"),
             "tilt_x": Quantity(float(tilt[0]), float(slopes[0]), "rad"),
             "tilt_y": Quantity(float(tilt[1]), float(slopes[1]), "rad"),
         }

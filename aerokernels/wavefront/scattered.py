@@ -2,8 +2,8 @@
 
 Zernike polynomials are fitted first, so that the part they represent is transferred exactly. The residual is
 interpolated over triangles (Clough and Tocher's cubics), and extrapolated beyond the outermost samples by parabolas.
-The error is measured: every eighth sample is predicted from the others, and off by what the map is off by between
-samples. If there are few, each one is predicted once, an eighth at a time: the error is greatest at the rim, where few
+The error is measured: every fourth sample is predicted from the others, and off by what the map is off by between
+samples. If there are few, each one is predicted once, a quarter at a time: the error is greatest at the rim, where few
 samples are.
 """
 
@@ -25,7 +25,7 @@ from .grid import pupil_grid
 # Most Zernike polynomials; fewest samples for each of them; fewest samples of a wavefront.
 MODES, PER_MODE, FEWEST = 36, 3, 9
 # One of so many samples is predicted from the others to measure the error.
-LEFT_OUT = 8
+LEFT_OUT = 4
 # Up to so many samples, each is left out once; with more, fewer eighths are left out, about so many samples in all.
 EACH_LEFT_OUT = 5000
 # A hole is a point of the pupil farther from every sample than so many mean distances of the samples.
