@@ -140,7 +140,7 @@ def trace(
 
 def _variants(field: IndexField, rays: RayBundle, until, wavelength: float, result: TraceResult) -> Variants | None:
     """Return how some of a result's rays change by each cause of an error; None where no ray arrived."""
-    rows = sample_rows(field, result.ok)
+    rows = sample_rows(field, rays, result.ok)
     if not len(rows):
         return None
     some, run = rays.rows(rows), rerun(until, wavelength)
