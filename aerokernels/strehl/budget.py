@@ -15,7 +15,6 @@ from ..tracing.error_budget.budget import (
     SAFETY,
     column_error,
     combine,
-    faintly_lost,
     float64_rounding,
     opd_errors,
 )
@@ -37,7 +36,7 @@ class StrehlBudget:
         seed: Seed of the rays that are traced again.
         until: Plane on which the rays stop.
         wavelength: Vacuum wavelength [m].
-        air: What the pupil may lose where the known air ends.
+        air: What the pupil's rays miss of the flow.
     """
 
     field: IndexField
@@ -66,8 +65,7 @@ class StrehlBudget:
         spread["resampling"] = float(np.hypot(spread["resampling"], SAFETY * column_error(self.field)))
         spread["refractivity"] /= SAFETY
         spread["precision"] += float64_rounding(self.field, probe)
-        faint = float(np.sqrt(np.mean(faintly_lost(self.field, probe, None) ** 2)))
-        spread["truncation"] = SAFETY * max(self.air.lost_rms, faint)
+        spread["truncation"] = self.air.lost_rms
         of_path = combine(spread)
         causes = {cause: strehl_error(found.value, 2.0 * np.pi * of_path[cause] / self.wavelength) for cause in CAUSES}
         return combine({**causes, "sampling": STANDARD_ERRORS * found.standard_error})

@@ -130,8 +130,8 @@ class StrehlEstimate:
         """Error budget, each entry an error of `value`; computed at the first access, in the time seconds["error"].
 
         "step", "interpolation", "resampling" and "precision" from rays traced again (tracing/error_budget/budget.py),
-        "sampling" from the replicates, "truncation" from what rays may have lost where the known air ends
-        (known_air.py), and "total", their root sum of squares.
+        "sampling" from the replicates, "truncation" from what rays lack because the field was cut from a larger
+        one (tracing/cuts.py), and "total", their root sum of squares.
         """
         with clocked() as spent, stage("error"):
             found = self.budget(self) if self.budget is not None else {}

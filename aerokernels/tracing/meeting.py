@@ -1,4 +1,4 @@
-"""Reject a bundle of which no ray meets the field: its result would be that of empty air."""
+"""Find which straight rays meet a field and its body, and reject a bundle of which none meets the field."""
 
 import numpy as np
 
@@ -6,7 +6,7 @@ from ..derived import cached_on
 from ..medium import IndexField
 from ..medium.grid import UniformGrid
 from ..rays import RayBundle
-from .lines import BOXES, bundle_span
+from .lines import BOXES, box_span, bundle_span
 
 CHUNK = 1 << 14
 
@@ -51,3 +51,28 @@ def check_meeting(field: IndexField, rays: RayBundle, what: str) -> None:
         f"{place[2]:.4g}) m and go toward ({along[0]:.3g}, {along[1]:.3g}, {along[2]:.3g}); check the units (metres "
         "are expected), the direction and the position"
     )
+
+
+def walls_along(field: IndexField, position: np.ndarray, direction: np.ndarray, end) -> tuple[np.ndarray, np.ndarray]:
+    """Where straight lines through a field begin: 0, or where one that starts in the body leaves it [m], shape (n,).
+
+    Also which of them end on the body, shape (n,): they enter it before they leave the field's box or reach `end` [m],
+    or they start in it and never leave it there. A line along x through planar air never leaves the field and is not
+    counted.
+    """
+    assert field.body is not None
+    span = box_span(field, position, direction)
+    walls = field.body.crossings(position, direction)
+    walls = np.pad(walls, ((0, 0), (0, 2)), constant_values=np.inf)
+    before = np.count_nonzero((walls <= span.enter[:, None]) & np.isfinite(walls), axis=1)
+    inside = before % 2 == 1
+    rows = np.arange(len(walls))
+    leaves, enters = walls[rows, before], walls[rows, before + inside]
+    last = np.minimum(span.leave, end)
+    ended = span.meets & (span.leave < 1e30) & ((enters <= last) | inside & (leaves > last))
+    return np.where(inside, leaves, 0.0), ended
+
+
+def meets_wall(field: IndexField, position: np.ndarray, direction: np.ndarray) -> np.ndarray:
+    """Which straight rays end on the body, see `walls_along`, shape (n,)."""
+    return walls_along(field, position, direction, np.inf)[1]

@@ -13,8 +13,9 @@ from ..medium import IndexField
 from ..process.clock import clocked, stage
 from ..rays import RayBundle
 from .bundle.run import BundleRequest, trace_bundle
+from .cuts import lost, may_lose
 from .error_budget.budget import Retrace, error_budget
-from .error_budget.known_air import KnownAir
+from .flow_ends import flow_ends
 from .launch import launch
 from .meeting import check_meeting
 from .plan import TracePlan
@@ -112,6 +113,8 @@ def trace(
                 check_meeting(field, rays, "ray of the bundle")
                 plan = plan_bundle(field, rays, until, method=method, step=step, wavelength=wavelength, **choices)
                 plan = plan if made is None else replace(plan, reasons=(*plan.reasons, made))
+            ends = flow_ends(field, rays.pilot, until, tolerance * wavelength)
+            plan = replace(plan, reasons=(*plan.reasons, ends)) if ends else plan
         if not isinstance(made, tuple):
             arrays = run_plan(field, rays, plan, until, wavelength, wanted)
         # Interpolated rays are within the tolerance: only traced rays can be above it.
@@ -130,7 +133,7 @@ def trace(
         start_position=rays.held("position"),
         start_direction=rays.held("direction"),
         budget=partial(_budget, field, rays, retracer(until, wavelength)),
-        known_air=KnownAir(field, rays, until, tolerance * wavelength),
+        lost=partial(_lost, field, rays, until) if may_lose(field, tolerance * wavelength) else None,
         group=partial(_group_path, field, rays, until),
         traced_status=arrays.pop("status"),
         **arrays,
@@ -138,8 +141,11 @@ def trace(
 
 
 def _budget(field: IndexField, rays: RayBundle, retrace: Retrace, result: TraceResult) -> dict[str, float]:
-    ends = None if result.known_air is None else result.known_air.needed(result.ends)
-    return error_budget(field, rays, result.ok, result.plan, retrace, result.truncation, ends, result.step_error)
+    return error_budget(field, rays, result.ok, result.plan, retrace, result.truncation, result.step_error)
+
+
+def _lost(field: IndexField, rays: RayBundle, until, result: TraceResult) -> np.ndarray:
+    return lost(field, rays, until, result.ends, result.plan.tolerance * result.wavelength)
 
 
 def _group_path(field: IndexField, rays: RayBundle, until, result: TraceResult) -> np.ndarray:

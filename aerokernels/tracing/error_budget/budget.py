@@ -10,13 +10,13 @@ r"""The error budget of a trace's optical path difference, by cause, measured on
                     change by resampling the flow's cells, on lines through it (`IndexField.upstream`)
     sampling        0: a trace is no mean over rays (an estimate over a pupil fills it in)
     bundle          the error of interpolating between traced rays, as estimated while they were chosen (bundle/)
-    truncation      the OPD that rays may have lost where the known air ends (known_air.py)
+    truncation      the OPD that rays lack because the field was cut from a larger one (cuts.py)
     refractivity    the uncertainty of the model that made the index from a density: a share of the OPD. A finer
                     computation would not reduce it, so it is given beside the total and is not part of it
     total           root sum of squares of the others
 
 Each cause up to "sampling" is the greatest over the rays of the subset. All but "bundle" and "refractivity", which
-have factors of their own, are multiplied by SAFETY, to cover the rays outside the subset and errors that an estimate
+have factors of their own, and "truncation", which is computed, are multiplied by SAFETY, to cover the rays outside the subset and errors that an estimate
 cannot see. Rays are traced to the run's own stop, so that an error of direction counts as it does there. A cause that
 cannot be measured (no ray arrived, or the field before resampling was not kept) is nan, and so is the total. For a
 resampled field "interpolation" is that of the field it was made from.
@@ -39,7 +39,6 @@ from ..status import reached
 from ..stop import Plane
 from .average_deficit import deficit_integrals
 from .grid_error import greatest, grid_error
-from .known_air import Ends, may_be_lost
 from .rays import subset
 
 SAFETY = 3.0
@@ -190,20 +189,16 @@ def error_budget(
     plan: TracePlan,
     retrace: Retrace,
     lost: np.ndarray,
-    ends: Ends | None = None,
     step_error: np.ndarray | None = None,
 ) -> dict[str, float]:
     """The budget of a trace [m of OPD]: the greatest error of each cause over the rays that arrived.
 
-    `good` says which arrived, `lost` is the OPD that each may have lost where the known air ends [m], both of shape
-    (ray_count,). `ends` are the traced end points [m] and directions by which it was estimated; None: straight lines.
-    `step_error` is the trace's own estimate of each ray's step error [m], shape (ray_count,), if it was kept.
+    `good` says which arrived, `lost` is the OPD that each lacks by cuts [m], both of shape (ray_count,). `step_error` is the trace's own estimate of each ray's step error [m], shape (ray_count,), if it was kept.
     """
     if not good.any():
         return dict.fromkeys((*CAUSES, "total"), float("nan"))
     rows = subset(field, rays, good, step_error)
     chosen = rays.rows(rows)
-    ended = None if ends is None else (ends[0][rows], ends[1][rows])
     found = opd_errors(field, chosen, plan, retrace)
     refractivity, omitted = _greatest(found.pop("refractivity")), greatest(found.pop("omitted"))
     causes = {cause: SAFETY * _greatest(array) for cause, array in found.items()}
@@ -212,19 +207,13 @@ def error_budget(
     causes["refractivity"] = refractivity
     causes["precision"] += float64_rounding(field, chosen)
     causes["bundle"] = 0.0 if plan.bundle is None else plan.bundle.error
-    faint = faintly_lost(field, chosen, retrace.until, ended)
-    causes["truncation"] = SAFETY * max(_greatest(lost[good]), _greatest(faint))
+    causes["truncation"] = _greatest(lost[good])
     return combine(causes)
 
 
 def column_error(field: IndexField) -> float:
     """Root mean square OPD error [m] of lines through a field from resampling the flow's own cells."""
     return 0.0 if field.upstream is None else field.upstream.columns
-
-
-def faintly_lost(field: IndexField, rays: RayBundle, until, ends: Ends | None = None) -> np.ndarray:
-    """OPD that each of a few rays may lose where the known air ends [m], down to rounding, shape (ray_count,)."""
-    return may_be_lost(field, rays, until, float64_rounding(field, rays), ends)[0]
 
 
 def combine(causes: dict[str, float]) -> dict[str, float]:

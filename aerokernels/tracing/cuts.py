@@ -1,0 +1,218 @@
+r"""Integrate the air that a field was cut from, along the parts of rays that lie outside the field's box.
+
+The box of a field is its whole flow, unless the field was resampled from a field whose box goes on beyond a face: that
+face is a cut, and what a ray misses by it is computed from the source (`IndexField.source`),
+
+    lost OPD = \int m_source ds   outside the box, from the start of the ray to its stop
+
+along the undisturbed line or, behind a field that displaces rays by more than a cell, along the tangent at the traced
+end. Three Gauss points for each cell of the source integrate its cubic spline exactly along an axis of the grid, and
+kinks between cells to second order in the cell. To first order in the contrast a ray through the source has the OPD of
+the ray through the field plus this integral; what the missing air would turn the ray by is left out.
+
+All other faces are ends of the flow, and nothing is lost there: those of a file, an array or a mesh, of a part that a
+user took of them, and of a field whose source was not kept.
+"""
+
+import numpy as np
+
+from ..derived import cached_on
+from ..medium import IndexField
+from ..medium.grid import UniformGrid
+from ..process.threads import in_threads
+from ..rays import RayBundle
+from .lines import FACES, ROUNDING, SIDE, box_size, box_span
+from .meeting import walls_along
+from .prediction import greatest_turn
+from .stop import ArcLength, Plane, stop_distance
+
+# No ray is examined if the greatest possible loss is below this share of the tolerance, or of GREATEST_TOLERANCE [m] if
+# that is less.
+NOTHING = 0.1
+GREATEST_TOLERANCE = 1e-9
+# An end that is outside the box by less than this share of the box's size counts as lying on its face.
+ON_FACE = 1e-6
+# Places and weights of the three Gauss points in a cell from 0 to 1.
+GAUSS = ((0.5 - np.sqrt(0.15), 5.0 / 18.0), (0.5, 8.0 / 18.0), (0.5 + np.sqrt(0.15), 5.0 / 18.0))
+# Rays that a thread examines together, and cells in which it integrates together: its arrays fit a core's cache.
+CHUNK, CELLS = 1 << 10, 1 << 15  # speed only
+Ends = tuple[np.ndarray, np.ndarray]  # where rays ended [m] and their directions there, both (ray_count, 3)
+# Parts of lines: rows of the rays, points [m] (k, 3), unit vectors (k, 3), and the distances from the points between
+# which they lie [m], (k,) each.
+Parts = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]
+
+
+def is_cut(field: IndexField, face: int) -> bool:
+    """Whether a face of a field's box, by its number in FACES, is a cut through the air of the field's source."""
+    source = field.source
+    if source is None or source is field:
+        return False
+    own, whole = (one.box[0 if face % 2 == 0 and face != SIDE else 1] for one in (field, source))
+    if field.geometry == "axisymmetric" and face < 4:
+        return False  # its side is SIDE
+    axis = 0 if face == SIDE else face // 2
+    if face == SIDE and field.geometry != "axisymmetric" or not np.isfinite(own[axis]):
+        return False
+    beyond = whole[axis] - own[axis] if face % 2 or face == SIDE else own[axis] - whole[axis]
+    return bool(beyond > ROUNDING * box_size(source))
+
+
+@cached_on("field")
+def air_beyond(field: IndexField) -> np.ndarray:
+    """Greatest |contrast| of a field's source beyond each of FACES that is a cut; 0 at every other face."""
+    return np.array([_greatest_beyond(field, face) if is_cut(field, face) else 0.0 for face in range(len(FACES))])
+
+
+def _greatest_beyond(field: IndexField, face: int) -> float:
+    """The greatest |value| of the source in the cells that lie beyond a face, at least partly."""
+    samples = field.source.samples
+    axis = 0 if face == SIDE else face // 2 - (3 - len(samples.low))
+    upper = face == SIDE or face % 2 == 1
+    place = (field.samples.high if upper else field.samples.low)[axis]
+    if isinstance(samples, UniformGrid):
+        node = (place - samples.origin[axis]) / samples.spacing[axis]
+        part = slice(int(np.floor(node)), None) if upper else slice(0, int(np.ceil(node)) + 1)
+        values = samples.samples[(slice(None),) * axis + (part,)]
+        return float(max(values.max(), -values.min()))
+    corners = samples.mesh.vertices[samples.mesh.cells, axis]
+    cells = samples.mesh.cells[((corners > place) if upper else (corners < place)).any(axis=1)]
+    return float(np.abs(samples.values[cells]).max(initial=0.0))
+
+
+def may_lose(field: IndexField, tolerance: float) -> bool:
+    """Whether any ray may lose more than a negligible part of the tolerance [m of OPD] by the cuts of a field's box."""
+    return bool(air_beyond(field).max() > weakest_contrast(field, tolerance))
+
+
+def weakest_contrast(field: IndexField, tolerance: float) -> float:
+    """Greatest |contrast| beyond a cut for which no ray is examined; `tolerance` is the OPD error [m]."""
+    return NOTHING * min(tolerance, GREATEST_TOLERANCE) / box_size(field.source or field)
+
+
+def may_bend(field: IndexField) -> bool:
+    """Whether a field on a uniform grid may displace rays by more than a cell; False for every field on a mesh.
+
+    The displacement is at most half the greatest turn times the box's size.
+    """
+    if not isinstance(field.samples, UniformGrid):
+        return False
+    return 0.5 * greatest_turn(field.samples) * box_size(field) > float(field.spacing.min())
+
+
+def lost(
+    field: IndexField,
+    rays: RayBundle,
+    until: Plane | ArcLength | None,
+    ends: Ends | None = None,
+    tolerance: float = GREATEST_TOLERANCE,
+) -> np.ndarray:
+    """The OPD that the source of a field has outside the field's box on each ray [m], signed, shape (ray_count,).
+
+    Rays that end on a body lose nothing.
+
+    Args:
+        field: The refractive index.
+        rays: The rays.
+        until: Their stop; None for rays that continue without end once they have left the field.
+        ends: Where the traced rays ended [m] and their directions there, both (ray_count, 3); used where the field may
+            displace rays by more than a cell. None: straight lines.
+        tolerance: Requested OPD error [m]; air that cannot change a path by a tenth of it is not integrated.
+    """
+    found = np.zeros(rays.ray_count)
+    if not may_lose(field, tolerance):
+        return found
+    strong = air_beyond(field) > weakest_contrast(field, tolerance)
+    bent = ends is not None and may_bend(field)
+
+    def examine(first: int) -> None:
+        rows = slice(first, first + CHUNK)
+        here = (ends[0][rows], ends[1][rows]) if ends is not None and bent else None
+        found[rows] = _lost_by(field, rays.position[rows], rays.direction[rows], until, here, strong)
+
+    in_threads(examine, range(0, rays.ray_count, CHUNK))
+    return found
+
+
+def cuts_crossed(field: IndexField, rays: RayBundle) -> np.ndarray:
+    """The face by which each undisturbed ray leaves a field's box, or else enters it, if it is a cut, else -1, (n,)."""
+    span = box_span(field, rays.position, rays.direction)
+    cut = np.append([is_cut(field, face) for face in range(len(FACES))], False)
+    leaves = cut[span.exit_face] & span.meets
+    return np.where(leaves, span.exit_face, np.where(cut[span.entry_face] & span.meets, span.entry_face, -1))
+
+
+def _lost_by(field: IndexField, position, direction, until, ends: Ends | None, strong: np.ndarray) -> np.ndarray:
+    """As `lost`, for some rays; `strong` says of each of FACES whether the air beyond it counts."""
+    source = field.source
+    assert source is not None
+    counts = np.append(strong, False)  # the last is for face -1
+    span, stop = box_span(field, position, direction), stop_distance(position, direction, until)
+    enters = span.meets & counts[span.entry_face]
+    leaves = span.meets & counts[span.exit_face] & (stop > span.leave)
+    rows = np.flatnonzero(enters | leaves | ~span.meets)
+    found = np.zeros(len(position))
+    if not len(rows):
+        return found
+    whole = box_span(source, position[rows], direction[rows])
+    first, last = whole.enter, np.minimum(whole.leave, stop[rows])
+    if source.body is not None:
+        begin, blocked = walls_along(source, position[rows], direction[rows], last)
+        first, last = np.maximum(first, begin), np.where(blocked, -np.inf, last)
+    parts: list[Parts] = []
+
+    def add(chosen: np.ndarray, start: np.ndarray, end: np.ndarray) -> None:
+        some = np.flatnonzero(chosen[rows] & (end > start) & np.isfinite(end))
+        parts.append((rows[some], position[rows[some]], direction[rows[some]], start[some], end[some]))
+
+    add(enters, first, np.minimum(last, span.enter[rows]))
+    add(~span.meets, first, last)
+    if ends is not None:
+        bent, part = _behind(field, source, ends, until, strong)
+        kept = ~np.isin(part[0], rows[np.isneginf(last)])
+        parts.append(tuple(array[kept] for array in part))  # type: ignore[arg-type]
+        leaves &= ~bent
+    add(leaves, np.maximum(first, span.leave[rows]), last)
+    for part in parts:
+        np.add.at(found, part[0], _integrals(source, *part[1:]))
+    return found
+
+
+def _behind(field: IndexField, source: IndexField, ends: Ends, until, strong: np.ndarray) -> tuple[np.ndarray, Parts]:
+    """The tangents at traced ends, from the box to the stop, and which rays' ways out of the box they are, (n,)."""
+    margin = ON_FACE * box_size(field)
+    back = box_span(field, ends[0] + margin * ends[1], -ends[1])
+    leaves = back.meets & (back.entry_face >= 0)
+    if until is not None:
+        leaves &= back.enter > 2.0 * margin
+    rows = np.flatnonzero(leaves & np.append(strong, False)[back.entry_face])
+    way = ends[1][rows]
+    start = ends[0][rows] - (back.enter[rows] - margin)[:, None] * way
+    end = box_span(source, start, way).leave
+    if until is not None:
+        end = np.minimum(end, back.enter[rows] - margin)
+    return back.meets if until is not None else leaves, (rows, start, way, np.zeros(len(rows)), np.maximum(end, 0.0))
+
+
+def _integrals(source: IndexField, point, way, begin: np.ndarray, end: np.ndarray) -> np.ndarray:
+    """Integrals of the contrast [m] along the lines point + t way, for t from `begin` to `end` [m], shape (n,)."""
+    found = np.zeros(len(point))
+    cells = np.ceil((end - begin) / float(np.min(source.spacing))).astype(np.int64)
+    batch = np.cumsum(cells) // CELLS
+    for rows in np.split(np.arange(len(point)), np.flatnonzero(np.diff(batch)) + 1):
+        count = cells[rows]
+        line = np.repeat(rows, count)
+        number = np.arange(len(line)) - np.repeat(np.cumsum(count) - count, count)
+        step = (end[line] - begin[line]) / np.maximum(cells[line], 1)
+        for place, weight in GAUSS:
+            along = begin[line] + (number + place) * step
+            local = source.local_coordinates(point[line] + along[:, None] * way[line])
+            found += np.bincount(line, weight * step * _contrast(source, local), len(found))
+    return found
+
+
+def _contrast(source: IndexField, local: np.ndarray) -> np.ndarray:
+    """Contrast at local points (n, d) in the box of the field, shape (n,)."""
+    samples = source.samples
+    if isinstance(samples, UniformGrid):
+        return np.asarray(samples.evaluate(np.clip(local, samples.low, samples.high))[0])
+    return np.asarray(samples.evaluate(local, None, False)[0])
