@@ -33,6 +33,7 @@ import numpy as np
 from ...medium import IndexField
 from ...rays import RayBundle
 from ..allowance import step_allowance
+from ..cuts import lost
 from ..lines import SIDE, box_span
 from ..plan import TracePlan
 from ..status import reached
@@ -143,7 +144,8 @@ def _against_source(field: IndexField, rays: RayBundle, plan: TracePlan, retrace
         here = tuple(array[rows] for array in truth) if again is retrace else again(field, some, _tight(field, plan))
         there = again(source, some, _tight(source, plan))
         arrived = reached(here[1]) & reached(there[1])
-        change = (here[0] - there[0] - deficit_integrals(source, some, again.until))[arrived]
+        missing = lost(field, some, again.until, tolerance=0.0)  # a cause of its own
+        change = (here[0] + missing - there[0] - deficit_integrals(source, some, again.until))[arrived]
         parts.append({**_interpolation(source, some, plan, again, there), "resampling": change})
     return {name: np.concatenate([part[name] for part in parts], axis=-1) for name in parts[0]}
 
@@ -193,7 +195,8 @@ def error_budget(
 ) -> dict[str, float]:
     """The budget of a trace [m of OPD]: the greatest error of each cause over the rays that arrived.
 
-    `good` says which arrived, `lost` is the OPD that each lacks by cuts [m], both of shape (ray_count,). `step_error` is the trace's own estimate of each ray's step error [m], shape (ray_count,), if it was kept.
+    `good` says which arrived, `lost` is the OPD that each lacks by cuts [m], both of shape (ray_count,). `step_error`
+    is the trace's own estimate of each ray's step error [m], shape (ray_count,), if it was kept.
     """
     if not good.any():
         return dict.fromkeys((*CAUSES, "total"), float("nan"))

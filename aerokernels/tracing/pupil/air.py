@@ -148,8 +148,9 @@ def _loss(field: IndexField, rays: RayBundle, tolerance: float) -> tuple[float, 
     concerned = np.flatnonzero((faces >= 0) | ~bundle_span(rays, field.geometry, *field.box).meets)
     if not len(concerned):
         return 0.0, 0.0, ""
-    step = -(-len(concerned) // INTEGRATED)
-    some = concerned[::step]
+    some = concerned
+    if len(concerned) > INTEGRATED:  # drawn at random: every eighth point of a Sobol sequence is on one ring
+        some = concerned[np.sort(np.random.default_rng(0).permutation(len(concerned))[:INTEGRATED])]
     part = weight[some] * (weight[concerned].sum() / weight[some].sum())
     amount = lost(field, rays.rows(some), None, tolerance=tolerance)
     total = weight.sum()
