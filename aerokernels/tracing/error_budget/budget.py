@@ -15,11 +15,11 @@ r"""The error budget of a trace's optical path difference, by cause, measured on
                     computation would not reduce it, so it is given beside the total and is not part of it
     total           root sum of squares of the others
 
-Each cause up to "sampling" is the greatest over the rays of the subset. All but "bundle" and "refractivity", which
-have factors of their own, and "truncation", which is computed, are multiplied by SAFETY, to cover the rays outside the subset and errors that an estimate
-cannot see. Rays are traced to the run's own stop, so that an error of direction counts as it does there. A cause that
-cannot be measured (no ray arrived, or the field before resampling was not kept) is nan, and so is the total. For a
-resampled field "interpolation" is that of the field it was made from.
+Each cause up to "sampling" is the greatest over the rays of the subset. All but "bundle" and "refractivity", which have
+factors of their own, and "truncation", which is computed, are multiplied by SAFETY, to cover the rays outside the
+subset and errors that an estimate cannot see. Rays are traced to the run's own stop, so that an error of direction
+counts as it does there. A cause that cannot be measured (no ray arrived, or the field before resampling was not kept)
+is nan, and so is the total. For a resampled field "interpolation" is that of the field it was made from.
 
 The steps of the reference backend are more accurate than the trace that would have to serve as the truth. Where this
 backend chooses its steps, the step error is its own estimate: the sum of its embedded formulae.
