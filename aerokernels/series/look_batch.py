@@ -21,8 +21,9 @@ from ..medium import IndexField
 from ..process.opened import OPENED
 from ..pupils.vectors import transverse_frames
 from ..rays import RayBundle
-from ..tracing.error_budget.known_air import may_be_lost
-from ..tracing.pupil.air import GREATEST_SHARE
+from ..tracing.cuts import lost
+from ..tracing.lines import box_span
+from ..tracing.pupil.air import GREATEST_SHARE, PAST_TOLD
 from .bending import SAFETY
 from .snapshot import gpu_of
 from .strehl_bound import strehl_error
@@ -32,7 +33,7 @@ LEAST = 12  # directions; fewer are traced one by one
 CHECKED = 3
 REPLICATES = 16
 AT_ONCE = 1 << 24  # rays of a launch; speed only
-KNOWN_RAYS = 256  # rays of a direction for which the exit from the known air is checked
+KNOWN_RAYS = 256  # rays of a direction for which it is examined what they miss of the flow
 KNOWN_FIRST = 16  # rays of the first check of all directions
 KNOWN_AT_ONCE = 1 << 18  # speed only
 CURVE_BITS = 12  # of the coordinates of points, along each axis; speed only
@@ -122,18 +123,20 @@ def side_by_side(points: np.ndarray) -> np.ndarray:
 
 
 def _known(field: IndexField, center: np.ndarray, points: np.ndarray, looks, axes, tolerance: float) -> np.ndarray:
-    """Return whether the rays of each direction stay in known air, at all but a thousandth of the pupil's points."""
+    """Return whether the rays of each direction miss nothing: by cuts a thousandth of the points, past the box more."""
     found = np.ones(len(looks))
-    most = GREATEST_SHARE * len(points)
-    # A few points suffice to find most directions that leave the known air; the others are checked with all points.
+    most, most_past = GREATEST_SHARE * len(points), PAST_TOLD * len(points)
+    # A few points suffice to find most directions that miss something; the others are checked with all points.
     for some in (points[:: -(-len(points) // KNOWN_FIRST)], points):
         left = np.flatnonzero(found)
         each = max(1, KNOWN_AT_ONCE // len(some))  # speed only
         for rows in (left[first : first + each] for first in range(0, len(left), each)):
             position = (center + np.einsum("pa,nak->npk", some, axes[rows])).reshape(-1, 3)
             direction = np.repeat(looks[rows], len(some), axis=0)
-            lost, _ = may_be_lost(field, RayBundle(position, direction), None, tolerance)
-            found[rows] = (lost.reshape(-1, len(some)) > tolerance).sum(axis=1) <= most
+            amount = lost(field, RayBundle(position, direction), None, tolerance=tolerance).reshape(-1, len(some))
+            past = ~box_span(field, position, direction).meets.reshape(-1, len(some))
+            found[rows] = (np.abs(amount) > tolerance).sum(axis=1) <= most
+            found[rows] *= (past.sum(axis=1) <= most_past) | past.all(axis=1)
     return found
 
 

@@ -78,7 +78,7 @@ class SnapshotResult:
 
     Attributes:
         opd: [m], shape (n,); NaN where a ray failed.
-        valid: Whether a ray came through, its whole path in known air, shape (n,).
+        valid: Whether a ray came through, its whole path in the grid, shape (n,).
         traced: Whether it was traced in full.
         error: Its error, rms over the pupil [m]: bending and interpolation, or the budget of the full trace.
         slope: Mean square of the wavefront's slopes.
@@ -184,7 +184,7 @@ class Snapshots:
         return stored, self.lines.to_device(samples, self.device) if self.series.lies_here(stored) else None
 
     def air(self, pupil: Pupil, number: int, stored: Any) -> PupilAir:
-        """Return what the pupil may lose where the known air of a snapshot ends."""
+        """Return what the pupil misses of a snapshot."""
         field = self.settings.index_field(self.series.field(stored, number))
         return pupil_air(field, pupil, self.settings.direction, self.settings.tolerance * self.settings.wavelength)
 

@@ -26,7 +26,7 @@ NUMBERS = {
     "opd_rms_with_tilt": ("m", "rms of the optical path difference, mean removed"),
     "opd_rms_with_tilt_error": ("m", "what opd_rms_with_tilt may be off by for the error of opd and for the pixels"),
     "error": ("m", "what opd may be off by, rms over the pupil"),
-    "known": ("1", "share of the pupil whose rays came through known air; the rest is in no number"),
+    "known": ("1", "share of the pupil whose rays came through; the rest is in no number"),
     "traced": ("1", "1 where the snapshot was traced in full, 0 on straight lines"),
     "slope": ("1", "mean square of the wavefront's slopes"),
     "probe": ("m", "bending's part of opd where it was measured, rms"),
