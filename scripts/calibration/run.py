@@ -44,7 +44,6 @@ def one(kind: str, seed: int) -> dict[str, Any]:
     traced = ak.trace(field, rays, until=until, method="adaptive", precision="float64", tolerance=1e-7, bundle="off")
     got = Rays(traced.opd, traced.direction - scene.way, _moved(traced.position, rays.position, scene.way))
     found = traced.variants
-    found.causes.pop('truncation', None)
     x = (position - scene.center) @ _axes(scene.way).T / scene.radius
     numbers, of_all = Numbers(_of(found, x, rays), scene.radius * CELL, WAVELENGTH), Numbers(x, scene.radius * CELL, WAVELENGTH)
     value, exact = of_all(got), of_all(true)
