@@ -6,8 +6,11 @@ the share of scenes whose true error is within the error told, and the median an
 
 import argparse
 import json
+import os
 import sys
 import warnings
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
@@ -27,18 +30,19 @@ def main() -> None:
     parser.add_argument("kinds", nargs="?", default=",".join(RESOLVED + UNRESOLVED))
     parser.add_argument("count", nargs="?", type=int, default=19)
     parser.add_argument("--out", type=Path)
+    parser.add_argument("--workers", type=int, default=os.cpu_count(), help="processes; the number of cores if left out")
     options = parser.parse_args()
     warnings.simplefilter("ignore")
-    found = []
-    for kind in options.kinds.split(","):
-        for seed in range(options.count):
-            found.append(one(kind, seed))
-            if options.out is not None:
-                with options.out.open("a") as file:
-                    file.write(json.dumps(found[-1], default=float) + "\n")
-        print(kind, *table([one for one in found if one["kind"] == kind]), sep="\n", flush=True)
+    kinds = options.kinds.split(",")
+    tasks = [(kind, seed) for kind in kinds for seed in range(options.count)]
+    with ProcessPoolExecutor(options.workers, get_context("spawn")) as pool:
+        found = list(pool.map(one, *zip(*tasks, strict=True), chunksize=4))
+    if options.out is not None:
+        options.out.write_text("".join(json.dumps(scene, default=float) + "\n" for scene in found))
+    for kind in kinds:
+        print(kind, *table([scene for scene in found if scene["kind"] == kind]), sep="\n", flush=True)
     for name, kinds in (("resolved", RESOLVED), ("unresolved jumps", UNRESOLVED)):
-        print(name, *table([one for one in found if one["kind"] in kinds]), sep="\n")
+        print(name, *table([scene for scene in found if scene["kind"] in kinds]), sep="\n")
 
 
 def table(scenes: list[dict]) -> list[str]:
