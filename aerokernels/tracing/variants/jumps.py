@@ -43,9 +43,17 @@ def left_over(size: dict[int, float]) -> float:
     return min(1.0, float(np.sqrt(3.0) * share)) if off < ONE_LAW else 1.0
 
 
-def jumps(field: IndexField, paths: Paths, sums: Rays, size: dict[int, float]) -> Cause:
-    """Return the change by the place of jumps, and draws of it, from sums over every second node."""
-    sums = sums * (left_over(size) / np.sqrt(3.0))
+def jumps(field: IndexField, paths: Paths, thinned: tuple[tuple[Rays, dict[int, float]], ...]) -> Cause:
+    """Return the change by the place of jumps, and draws of it.
+
+    Args:
+        field: The refractive index.
+        paths: The rays' paths.
+        thinned: Changes of sums over every second node, and the sizes of those by two, three and four.
+    """
+    sums = Rays.still(len(paths.length))
+    for change, size in thinned:
+        sums = sums + change * (left_over(size) / np.sqrt(3.0))
     if not np.any(sums.opd):
         return Cause()
     from scipy.spatial import cKDTree
