@@ -70,6 +70,8 @@ def bring(arrays: list[np.ndarray], buffers: list[Any], rows: int = ROWS) -> Ite
     """
     import warp
 
+    from .launching import lent_stream
+
     device, count = buffers[0].device, len(arrays[0])
     chunks = [slice(first, min(first + rows, count)) for first in range(0, count, rows)]
     slots = _slots(arrays, min(rows, count), min(SLOTS, len(chunks))) if device.is_cuda else []
@@ -80,12 +82,12 @@ def bring(arrays: list[np.ndarray], buffers: list[Any], rows: int = ROWS) -> Ite
                 warp.copy(buffer, some, dest_offset=chunk.start)
             yield chunk
         return
-    stream = warp.Stream(device)
-    stream.wait_stream(device.stream)  # the buffers were allocated in the order of the device's stream
     events: list[Any] = []
     jobs: list[list[Any]] = []
     try:
         with ThreadPoolExecutor(min(THREADS, core_count())) as pool:
+            stream = lent_stream(pool, device)
+            stream.wait_stream(device.stream)  # the buffers were allocated in the order of the device's stream
 
             def stage_next() -> None:
                 chunk, slot = chunks[len(jobs)], slots[len(jobs) % len(slots)]

@@ -49,6 +49,7 @@ def checked_rays(position: Any, direction: Any) -> tuple[DeviceArray, DeviceArra
     import warp as wp
 
     from .kernels import FAULTS, PLACE, WAY, ZERO, check_rays
+    from .launching import launch
 
     device = next(each.device for each in (position, direction) if isinstance(each, wp.array))
     both = [_numbers(each, device) for each in (position, direction)]
@@ -64,7 +65,7 @@ def checked_rays(position: Any, direction: Any) -> tuple[DeviceArray, DeviceArra
         raise ValueError(f"{count} ray positions but {len(both[1])} directions: give one for each")
     faults = wp.array([0] * FAULTS + [count] * FAULTS, dtype=wp.int32, device=device)
     place, way = (wp.empty(count, dtype=wp.vec3d, device=device) for _ in range(2))
-    wp.launch(check_rays, dim=count, inputs=[*both, faults, place, way], device=device)
+    launch(check_rays, count, [*both, faults, place, way], device)
     found = faults.numpy()
     words = {PLACE: "positions are not finite", WAY: "directions are not finite", ZERO: "directions are zero"}
     for kind, what in words.items():
@@ -126,6 +127,7 @@ def made_rays(
 
     from ..process.quiet_warp import start_warp
     from .kernels import make_rays
+    from .launching import launch
 
     start_warp()
     try:
@@ -144,7 +146,7 @@ def made_rays(
     place, way = (wp.empty(count, dtype=wp.vec3d, device=found) for _ in range(2))
     given = [KINDS.index(made.kind), flat, _put(start, wp.uint32, found), _put(directions, wp.uint32, found), *numbers]
     given += [wp.vec3d(*each) for each in (made.center, made.first, made.second, made.axis)]
-    wp.launch(make_rays, dim=count, inputs=[*given, float(made.scale), place, way], device=found)
+    launch(make_rays, count, [*given, float(made.scale), place, way], found)
     return DeviceArray(place), DeviceArray(way)
 
 

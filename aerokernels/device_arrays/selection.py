@@ -7,6 +7,7 @@ import numpy as np
 import warp as wp
 
 from .kernels import find_extremes, select
+from .launching import launch, sort_rows
 
 # Capacity of the first list of rows, and threads that search for extremes.
 ROOM, THREADS = 1 << 12, 1 << 14
@@ -27,7 +28,7 @@ def rows_begun(status: Any, code: int) -> Callable[[], Any]:
         if not found:
             return wp.empty(0, dtype=wp.int32, device=status.device)
         if found > 1:
-            wp.utils.radix_sort_pairs(rows, wp.empty(2 * found, dtype=wp.int32, device=status.device), found)
+            sort_rows(rows, found)
         return rows[:found]
 
     return wait
@@ -43,7 +44,7 @@ def _begun(status: Any, code: int, error: Any, limit: float, copies: int) -> Cal
     def launched(room: int) -> tuple[Any, Any]:
         rows, count = wp.empty(room, dtype=wp.int32, device=device), wp.zeros(1, dtype=wp.int32, device=device)
         given = [status, code, int(error is not None), error, limit, rows, count]
-        wp.launch(select, dim=len(status), inputs=given, device=device)
+        launch(select, len(status), given, device)
         return rows, count
 
     def wait() -> tuple[Any, int]:
@@ -61,7 +62,7 @@ def extremes(values: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     device, threads = values.device, min(THREADS, len(values))
     low, high = (wp.empty(threads, dtype=wp.vec3d, device=device) for _ in range(2))
     low_row, high_row = (wp.empty(threads, dtype=wp.vec3i, device=device) for _ in range(2))
-    wp.launch(find_extremes, dim=threads, inputs=[values, threads, low, high, low_row, high_row], device=device)
+    launch(find_extremes, threads, [values, threads, low, high, low_row, high_row], device)
     lows, highs = low.numpy(), high.numpy()
     axes = np.arange(3)
     least, greatest = lows.argmin(axis=0), highs.argmax(axis=0)

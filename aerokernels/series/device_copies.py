@@ -63,13 +63,12 @@ class Copies:
         Args:
             device: By its name in Warp.
         """
-        import warp as wp
-
+        from ..device_arrays.launching import lent_stream
         from ..process.quiet_warp import start_warp
 
         start_warp()
         self.device = device
-        self._stream = None if device == "cpu" else wp.Stream(device)
+        self._stream = None if device == "cpu" else lent_stream(self, device)
         self._threads = min(MOST_THREADS, max(2, core_count()))
         self._pool = ThreadPoolExecutor(self._threads)
         self._there: list[Any] = []

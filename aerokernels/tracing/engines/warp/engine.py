@@ -9,6 +9,7 @@ import warp as wp
 
 from ....device_arrays import DeviceArray, in_reach, is_one_row
 from ....device_arrays.fetching import Fetching
+from ....device_arrays.launching import launch, load_module
 from ....device_arrays.pinned import bring, pinned_memory
 from ....medium import IndexField
 from ....process.clock import stage
@@ -30,7 +31,6 @@ from .kernels.leapfrog import build_leapfrog_kernel
 from .kernels.team import WARP
 from .kernels.trace import build_kernel
 from .library import library_of
-from .loading import load_module
 from .transfers import Fetched, Recorded, Sent, Shared
 from .types import types
 
@@ -245,12 +245,12 @@ class Engine(Uploads):
         if self.device != "cpu":
             dim = self.threads.get(kernel, 1) * count
             block = self.blocks.get(kernel)
-            wp.launch(kernel, dim=dim, inputs=[*before, first, *after], device=self.device, block_dim=block)
+            launch(kernel, dim, [*before, first, *after], self.device, block)
             return
 
         def run(begin: int) -> None:
             some = min(chunk, first + count - begin)
-            wp.launch(kernel, dim=some, inputs=[*before, begin, *after], device=self.device)
+            launch(kernel, some, [*before, begin, *after], self.device)
 
         chunk = max(1, min(CHUNK, -(-count // core_count())))
         if kernel in SHARED or kernel in SHORT:
