@@ -10,6 +10,7 @@ from ..inputs.checks import check_count
 from ..pupils.square_map import SquareMap
 from ..sobol import sobol_numbers
 from .array import DeviceArray
+from .pinned import to_host
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +67,7 @@ def checked_rays(position: Any, direction: Any) -> tuple[DeviceArray, DeviceArra
     faults = wp.array([0] * FAULTS + [count] * FAULTS, dtype=wp.int32, device=device)
     place, way = (wp.empty(count, dtype=wp.vec3d, device=device) for _ in range(2))
     launch(check_rays, count, [*both, faults, place, way], device)
-    found = faults.numpy()
+    found = to_host(faults)
     words = {PLACE: "positions are not finite", WAY: "directions are not finite", ZERO: "directions are zero"}
     for kind, what in words.items():
         if found[kind]:
@@ -125,13 +126,12 @@ def made_rays(
     """
     import warp as wp
 
-    from ..process.quiet_warp import start_warp
+    from ..process.quiet_warp import open_device
     from .kernels import make_rays
     from .launching import launch
 
-    start_warp()
     try:
-        found = wp.get_device(device)
+        found = open_device(device)
     except (ValueError, RuntimeError) as error:
         names = ", ".join(each.alias for each in wp.get_devices())
         raise ValueError(f"device {device!r} does not exist: rays can be made on {names}") from error

@@ -8,6 +8,7 @@ import warp as wp
 
 from .kernels import find_extremes, select
 from .launching import launch, sort_rows
+from .pinned import to_host
 
 # Capacity of the first list of rows, and threads that search for extremes.
 ROOM, THREADS = 1 << 12, 1 << 14
@@ -16,7 +17,7 @@ ROOM, THREADS = 1 << 12, 1 << 14
 def selected_rows(status: Any, code: int, error: Any, limit: float) -> np.ndarray:
     """Return the rows of `array.rows_where`; `status` and `error` are Warp arrays, `error` may be None."""
     rows, found = _begun(status, code, error, limit, 1)()
-    return np.sort(rows[:found].numpy()) if found else np.zeros(0, np.int32)
+    return np.sort(to_host(rows[:found])) if found else np.zeros(0, np.int32)
 
 
 def rows_begun(status: Any, code: int) -> Callable[[], Any]:
@@ -49,7 +50,7 @@ def _begun(status: Any, code: int, error: Any, limit: float, copies: int) -> Cal
 
     def wait() -> tuple[Any, int]:
         rows, count = first
-        while copies * (found := int(count.numpy()[0])) > len(rows):
+        while copies * (found := int(to_host(count)[0])) > len(rows):
             rows, count = launched(copies * found)
         return rows, found
 
@@ -63,8 +64,8 @@ def extremes(values: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     low, high = (wp.empty(threads, dtype=wp.vec3d, device=device) for _ in range(2))
     low_row, high_row = (wp.empty(threads, dtype=wp.vec3i, device=device) for _ in range(2))
     launch(find_extremes, threads, [values, threads, low, high, low_row, high_row], device)
-    lows, highs = low.numpy(), high.numpy()
+    lows, highs = to_host(low), to_host(high)
     axes = np.arange(3)
     least, greatest = lows.argmin(axis=0), highs.argmax(axis=0)
-    rows = np.stack([low_row.numpy()[least, axes], high_row.numpy()[greatest, axes]], axis=1)
+    rows = np.stack([to_host(low_row)[least, axes], to_host(high_row)[greatest, axes]], axis=1)
     return lows[least, axes], highs[greatest, axes], rows.ravel()

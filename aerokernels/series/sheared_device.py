@@ -24,10 +24,10 @@ class DeviceLattice:
         """
         import warp as wp
 
-        from ..process.quiet_warp import start_warp
+        from ..process.quiet_warp import open_device
         from .shear_kernels import build_kernels
 
-        start_warp()
+        open_device(device)
         self._device = device
         real: Any = {"float32": wp.float32, "float64": wp.float64}[precision]
         taps = [one.shape[1] for one in lattice.blends]
@@ -96,4 +96,4 @@ class DeviceLattice:
         wp.copy(self._host, self._found)
         if device != "cpu":
             wp.synchronize_stream(wp.get_stream(device))
-        return self._host.numpy().astype(np.float64)
+        return np.asarray(self._host).astype(np.float64)

@@ -10,13 +10,13 @@ import warp as wp
 from ....device_arrays import DeviceArray, in_reach, is_one_row
 from ....device_arrays.fetching import Fetching
 from ....device_arrays.launching import launch, load_module
-from ....device_arrays.pinned import bring, pinned_memory
+from ....device_arrays.pinned import bring, pinned_memory, to_host
 from ....medium import IndexField
 from ....process.clock import stage
 from ....process.large_arrays import thread_count
 from ....process.machine import core_count, host_memory
 from ....process.opened import OPENED
-from ....process.quiet_warp import start_warp
+from ....process.quiet_warp import open_device
 from ....process.threads import in_threads
 from ...bundle.table import BundleTable
 from ...plan import TracePlan
@@ -76,10 +76,9 @@ class Engine(Uploads):
     """Warp on one device; see interface.py."""
 
     def __init__(self, device: str):
-        """Start Warp."""
-        start_warp()
+        """Open a device."""
         self.device = device
-        found = wp.get_device(device)
+        found = open_device(device)
         # Read once: on a CPU from some twenty files of the system.
         memory = OPENED.once(("memory", device), lambda: float(found.total_memory if found.is_cuda else host_memory()))
         self.memory = memory, memory
@@ -220,7 +219,7 @@ class Engine(Uploads):
 
     def get(self, buffer: wp.array, array: np.ndarray) -> None:
         """Wait for the launched kernels, and copy the first rows of a buffer into the array."""
-        array[...] = buffer[: len(array)].numpy() if len(array) < len(buffer) else buffer.numpy()
+        array[...] = to_host(buffer[: len(array)] if len(array) < len(buffer) else buffer)
 
     def sent(self, array: np.ndarray) -> Sent:
         """See interface.py."""
