@@ -68,6 +68,8 @@ def test_every_reader_of_netcdf_survives_the_end_of_its_library(reader, tmp_path
     """Set-up: HDF5 ends its process. Expected: the caller learns which file, and what to do."""
 
     class Ending:
+        is_late = False
+
         def ask(self, request, time_limit):
             raise EOFError
 

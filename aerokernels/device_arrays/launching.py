@@ -99,8 +99,9 @@ def load_module(module: Any, device: str, block_size: int | None) -> None:
     if key in turn.done:
         return
     with turn.lock:
-        _load(module, device, block_size)
-    turn.done.add(key)
+        if key not in turn.done:
+            _load(module, device, block_size)
+            turn.done.add(key)
 
 
 def _load(module: Any, device: str, block_size: int | None) -> None:

@@ -27,7 +27,8 @@ from .own_files import LISTS, check_own_files
 # size, with room for compressed data. Files that only list other files may use most of the machine's memory.
 MEMORY_SHARE = 0.8
 LEAST_MEMORY, MEMORY_FOR_BYTE = 2.0e9, 200.0  # [bytes], and bytes per byte of the file
-LEAST_TIME, TIME_FOR_BYTE = 20.0, 1e-6  # [s], and s per byte: a twentieth of a slow disk's speed
+# The total time includes the start of the child, which takes 2 s of a core and much longer on a busy machine.
+LEAST_TIME, TIME_FOR_BYTE = 60.0, 1e-6  # [s], and s per byte: a twentieth of a slow disk's speed
 # A library in an endless loop on a damaged file is ended by its computing time; a small file takes 2 s.
 LEAST_COMPUTING = 6.0  # [s], and TIME_FOR_BYTE per byte
 TIME_FOR_LISTS = 600.0  # [s]
@@ -59,9 +60,14 @@ def bounds_of(path: Path) -> Bounds:
 
 
 class _Child:
-    """One child process and the pipes to it."""
+    """One child process and the pipes to it.
+
+    Attributes:
+        is_late: Whether it was ended because it did not answer in time.
+    """
 
     def __init__(self):
+        self.is_late = False
         self.process = subprocess.Popen(
             **python_child(["-m", __name__], ONE_THREAD),
             stdin=subprocess.PIPE,
@@ -72,7 +78,12 @@ class _Child:
     def ask(self, request: Any, time_limit: float) -> Any:
         """Send a request and return the answer; raises EOFError if the child ends, or is ended, before it answers."""
         assert self.process.stdin is not None and self.process.stdout is not None
-        watch = threading.Timer(time_limit, self.process.kill)
+
+        def late() -> None:
+            self.is_late = True
+            self.process.kill()
+
+        watch = threading.Timer(time_limit, late)
         watch.start()
         try:
             pickle.dump(request, self.process.stdin, protocol=5)
@@ -135,6 +146,9 @@ def in_child(path: Path, function: str, *arguments: Any) -> Any:
             child.end()
             raise
     else:
+        if child.is_late:
+            why = "the machine or its disk is busy, or the file is damaged"
+            raise LibraryEndedError(f"{path}: it was not read within {bounds.time:.0f} s: {why}: try again")
         cause = f"signal {-status}" if status < 0 else f"status {status}"
         raise LibraryEndedError(f"{path}: the library that reads it ended with {cause}: {DAMAGED}")
     if open_still:  # HDF5 keeps a lock on it, so that nobody could write the file again
