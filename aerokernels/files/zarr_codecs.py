@@ -28,7 +28,8 @@ def check_codecs(store: Path) -> None:
     """Check the metadata of every array in a Zarr store, format 2 or 3, and that its links stay in it.
 
     Raises:
-        ValueError: A codec or an object type that is not allowed, metadata that are no JSON, or a link out of the store.
+        ValueError: A codec or an object type that is not allowed, metadata that are no JSON, or a link that leaves the
+            store.
     """
     check_folder(store)
     for folder, _, files in os.walk(store):
