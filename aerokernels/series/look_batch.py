@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from ..device_arrays.pinned import to_host
 from ..medium import IndexField
 from ..process.opened import OPENED
 from ..pupils.vectors import transverse_frames
@@ -147,10 +148,10 @@ class _Traced:
         """Copy the field and the points of the pupil to the device."""
         import warp as wp
 
-        from ..process.quiet_warp import start_warp
+        from ..process.quiet_warp import open_device
         from .look_kernels import build_kernels
 
-        start_warp()
+        open_device(device)
         self.device, self.remove, self.each, self.points = device, remove, per_replicate, points
         self.wavenumber = 2.0 * np.pi / wavelength
         self.kernels = OPENED.once("kernels of look maps", build_kernels)
@@ -184,7 +185,7 @@ class _Traced:
         groups = total // self.each
         sums = wp.empty(some * groups, dtype=wp.vec4d, device=device)
         launch(moments, some * groups, [opd, self.before[-1], self.each], [sums], device)
-        moment = sums.numpy().reshape(some, groups, 4).sum(axis=1) / total
+        moment = to_host(sums).reshape(some, groups, 4).sum(axis=1) / total
         basis = np.c_[np.ones(total), self.points.astype(np.float32)]
         plane = moment[:, [0, 2, 3]] @ np.linalg.pinv(basis.T @ basis / total)
         removed = np.zeros((some, 3))
@@ -195,7 +196,7 @@ class _Traced:
         turned = wp.empty(some * groups, dtype=wp.vec2d, device=device)
         given = [opd, self.before[-1], self.each, groups, put(removed, wp.vec3d), self.wavenumber]
         launch(phasors, some * groups, given, [turned], device)
-        found = turned.numpy().reshape(some, groups, 2) / self.each
+        found = to_host(turned).reshape(some, groups, 2) / self.each
         ratio = (found**2).sum(axis=2)
         square = basis.T @ basis / total
         left = moment[:, 1] - 2.0 * np.einsum("nk,nk->n", removed, moment[:, [0, 2, 3]])
