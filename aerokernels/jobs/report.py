@@ -46,13 +46,14 @@ STAGE_WORDS = {
 CAUSES = {
     "step": "step size of the rays",
     "interpolation": "interpolation between the flow's own samples",
+    "jumps": "jumps of the flow between its samples",
     "resampling": "resampling of the flow to a uniform grid",
     "precision": "precision of the kernels",
-    "sampling": "number of rays, three standard errors",
+    "sampling": "number of rays",
     "bundle": "interpolation between traced rays of a bundle",
     "truncation": "rays that leave the known air where it is still disturbed",
-    "refractivity": "relation between density and index; not part of the total",
-    "total": "root sum of squares of the entries above, without refractivity",
+    "refractivity": "relation between density and index",
+    "total": "root sum of squares of the entries above",
 }
 
 # Groups of numbers in summary.json.
