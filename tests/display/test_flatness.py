@@ -1,0 +1,48 @@
+"""What counts as below rounding, and how it is shown: in words, without cards, colours and axes."""
+
+import math
+
+import numpy as np
+import pytest
+
+import aerokernels as ak
+from aerokernels.display.flatness import NOTHING, is_flat, told
+from aerokernels.display.quantities import Quantity
+from aerokernels.jobs.page import cards
+
+
+@pytest.mark.parametrize(
+    ("values", "unit", "error", "flat"),
+    [
+        ([0.0, 1e-13], "m", math.nan, True),  # the stripes of float32
+        ([0.0, 1e-10], "m", math.nan, False),
+        ([0.0, 1e-10], "m", 2e-7, True),
+        ([0.0, 1e-10], "m", 2e-8, False),
+        ([np.nan, np.nan], "m", math.nan, True),
+        ([1.0, 1.0 - 1e-7], "1", math.nan, True),
+        ([1.0, 0.99], "1", math.nan, False),
+        ([1.225, 1.225 * (1.0 + 1e-12)], None, math.nan, True),
+        ([1.225, 1.226], None, math.inf, False),
+    ],
+)
+def test_differences_below_rounding_are_flat(values, unit, error, flat):
+    assert is_flat(values, unit, error) == flat
+
+
+def test_a_number_below_rounding_has_no_card():
+    assert told(Quantity(1e-13, 2e-13), 1e9, "nm") == told(Quantity(0.0, 0.0), 1e6, "µrad") == NOTHING
+    assert told(Quantity(0.0, 7e-7), 1e6, "µrad") == "0.00 +- 0.70 µrad"
+    assert told(Quantity(0.0, 1e-13, is_ratio=True), 1.0, "").startswith("0")
+    page = cards([("OPD, rms", NOTHING), ("Strehl ratio", "1, error below rounding")])
+    assert page.count('class="card"') == 1 and "Below rounding: OPD, rms." in page
+
+
+@pytest.mark.parametrize(("size", "pictures"), [(1e-14, 0), (1e-7, 1)])
+def test_a_flat_wavefront_is_said_in_words(size, pictures):
+    pytest.importorskip("matplotlib").use("Agg")
+    rows = np.linspace(-1.0, 1.0, 8)
+    opd = size * np.broadcast_to(rows, (8, 8))
+    axes = ak.Wavefront.from_map(opd, pixel=1e-3, wavelength=905e-9).plot() if hasattr(ak.Wavefront, "from_map") else None
+    if axes is None:
+        pytest.skip("no map constructor")
+    assert len(axes.images) == pictures and bool(axes.texts) == (not pictures)
