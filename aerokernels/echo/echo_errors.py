@@ -16,8 +16,8 @@ r"""Compute the errors of an echo's numbers.
                    uncertainty of the group path, as a mean over the beam.
                    random: the standard deviation of the range over noisy records
 
-The error of a number is the root sum of squares of its parts, of the random one twice. The return factors "bucket" and "none" do not depend on
-phases.
+The error of a number is the root sum of squares of its parts, of the random one twice. The return factors "bucket" and
+"none" do not depend on phases.
 """
 
 import math

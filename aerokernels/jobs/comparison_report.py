@@ -63,7 +63,8 @@ def error_table(found: BenchComparison) -> Table:
     for one in found.labels:
         wave = one.waveform
         share = math.hypot(
-            one.covering * one.peak_standard_error / wave.recorded_peak, one.run.error_of("echo_peak_v") / wave.simulated_peak
+            one.covering * one.peak_standard_error / wave.recorded_peak,
+            one.run.error_of("echo_peak_v") / wave.simulated_peak,
         )
         ratio = wave.recorded_peak / wave.simulated_peak
         rows.append(
@@ -115,7 +116,7 @@ def range_table(found: BenchComparison) -> Table:
             # The error of the run's range is also in its reading, so it cancels (range_errors.py).
             _millimetres(errors.systematic_error_m, covering(errors.ranged_count) * errors.systematic_standard_error_m)
             + (_caveat(one) if method in EDGE_METHODS else ""),
-            Quantity(1e3 * errors.random_error_m, 1e3 * errors.random_error_m * spread_factor(errors.ranged_count, TOLD)).text(),
+            str(Quantity(spread := 1e3 * errors.random_error_m, spread * spread_factor(errors.ranged_count, TOLD))),
             _millimetres(errors.simulated_error_m, one.run.error_of("ranges_m", method)),
             f"{errors.ranged_count} of {errors.ranged_count + errors.missed_count}",
         )
@@ -166,9 +167,9 @@ def notes(found: BenchComparison) -> list[str]:
         alignment,
         "Trigger offsets: "
         + ", ".join(
-            f"{label_text(one.label)} "
-            + str(Quantity(1e9 * one.trigger_offset, 1e9 * one.covering * one.trigger_offset_error if is_measured else None, "ns"))
+            f"{label_text(one.label)} {Quantity(one.trigger_offset, error, 's').scaled(1e9, 'ns')}"
             for one in found.labels
+            for error in [one.covering * one.trigger_offset_error if is_measured else None]
         ),
         "The simulation is interpolated at the recorded times by a spline, because it is smooth and finely sampled; "
         "recorded samples are unchanged.",

@@ -1,9 +1,10 @@
 """Errors of numbers that are read from the mean of recorded echoes, and of means and spreads of a few numbers.
 
-All errors are standard errors: they hold the exact value in 68 % of cases. What is written after "+-" covers the truth
-in at least 95 of 100 cases, and is `covering` times a standard error. For n echoes the standard error of a mean is multiplied by Student's t
-of n - 1 degrees of freedom (1.84 for two echoes, 1.03 for twenty). A spread s holds the exact one within s (1 +- k),
-with k from the distribution of chi squared (2.05 / sqrt(2 n - 2) for two echoes, 1 / sqrt(2 n - 2) for many).
+All errors are standard errors: they hold the exact value in 68 % of cases. "+-" covers the truth in at least 95 of 100
+cases: what is printed after it is `covering` times a standard error. For n echoes the standard error of a mean is
+multiplied by Student's t of n - 1 degrees of freedom (1.84 for two echoes, 1.03 for twenty). A spread s holds the exact
+one within s (1 +- k), with k from the distribution of chi squared (2.05 / sqrt(2 n - 2) for two echoes, 1 / sqrt(2 n -
+2) for many).
 
 What noise leaves of a digitiser's rounding is added to the errors of samples: averages.py.
 """

@@ -17,8 +17,8 @@ import numpy as np
 
 from ..display.error_budget import ErrorBudget
 from ..display.quantities import Quantity, listed
-from ..display.verdict import Verdict, judge
 from ..display.shown import shown
+from ..display.verdict import Verdict, judge
 from ..inputs.arguments import Numbers, checked
 from ..inputs.wavelength import check_wavelength
 from ..process.clock import clocked, stage
