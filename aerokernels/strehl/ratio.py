@@ -131,9 +131,8 @@ class StrehlEstimate:
     def error(self) -> ErrorBudget:
         """Error budget, each entry an error of `value`; computed at the first access, in the time seconds["error"].
 
-        "step", "interpolation", "resampling" and "precision" from rays traced again (tracing/error_budget/budget.py),
-        "sampling" from the replicates, "truncation" from what rays may have lost where the known air ends
-        (known_air.py), and "total", their root sum of squares.
+        "+-" covers the truth in at least 95 of 100 cases. The causes: display/error_budget.py; "sampling" is from the
+        replicates.
         """
         with clocked() as spent, stage("error"):
             found = self.budget(self) if self.budget is not None else ErrorBudget()

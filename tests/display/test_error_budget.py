@@ -10,20 +10,14 @@ import aerokernels as ak
 
 ORDER = "step precision interpolation jumps resampling truncation refractivity bundle sampling total".split()
 Y = np.linspace(-6e-3, 6e-3, 49)
-CONTRAST = 2e-5 * np.exp(-(Y[:, None] ** 2 + Y**2) / 2e-3**2)
+DENSITY = 1.2 + 0.1 * np.exp(-(Y[:, None] ** 2 + Y**2) / 2e-3**2)
 PUPIL = ak.Disc(3e-3, (0.0, 0.0, -7e-3))
 
 
 @pytest.fixture(scope="module")
 def budgets() -> dict[str, dict[str, float]]:
     """Budgets of a trace, a Strehl estimate and a wavefront, through a density whose relation is uncertain."""
-    density = ak.flow.DensityField.from_samples(
-        1.2 + CONTRAST / 2.2e-4,
-        origin=(Y[0], Y[0]),
-        spacing=(Y[1] - Y[0],) * 2,
-        geometry="planar",
-        ambient_density=1.2,
-    )
+    density = ak.flow.GridDensity(DENSITY, [Y[0]] * 2, [Y[1] - Y[0]] * 2, "planar", 1.2)
     field = density.index_field(wavelength=905e-9, relation="paper")
     return {
         "trace": ak.trace(field, ak.RayBundle.collimated(PUPIL, 500)).error,

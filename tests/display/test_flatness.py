@@ -32,7 +32,7 @@ def test_differences_below_rounding_are_flat(values, unit, error, flat):
 def test_a_number_below_rounding_has_no_card():
     assert told(Quantity(1e-13, 2e-13), 1e9, "nm") == told(Quantity(0.0, 0.0), 1e6, "µrad") == NOTHING
     assert told(Quantity(0.0, 7e-7), 1e6, "µrad") == "0.00 +- 0.70 µrad"
-    assert told(Quantity(0.0, 1e-13, is_ratio=True), 1.0, "").startswith("0")
+    assert told(Quantity(0.0, 1e-13, is_ratio=True), 1.0, "") != NOTHING
     page = cards([("OPD, rms", NOTHING), ("Strehl ratio", "1, error below rounding")])
     assert page.count('class="card"') == 1 and "Below rounding: OPD, rms." in page
 

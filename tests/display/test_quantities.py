@@ -36,9 +36,7 @@ def test_a_quantity_is_rounded_to_its_error(value, error, unit, text):
 @pytest.mark.parametrize("error", [1.1e-6 * 1.37**k for k in range(52)])
 @pytest.mark.parametrize("value", [-0.977859, 1.0, 37.25, 999.96])
 def test_value_and_error_keep_their_digits(value, error):
-    """Expected: the value within half a percent, whatever its error, and within a twentieth of the error; two digits
-    of the error.
-    """
+    """Expected: the value within half a percent and a twentieth of the error, and two digits of the error."""
     inner, _, power = str(Quantity(value, error)).strip("(").partition(")e")
     scale = 10.0 ** int(power or 0)
     number, spread = inner.split(" +- ")
