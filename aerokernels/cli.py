@@ -38,7 +38,8 @@ app = typer.Typer(
     name="aerokernels",
     help="Aero-optics of supersonic flow: from a density field to wavefront, Strehl ratio, laser echo and range.",
     epilog="Exit status: 0 done; 1 failed; 2 bad input; 3 all files are written, but the answer is not meaningful: "
-    "its error allows any Strehl ratio, or is above the echo's peak; 130 interrupted (143 by SIGTERM, 129 by a terminal that closed).",
+    "its error allows any Strehl ratio, or is above the echo's peak; 130 interrupted (143 by SIGTERM, 129 by "
+    "a terminal that closed).",
     context_settings={"help_option_names": ["-h", "--help"]},
     rich_markup_mode=None,  # rich would take "[ps]" and "[default: ...]" in a help text for markup and drop them
     pretty_exceptions_enable=False,
