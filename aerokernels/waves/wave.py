@@ -153,8 +153,8 @@ class Wave:
         rows, columns = self.amplitude.shape
         return (
             f"Wave of {rows} x {columns} pixels of {self.pixel:.4g} m at {self.wavelength * 1e9:.6g} nm: Strehl ratio "
-            f"{Quantity(self.strehl(), self.strehl_error, is_ratio=True)} after {self.step_count} steps, amplitude error "
-            f"{self.error:.2g}"
+            f"{Quantity(self.strehl(), self.strehl_error, is_ratio=True)} after {self.step_count} steps, amplitude "
+            f"error {self.error:.2g}"
         )
 
 
