@@ -16,7 +16,9 @@ ROUNDING = {"m": 1e-12, "rad": 1e-10, "1": 1e-6, "pixel": 1e-5}
 SHARE_OF_ERROR = 1e-3
 # Greatest spread of other values that counts as rounding, over the greatest of them.
 RELATIVE = 1e-9
-NOTHING = "below rounding"
+# The units in which numbers are printed, and the SI units that they have.
+SI = {"nm": "m", "mm": "m", "µrad": "rad"}
+NOTHING = "0, error below rounding"
 
 
 def is_flat(values: Any, unit: str | None = None, error: float = float("nan")) -> bool:
@@ -38,7 +40,7 @@ def is_flat(values: Any, unit: str | None = None, error: float = float("nan")) -
 
 def told(number: Quantity, factor: float, unit: str, signed: bool = False) -> str:
     """Return a quantity in another unit as text, NOTHING where it is 0 but for rounding and its error is small too."""
-    least = ROUNDING.get({"nm": "m", "mm": "m", "µrad": "rad"}.get(unit, ""), -1.0)
+    least = ROUNDING.get(SI.get(unit, unit) if unit else "", -1.0)
     if abs(number.value) <= least and not (number.error or 0.0) > least / SHARE_OF_ERROR:
         return NOTHING
     return number.scaled(factor, unit).text(signed)

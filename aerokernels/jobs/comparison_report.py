@@ -8,6 +8,7 @@ from typing import Any
 
 from aerokernels import __version__
 from aerokernels.compare import DEGREES
+from aerokernels.display.error_budget import two_digits
 from aerokernels.display.quantities import Quantity
 from aerokernels.echo.waveform import SPEED_OF_LIGHT
 from aerokernels.hardware.csv_cells import csv_cell
@@ -39,7 +40,7 @@ def peak_table(found: BenchComparison) -> Table:
             label_text(one.label),
             str(one.recorded.count),
             str(Quantity(one.waveform.recorded_peak, one.covering * one.peak_standard_error)),
-            f"{one.recorded.peak_mean:.4g}, {_number(one.recorded.peak_spread, '.2g')}",
+            f"{one.recorded.peak_mean:.4g}, spread {two_digits(one.recorded.peak_spread)}",
             str(Quantity(one.waveform.simulated_peak, one.run.error_of("echo_peak_v"))),
         )
         for one in found.labels
@@ -48,7 +49,7 @@ def peak_table(found: BenchComparison) -> Table:
         "label",
         "echoes",
         "recorded peak of the mean [V]",
-        "peak of one echo: mean, spread [V]",
+        "peak of one echo [V]",
         "simulated peak [V]",
     )
     return "Peak voltages (Table 3)", columns, rows

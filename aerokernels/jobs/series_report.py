@@ -57,7 +57,7 @@ def headline_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
     return [
         (words, told(quantity_of(summary, name), factor, unit))
         for name, words, unit, factor in HEADLINES
-        if name in summary
+        if summary.get(name) is not None
     ]
 
 
@@ -71,12 +71,13 @@ def series_report(scene: Scene, maps: "xarray.Dataset", found: "xarray.Dataset",
     if summary["known_share"] < 1.0 - GREATEST_SHARE:
         lost = f"{100.0 * (1.0 - summary['known_share']):.3g} % of the pupil has no optical path; no number includes it"
         notes.append(("Known air", lost))
-    numbers = [(name, quantity_of(summary, name).text(), str(found[name].attrs["units"])) for name in summary["errors"]]
+    units = {name: str(found[name].attrs["units"]).removeprefix("1") for name in summary["errors"]}
+    numbers = [(name, told(quantity_of(summary, name), 1.0, unit)) for name, unit in units.items()]
     parts = [
         remarks(notes) + cards(headline_rows(summary)),
         section("Film of the optical path difference", film(maps)),
         section("Pictures", pictures(_pictures(maps, found))),
-        section("Numbers (SI), each with its error", table(("quantity", "value", "unit"), numbers)),
+        section("Numbers (SI), each with its error", table(("quantity", "value"), numbers)),
         section("How the maps were computed", paragraph(str(summary["plan"]))),
         section("Scene as it was run", text_block(scene_toml(scene))),
     ]
