@@ -55,11 +55,10 @@ def statistics(
     """Return statistics of optical path differences in time.
 
     Means are over the snapshots, each of which counts once. Standard errors account for the correlation of snapshots
-    and for a series too short to tell it: two of them are meant to contain the truth in 95 of 100 series, which few
-    independent snapshots do not quite reach (see uncertainty.py). Variances about a mean in time are corrected for
-    the error of that mean. The
-    attribute `independent_count` says how many independent snapshots there are, `drifting` lists the variables that
-    drift. Below four snapshots errors are NaN.
+    and for a series too short to tell it: two of them are meant to cover the truth in at least 95 of 100 cases, which
+    few independent snapshots do not quite reach (see uncertainty.py). Variances about a mean in time are corrected for
+    the error of that mean. The attribute `independent_count` says how many independent snapshots there are, `drifting`
+    lists the variables that drift. Below four snapshots errors are NaN.
 
     Args:
         dataset: Of `optical_series`, or any with `opd` over (time, y, x), NaN outside the pupil, in metres and
