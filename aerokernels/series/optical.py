@@ -90,10 +90,10 @@ def optical_series(
         `boresight_x` and `boresight_y` [rad], `opd_rms` and `opd_rms_with_tilt` [m], each with its error due to the
         error of `opd` and to the pixels, which have one ray each (`strehl_error` and so on), `piston` [m], `error` [m],
         the share of the pupil that is `known`, and whether a snapshot was `traced`; over (y, x) `weight`, the pixels'
-        shares of the pupil. Its attribute `truncation` is the warning below, or empty, and `ends` says where the first snapshot
-        ends in disturbed air, which the maps take as the whole flow. Lazy where `out` is given.
-        Pixels whose rays end on a body, and with method="linear" those whose rays leave the grid sideways or miss it,
-        are not valid, and in no number. `error` on straight lines is that of the OPD through the grid.
+        shares of the pupil. Its attribute `truncation` is the warning below, or empty, and `ends` says where the first
+        snapshot ends in disturbed air, which the maps take as the whole flow. Lazy where `out` is given. Pixels whose
+        rays end on a body, and with method="linear" those whose rays leave the grid sideways or miss it, are not valid,
+        and in no number. `error` on straight lines is that of the OPD through the grid.
 
     Warns:
         TruncationWarning: More than a thousandth of the pupil is not valid, or more than a hundredth of it looks past
