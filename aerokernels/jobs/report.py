@@ -50,7 +50,7 @@ CAUSES = {
     "precision": "precision of the kernels",
     "sampling": "number of rays, three standard errors",
     "bundle": "interpolation between traced rays of a bundle",
-    "truncation": "rays that leave the known air where it is still disturbed",
+    "truncation": "rays that leave the field by a cut through disturbed air",
     "refractivity": "relation between density and index; not part of the total",
     "total": "root sum of squares of the entries above, without refractivity",
 }

@@ -196,8 +196,8 @@ class TraceTable(Table):
     )
     allow_truncation: bool = key(
         False,
-        "Whether more than a thousandth of the pupil may see disturbed air that ends at the edge of the computed flow; "
-        "by default this is an error, since the air beyond the edge is unknown.",
+        "Whether more than a thousandth of the pupil may see disturbed air that the scene's grid has cut off, and more "
+        "than half of it past the flow's box; by default this is an error.",
     )
 
     @model_validator(mode="after")

@@ -24,8 +24,10 @@ from ..inputs.warned import warn_caller
 from ..inputs.wavelength import DEFAULT_WAVELENGTH
 from ..medium import IndexField
 from ..pupils import direction_of
+from ..rays import RayBundle
 from ..strehl.estimate import PreparedStrehl
 from ..strehl.sums import NoRayArrived
+from ..tracing.flow_ends import flow_ends
 from ..tracing.meeting import NoRayMeetsField
 from ..tracing.pupil.radial_quadrature import asymmetry
 from ..wavefront.pupil_numbers import NUMBERS
@@ -101,8 +103,10 @@ def look_map(
         `boresight_azimuth` and `boresight_elevation` [rad], each with its error (`strehl_error` and so on), which
         covers the truth in 95 of 100 cases and is computed for a few directions (look_errors.py),
         `strehl_standard_error`, the part of the sampling in that of `strehl`, `blocked`, the share in the body's
-        shadow, and `known`: 1, or 0 along which the computed flow ends in disturbed air, so that the numbers cover the
-        known part only, or where the whole pupil is in the shadow, so that they are NaN.
+        shadow, and `known`: 1, or 0 along which more than a thousandth of the pupil looks through disturbed air that
+        was cut off, or more than a hundredth past the field's box, so that the numbers lack that air, or where the
+        whole pupil is in the shadow, so that they are NaN. The attribute `ends` says where the flow itself ends in
+        disturbed air, which the numbers take as the whole of it.
 
     Raises:
         TypeError: A field or a pupil of the wrong kind.
@@ -129,7 +133,12 @@ def look_map(
         index = one if isinstance(one, IndexField) else one.index_field(length, relation, constant=constant)
         share = (number / len(fields), 1.0 / len(fields))
         maps.append(_hemisphere(index, angles[0], angles[1], pupil, options, progress, share))
-    return _dataset(maps, angles, times, pupil, length if options.get("wavelength") is None else wavelength)
+    length = length if options.get("wavelength") is None else wavelength
+    columns, rows = np.meshgrid(*angles, indexing="ij")
+    looks = direction_of(columns, rows).reshape(-1, 3)
+    middle = RayBundle(np.broadcast_to(pupil.center, looks.shape), looks)  # one ray a direction
+    ends = flow_ends(index, middle.pilot, None, tolerance * length)
+    return _dataset(maps, angles, times, pupil, length, ends)
 
 
 def _angles(name: str, values: Any, most: float) -> np.ndarray:
@@ -215,7 +224,8 @@ def _look(field: IndexField, pupil: Any, look: np.ndarray, options: dict[str, An
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # the map shows undisturbed and unknown air
             prepared = PreparedStrehl(field, turned, allow_truncation=True, **options)
-            known = float(not prepared.job.air.is_truncated)
+            air = prepared.job.air
+            known = float(not (air.is_truncated or air.looks_past))
             found = prepared()
     except NoRayMeetsField:
         return Look(numbers_of(1.0, 0.0, 0.0, 0.0, 1.0), axes, np.zeros(2), False, none)
@@ -226,7 +236,7 @@ def _look(field: IndexField, pupil: Any, look: np.ndarray, options: dict[str, An
     return Look(numbers, axes, found.boresight, True, errors.sampling, lambda: errors.model)
 
 
-def _dataset(maps: list[dict[str, np.ndarray]], angles: list[np.ndarray], times, pupil, wavelength):
+def _dataset(maps: list[dict[str, np.ndarray]], angles: list[np.ndarray], times, pupil, wavelength, ends: str):
     import xarray
 
     dims: tuple[str, ...] = ("azimuth", "elevation")
@@ -246,5 +256,6 @@ def _dataset(maps: list[dict[str, np.ndarray]], angles: list[np.ndarray], times,
         "source": f"aerokernels {__version__}",
         "pupil": f"{type(pupil).__name__} at {pupil.center.tolist()} m",
         "wavelength": wavelength,
+        "ends": ends,
     }
     return xarray.Dataset(variables, coordinates, about)

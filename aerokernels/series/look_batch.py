@@ -22,9 +22,10 @@ from ..pupils.vectors import transverse_frames
 from ..rays import RayBundle
 from ..strehl.budget import sampling_of
 from ..tracing import Plane
-from ..tracing.error_budget.known_air import may_be_lost
-from ..tracing.pupil.air import GREATEST_SHARE
-from ..tracing.variants.causes import SAMPLE, Variants
+from ..tracing.cuts import lost
+from ..tracing.lines import box_span
+from ..tracing.pupil.air import GREATEST_SHARE, PAST_TOLD
+from ..tracing.variants.causes import Variants, sample_rows
 from ..tracing.variants.spread import errors
 from ..wavefront.pupil_numbers import PupilNumbers
 from .look_errors import Look, few_of, numbers_of
@@ -35,7 +36,7 @@ from .warp_launch import launch
 LEAST = 12  # directions; fewer are traced one by one
 REPLICATES = 16
 AT_ONCE = 1 << 24  # rays of a launch; speed only
-KNOWN_RAYS = 256  # rays of a direction for which the exit from the known air is checked
+KNOWN_RAYS = 256  # rays of a direction for which it is examined what they miss of the flow
 KNOWN_FIRST = 16  # rays of the first check of all directions
 KNOWN_AT_ONCE = 1 << 18  # speed only
 CURVE_BITS = 12  # of the coordinates of points, along each axis; speed only
@@ -101,14 +102,14 @@ class _Model:
     def found(self) -> Variants:
         """Some of the rays, and how they change by each cause."""
         traced = self._traced
-        rows = np.random.default_rng(0).permutation(len(traced.points))[:SAMPLE]
-        self._points = traced.points[rows]
-        position = traced.center + self._points @ self._axes
+        position = traced.center + traced.points @ self._axes
         rays = RayBundle(position, np.broadcast_to(self._look, position.shape))
+        rows = sample_rows(traced.field, rays, np.ones(len(position), bool))
+        self._points = traced.points[rows]
         opd, reach = traced.opd(self._look[None], self._axes[None])
         until = Plane(traced.center + reach[0] * self._look, self._look)
         given = opd.numpy()[rows], until, traced.wavelength, self._options["tolerance"], self._options
-        return straight_variants(traced.field, rays, *given)
+        return straight_variants(traced.field, rays.rows(rows), *given)
 
     @property
     def agrees(self) -> bool:
@@ -138,18 +139,20 @@ def side_by_side(points: np.ndarray) -> np.ndarray:
 
 
 def _known(field: IndexField, center: np.ndarray, points: np.ndarray, looks, axes, tolerance: float) -> np.ndarray:
-    """Return whether the rays of each direction stay in known air, at all but a thousandth of the pupil's points."""
+    """Return whether the rays of each direction miss nothing: by cuts a thousandth of the points, past the box more."""
     found = np.ones(len(looks))
-    most = GREATEST_SHARE * len(points)
-    # A few points suffice to find most directions that leave the known air; the others are checked with all points.
+    most, most_past = GREATEST_SHARE * len(points), PAST_TOLD * len(points)
+    # A few points suffice to find most directions that miss something; the others are checked with all points.
     for some in (points[:: -(-len(points) // KNOWN_FIRST)], points):
         left = np.flatnonzero(found)
         each = max(1, KNOWN_AT_ONCE // len(some))  # speed only
         for rows in (left[first : first + each] for first in range(0, len(left), each)):
             position = (center + np.einsum("pa,nak->npk", some, axes[rows])).reshape(-1, 3)
             direction = np.repeat(looks[rows], len(some), axis=0)
-            lost, _ = may_be_lost(field, RayBundle(position, direction), None, tolerance)
-            found[rows] = (lost.reshape(-1, len(some)) > tolerance).sum(axis=1) <= most
+            amount = lost(field, RayBundle(position, direction), None, tolerance=tolerance).reshape(-1, len(some))
+            past = ~box_span(field, position, direction).meets.reshape(-1, len(some))
+            found[rows] = (np.abs(amount) > tolerance).sum(axis=1) <= most
+            found[rows] *= (past.sum(axis=1) <= most_past) | past.all(axis=1)
     return found
 
 

@@ -19,7 +19,7 @@ from ..inputs.warned import warn_caller
 from ..inputs.wavelength import DEFAULT_WAVELENGTH, check_wavelength
 from ..rays import as_unit_vector
 from ..tracing.plan import PRECISIONS
-from ..tracing.pupil.air import GREATEST_SHARE, PupilAir, TruncationWarning
+from ..tracing.pupil.air import GREATEST_SHARE, PAST_REFUSED, PupilAir, TruncationWarning
 from ..wavefront import check_terms
 from .journal import FIRST, LAST
 from .map_numbers import NAMES, WRONG
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     import xarray
 
 Progress = Callable[[str, float], None]
-TRUNCATION = "truncation"  # the attribute with the warning of disturbed air that ends with the grid
+TRUNCATION, ENDS = "truncation", "ends"  # attributes: the warning of a pupil that misses air; where the flow ends
 
 
 @checked
@@ -90,15 +90,16 @@ def optical_series(
         `boresight_x` and `boresight_y` [rad], `opd_rms` and `opd_rms_with_tilt` [m] and `piston` [m], each with its
         error (`strehl_error` and so on), which covers the truth in 95 of 100 cases, `error` [m], that of `opd` in a
         pixel, the share of the pupil that is `known`, and whether a snapshot was `traced`; over (y, x) `weight`, the
-        pixels' shares of the pupil. Its attribute `truncation` is the warning below, or empty. Lazy where `out` is
+        pixels' shares of the pupil. Its attribute `truncation` is the warning below, or empty, and `ends` says
+        where the first snapshot ends in disturbed air, which the maps take as the whole flow. Lazy where `out` is
         given.
         Pixels whose rays end on a body, and with method="linear" those whose rays leave the grid sideways or miss it,
-        are not valid, and in no number. Errors are computed on some snapshots (nearest_errors.py) and do not include
-        disturbed air beyond the grid; that of the pixels is each snapshot's own (half_density.py).
+        are not valid, and in no number. Errors are computed on some snapshots (nearest_errors.py), the part of the
+        pixels on each (half_density.py).
 
     Warns:
-        TruncationWarning: More than a thousandth of the pupil is not valid, or looks through disturbed air that ends
-            with the grid of the first snapshot computed (not with method="linear").
+        TruncationWarning: More than a thousandth of the pupil is not valid, or more than a hundredth of it looks past
+            the box of the first snapshot computed (not with method="linear").
 
     Raises:
         TypeError: Not a series, or not a pupil.
@@ -167,7 +168,8 @@ def optical_series(
             found = snapshots(number, read)
             if number == first and method != "linear":
                 # The store is created from the template, with the first snapshot.
-                template.attrs[TRUNCATION] = _warn_of_ends(snapshots.air(pupil, number, read[0]))
+                air = snapshots.air(pupil, number, read[0])
+                template.attrs[TRUNCATION], template.attrs[ENDS] = _warn_of_air(air), air.ends
             good = found.valid & np.isfinite(found.opd)
             if not good.any():
                 raise ValueError(
@@ -186,11 +188,17 @@ def optical_series(
     return store.finish()
 
 
-def _warn_of_ends(air: PupilAir) -> str:
-    """Warn if the known air ends in disturbed air, and return the warning; an empty text if it does not."""
-    if not air.is_truncated:
+def _warn_of_air(air: PupilAir) -> str:
+    """Warn if the pupil looks past the box, and return the warning; an empty text if it does not.
+
+    Raises:
+        ValueError: Most of the pupil does.
+    """
+    if not air.looks_past:
         return ""
-    text = f"{air.described}: the optical path ends there too; give a larger grid, or look along it"
+    text = f"{air.past_described}: move the pupil, take a smaller one, or give a larger grid"
+    if air.past > PAST_REFUSED:
+        raise ValueError(text)
     warn_caller(text, TruncationWarning)
     return text
 
@@ -297,6 +305,7 @@ def _template(
             TRUNCATION: "",
             "errors": "each covers the truth in 95 of 100 cases; those of some snapshots are computed, and each other "
             "snapshot has those of the nearest of them in time, with its own pixels",
+            ENDS: "",
             "plan": snapshots.reason
             or "straight lines worked out once; the bending is measured, and a snapshot traced where it is too large",
         },

@@ -26,7 +26,7 @@ from ..tracing.engines.choice import choose_backend
 from ..tracing.engines.info import cuda_driver_loads
 from ..tracing.pupil.air import PupilAir, pupil_air
 from ..tracing.trace import trace
-from ..tracing.variants.causes import SAMPLE, TRACED, Variants
+from ..tracing.variants.causes import Variants, few_rows, sample_rows
 from ..tracing.variants.rays import Rays
 from ..wavefront import remove_terms
 from .bending import bending
@@ -83,7 +83,7 @@ class SnapshotResult:
 
     Attributes:
         opd: [m], shape (n,); NaN where a ray failed.
-        valid: Whether a ray came through, its whole path in known air, shape (n,).
+        valid: Whether a ray came through, its whole path in the grid, shape (n,).
         traced: Whether it was traced in full.
         slope: Mean square of the wavefront's slopes.
         varied: Returns how some of the rays change by each cause of an error; None where none came through.
@@ -183,7 +183,7 @@ class Snapshots:
         return stored, self.lines.to_device(samples, self.device) if self.series.lies_here(stored) else None
 
     def air(self, pupil: Pupil, number: int, stored: Any) -> PupilAir:
-        """Return what the pupil may lose where the known air of a snapshot ends."""
+        """Return what the pupil misses of a snapshot."""
         field = self.settings.index_field(self.series.field(stored, number))
         return pupil_air(field, pupil, self.settings.direction, self.settings.tolerance * self.settings.wavelength)
 
@@ -207,21 +207,22 @@ class Snapshots:
             bad = int((~np.isfinite(samples)).sum())
             raise ValueError(f"snapshot {number}: {bad} of {samples.size} densities are not finite; repair the file")
         slope = self._slope(opd, valid)
-        rows = _some_of(valid)
-        probe, bent = np.nan, None
+        probe, known = np.nan, None
         if self.settings.method == "auto" and not (
             np.isfinite(self._measured) and slope <= GROWN * self._measured_slope + 1e-30
         ):
             self._check_range(host_array(density), number)
-            bent = self._bent(stored, number, rows[:TRACED])
-            probe = self._rms(bent - opd[rows[:TRACED]], rows[:TRACED])
+            rows = self._sample(valid)
+            few = rows[few_rows(len(rows))]
+            bent = self._bent(stored, number, few)
+            probe, known = self._rms(bent - opd[few], few), (rows, bent)
             self.resume(slope, probe)
         grown = max(1.0, slope / self._measured_slope) if self._measured_slope > 0.0 else 1.0
         tolerance = self.settings.tolerance * self.settings.wavelength
         if self.settings.method == "auto" and self._measured * grown > tolerance:
             found = self._traced(self.settings.index_field(self.series.field(stored, number)))
             return replace(found, slope=slope, probe=probe)
-        varied = partial(self._varied, stored, number, opd[rows], rows, bent)
+        varied = partial(self._varied, stored, number, opd, valid, known)
         return SnapshotResult(opd, valid, False, slope, varied, probe)
 
     def errors(self, found: SnapshotResult) -> dict[str, float]:
@@ -270,20 +271,28 @@ class Snapshots:
         """Whether straight lines go through a volume, where the bending is computed to second order."""
         return isinstance(self.lines, LineIntegrals) and self.lines.mesh.geometry == "volume"
 
-    def _varied(self, stored: Any, number: int, opd: np.ndarray, rows: np.ndarray, bent: np.ndarray | None):
-        """Return how rays on straight lines change by each cause; None where there are none."""
-        if not len(rows):
+    def _sample(self, valid: np.ndarray) -> np.ndarray:
+        """Return rows of some of the rays that came through, as they are chosen for errors."""
+        assert self.lines is not None
+        return sample_rows(self.lines.mesh, self._rays(slice(None)), valid)
+
+    def _varied(self, stored: Any, number: int, opd: np.ndarray, valid: np.ndarray, known: Any) -> Variants | None:
+        """Return how rays on straight lines change by each cause; None where there are none.
+
+        `known` are the rows of these rays and the optical path differences of few of them, bent, where they are known.
+        """
+        if not valid.any():
             return None
+        rows, bent = (self._sample(valid), None) if known is None else known
         field, rays = self.settings.index_field(self.series.field(stored, number)), self._rays(rows)
         until = plane_beyond(field, self.grid.pupil, self.settings.direction)
 
         def run(_field: Any, some: RayBundle, _plan: Any) -> tuple[Rays, np.ndarray]:
-            """Return the first rays, bent to second order: in a volume no others are asked for."""
-            count = some.ray_count
-            path = self._bent(stored, number, rows[:count]) if bent is None else bent[:count]
-            return replace(Rays.still(count), opd=path, direction=some.direction), np.zeros(count, int)
+            """Return the few rays, bent to second order: in a volume no others are asked for."""
+            path = self._bent(stored, number, rows[few_rows(len(rows))]) if bent is None else bent
+            return replace(Rays.still(len(path)), opd=path, direction=some.direction), np.zeros(len(path), int)
 
-        given = opd, until, self.settings.wavelength, self.settings.tolerance, self.settings.trace_options
+        given = opd[rows], until, self.settings.wavelength, self.settings.tolerance, self.settings.trace_options
         return straight_variants(field, rays, *given, run if self._is_volume else None)
 
     def _bent(self, stored: Any, number: int, rows: np.ndarray) -> np.ndarray:
@@ -350,9 +359,3 @@ class Snapshots:
         reached = np.isfinite(traced.opd) & traced.ok
         opd = np.where(reached, traced.opd, np.nan)
         return SnapshotResult(opd, reached, True, self._slope(opd, reached), lambda: traced.variants)
-
-
-def _some_of(valid: np.ndarray) -> np.ndarray:
-    """Return rows of some of the rays that came through, in random order: any part of them is a sample."""
-    rows = np.flatnonzero(valid)
-    return rows[np.random.default_rng(0).permutation(len(rows))[:SAMPLE]]

@@ -23,7 +23,7 @@ VALUES = {
 }
 OTHERS = {
     "error": ("m", "error of opd in a pixel, terms removed; it covers the truth in 95 of 100 pixels"),
-    "known": ("1", "share of the pupil whose rays came through known air; the rest is in no number"),
+    "known": ("1", "share of the pupil whose rays came through; the rest is in no number"),
     "traced": ("1", "1 where the snapshot was traced in full, 0 on straight lines"),
     "slope": ("1", "mean square of the wavefront's slopes"),
     "probe": ("m", "bending's part of opd where it was measured, rms"),

@@ -51,7 +51,7 @@ def is_cut(field: IndexField, face: int) -> bool:
     if field.geometry == "axisymmetric" and face < 4:
         return False  # its side is SIDE
     axis = 0 if face == SIDE else face // 2
-    if face == SIDE and field.geometry != "axisymmetric" or not np.isfinite(own[axis]):
+    if (face == SIDE and field.geometry != "axisymmetric") or not np.isfinite(own[axis]):
         return False
     beyond = whole[axis] - own[axis] if face % 2 or face == SIDE else own[axis] - whole[axis]
     return bool(beyond > ROUNDING * box_size(source))

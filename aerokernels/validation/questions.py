@@ -248,7 +248,7 @@ def look_angle(
         )
     lost = int((known < 0.5).sum())
     sentences.append(
-        "The light stays in known air in all of these directions."
+        "The light stays in the computed air in all of these directions."
         if lost == 0
         else f"In {lost} of the {known.size} directions the computed flow ends in disturbed air before the light does, "
         "and the numbers hold the known part only."

@@ -45,7 +45,7 @@ REMEDIES = {
     "precision": "the precision of the kernels: trace in float64",
     "sampling": "the number of rays: take more",
     "refractivity": "the refractivity model: take one of a smaller uncertainty, such as 'ciddor' in air",
-    "truncation": "rays that leave the known air while it is disturbed: give a field that reaches farther",
+    "truncation": "rays that leave the field by a cut through disturbed air: resample it on a larger region",
 }
 
 

@@ -16,9 +16,9 @@ from .paths import Paths
 from .rays import Rays
 from .splines import Surface
 
-# Share of a path over which a thinned sum begins and ends smoothly, and the least number of planes of that.
-TAPER, LEAST_TAPER = 0.125, 6
 THINNED = (2, 3, 4)
+# Order of the polynomials that a thinned sum's ends leave out.
+SMOOTH = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,14 +108,14 @@ def volume_changes(field: IndexField, paths: Paths, orders: tuple[int, int]) -> 
         next_value, next_slope = values_at(field, found, orders[1])
         spacing = field.samples.spacing
         _put(order, found, next_value - value, found.in_space(next_slope - slope, spacing), found.weight)
-        taper = _taper(found)
-        weight = taper * (found.weight.max(axis=1, keepdims=True))
+        weight = found.weight.max(axis=1, keepdims=True)
         for thin in THINNED:
+            taper = _taper(found, thin)
             for first in range(thin):
                 pattern = np.where(found.plane % thin == first, thin - 1.0, -1.0)
-                square[thin] += float(np.sum(np.sum(weight * pattern * value, axis=1) ** 2)) / thin
+                square[thin] += float(np.sum(np.sum(weight * taper * pattern * value, axis=1) ** 2)) / thin
         pattern = np.where(found.plane % 2 == 0, 1.0, -1.0)
-        _put(sums, found, value, found.in_space(slope, spacing), weight * pattern)
+        _put(sums, found, value, found.in_space(slope, spacing), weight * _taper(found, 2) * pattern)
     count = max(np.count_nonzero(paths.length > 0.0), 1)
     return order, sums, {thin: float(np.sqrt(total / count)) for thin, total in square.items()}
 
@@ -129,10 +129,19 @@ def _put(whole: Rays, found: Crossings, value: np.ndarray, slope: np.ndarray, we
     )
 
 
-def _taper(found: Crossings) -> np.ndarray:
-    """Return weights of planes that begin and end smoothly where a path does, shape (n, k)."""
-    there = found.weight > 0.5 * found.weight.max(axis=1, keepdims=True)
-    before, after = np.cumsum(there, axis=1), np.cumsum(there[:, ::-1], axis=1)[:, ::-1]
-    width = np.maximum(TAPER * before[:, -1:], LEAST_TAPER)
-    depth = np.clip((np.minimum(before, after) - 0.5) / width, 0.0, 1.0)
-    return np.asarray(there * np.sin(0.5 * np.pi * depth) ** 2)
+def _taper(found: Crossings, thin: int) -> np.ndarray:
+    """Return weights of planes that begin and end smoothly where a path does, shape (n, k).
+
+    They are those of a box, `SMOOTH` times averaged over `thin` planes: every `thin`-th of them and all of them have
+    the same sum times any polynomial of an order below SMOOTH.
+    """
+    kernel = np.ones(1)
+    for _ in range(SMOOTH):
+        kernel = np.convolve(kernel, np.full(thin, 1.0 / thin))
+    there = found.weight > 0.49 * found.weight.max(axis=1, keepdims=True)
+    left = np.cumsum(there[:, ::-1], axis=1)[:, ::-1]
+    box = (there & (left >= len(kernel))).astype(np.float64)
+    taper = np.zeros(box.shape)
+    for shift, share in enumerate(kernel):
+        taper[:, shift:] += share * box[:, : box.shape[1] - shift]
+    return taper
