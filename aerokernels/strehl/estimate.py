@@ -22,7 +22,7 @@ from ..tracing.pupil.job import REPLICATES, PupilJob, make_job
 from ..tracing.pupil.new_values import next_job
 from ..tracing.retrace import report_rejected
 from ..wavefront import check_terms
-from .budget import StrehlVariants, budgets
+from .budget import StrehlErrors, StrehlVariants, sampling_errors
 from .ratio import StrehlEstimate
 from .sums import combined, met_nothing
 
@@ -287,6 +287,7 @@ class PreparedStrehl:
             )
 
         found = StrehlVariants(self.field, self.pupil, self.look, seed, job.until, wavelength, plan)
+        sampling = sampling_errors(standard_error, sums.moments, wavelength, self.remove)
         return StrehlEstimate(
             ray_count=job.per_replicate * REPLICATES,
             traced_ray_count=traced,
@@ -294,7 +295,7 @@ class PreparedStrehl:
             blocked=max(0.0, 1.0 - float(np.add.reduce(sums.moments[:, 0])) / sums.ray_count),
             plan=plan,
             varied=found,
-            budgets=partial(budgets, found, standard_error, sums.moments, self.remove),
+            budgets=StrehlErrors(found, sampling, self.remove),
             seconds=seconds,
             standard_error=standard_error,
             evaluation_count=evaluations,

@@ -16,6 +16,7 @@ Changes of a uniform grid are integrated along the traced paths, to first order.
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -69,12 +70,12 @@ class Variants:
     causes: Mapping[str, Cause]
 
 
-def sample_size(field: IndexField) -> int:
-    """Return the number of rays whose changes are computed."""
+def sample_size(field: Any) -> int:
+    """Return the number of rays whose changes are computed, of a field or a mesh of this geometry."""
     return SAMPLE if field.geometry == "volume" else SAMPLE_OF_TWO_AXES
 
 
-def sample_rows(field: IndexField, rays: RayBundle, good: np.ndarray) -> np.ndarray:
+def sample_rows(field: Any, rays: RayBundle, good: np.ndarray) -> np.ndarray:
     """Return rows of some of the rays that arrived, in an order of which every eighth is spread over the whole bundle.
 
     They follow each other evenly along a curve through the places at which the rays are some way from their starts.
@@ -94,6 +95,11 @@ def sample_rows(field: IndexField, rays: RayBundle, good: np.ndarray) -> np.ndar
     count = min(sample_size(field), len(rows))
     chosen = rows[np.argsort(key, kind="stable")][np.linspace(0, len(rows) - 1, count).round().astype(int)]
     return chosen[np.argsort(np.arange(count) % BLOCKS, kind="stable")]
+
+
+def few_rows(count: int) -> np.ndarray:
+    """Return the places of the few among so many rays that are traced again."""
+    return np.arange(0, count, max(1, count // TRACED))
 
 
 def _spread_out(rays: RayBundle) -> np.ndarray:
@@ -195,7 +201,7 @@ class _Traced:
         """Take the rays, all of which arrived, and what they brought by a plan."""
         self.field, self.base, self.plan, self.run = field, base, plan, run
         self.rays = rays
-        self.few = np.arange(0, rays.ray_count, max(1, rays.ray_count // TRACED))
+        self.few = few_rows(rays.ray_count)
         self.some = rays.rows(self.few)
 
     def tight(self, field: IndexField) -> TracePlan:
