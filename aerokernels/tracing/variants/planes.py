@@ -112,23 +112,29 @@ def order_change(field: IndexField, paths: Paths, orders: tuple[int, int]) -> Ra
     return change
 
 
-def thinned_sums(field: IndexField, paths: Paths, order: int) -> tuple[Rays, dict[int, float]]:
-    """Return the change of sums over every second plane, and the rms changes by every second, third and fourth.
+def thinned_sums(field: IndexField, paths: Paths, order: int) -> tuple[Rays, dict[int, np.ndarray]]:
+    """Return the change of sums over every second plane, and the sizes of those over every second, third and fourth.
 
-    The rms is that of all sums over every j-th plane, over that of a step at a random place.
+    A size is the rms change of each ray's sums over every j-th plane, over that of a step at a random place, shape (n,).
+    Pairs of averages of cells have the sum of their mean: thinned by two, they change by half of what their slopes
+    within the planes change from one to the next, times the ray's way along the planes.
     """
-    sums, square = Rays.still(len(paths.length)), dict.fromkeys(THINNED, 0.0)
+    sums, square = Rays.still(len(paths.length)), {thin: np.zeros(len(paths.length)) for thin in THINNED}
     for found in crossings(field, paths):
         value, slope = values_at(field, found, order)
+        if field.samples.keeps_averages:
+            spacing = field.samples.spacing[found.axis]
+            value = 0.5 * spacing * slope[..., found.axis + 3 - field.samples.samples.ndim]
+            slope = np.zeros(slope.shape)
         weight = found.weight.max(axis=1, keepdims=True)
         for thin in THINNED:
             taper = weight * _taper(found, thin)
             for first in range(thin):
                 pattern = np.where(found.plane % thin == first, thin - 1.0, -1.0)
-                square[thin] += float(np.sum(np.sum(taper * pattern * value, axis=1) ** 2)) / thin
+                square[thin][found.rows] += np.sum(taper * pattern * value, axis=1) ** 2 / thin
         pattern = np.where(found.plane % 2 == 0, 1.0, -1.0)
         _put(sums, found, value, slope, weight * _taper(found, 2) * pattern)
-    return sums, {thin: float(np.sqrt(total)) / step_size(thin) for thin, total in square.items()}
+    return sums, {thin: np.sqrt(total) / step_size(thin) for thin, total in square.items()}
 
 
 def step_size(thin: int) -> float:

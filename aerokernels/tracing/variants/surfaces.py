@@ -40,14 +40,14 @@ def order_change(field: IndexField, paths: Paths, orders: tuple[int, int]) -> Ra
     return paths.integral(_change(field, before, after, np.full(2, np.inf)), shortest_cell(field, paths) / PIECES)
 
 
-def thinned_along_r(field: IndexField, paths: Paths, order: int) -> tuple[Rays, dict[int, float]]:
+def thinned_along_r(field: IndexField, paths: Paths, order: int) -> tuple[Rays, dict[int, np.ndarray]]:
     """As `planes.thinned_sums`, of rays that mostly run along r: through every second, third and fourth row of nodes."""
     grid, count = field.samples, len(paths.length)
     chord = np.abs(paths.last - paths.first)
     along = (np.hypot(chord[:, 0], chord[:, 1]) / grid.spacing[0] > chord[:, 2] / grid.spacing[1]) & (paths.length > 0.0)
     rows = np.flatnonzero(along)
     if field.geometry != "axisymmetric" or not len(rows) or (grid.shape[0] - 1) // max(THINNED) + 1 < LEAST_LEFT:
-        return Rays.still(count), {}
+        return Rays.still(count), {thin: np.zeros(count) for thin in THINNED}
     some = paths.rows(rows)
     local, cell = _about(field, some), shortest_cell(field, some) / PIECES
     base = spline_of(field, local, order)
@@ -58,7 +58,10 @@ def thinned_along_r(field: IndexField, paths: Paths, order: int) -> tuple[Rays, 
     }
     sums = Rays.still(count)
     sums.opd[rows], sums.direction[rows], sums.position[rows] = thinned[2].opd, thinned[2].direction, thinned[2].position
-    return sums, {thin: float(np.sqrt(np.sum(one.opd**2))) / step_size(thin) for thin, one in thinned.items()}
+    size = {thin: np.zeros(count) for thin in THINNED}
+    for thin, one in thinned.items():
+        size[thin][rows] = np.abs(one.opd) / step_size(thin)
+    return sums, size
 
 
 def _change(field: IndexField, one: Contrast, other: Contrast, high: np.ndarray) -> Contrast:
