@@ -126,9 +126,7 @@ def test_a_reader_that_waits_is_ended_and_one_that_computes_is_not(tmp_path: Pat
     monkeypatch.setattr(fragile, "WORKING", 0.0)
     assert fragile.in_child(path, "builtins:sum", range(50_000_000)) == 50_000_000 * 49_999_999 // 2
     monkeypatch.setattr(fragile, "WORKING", 0.9)
-    with pytest.raises(
-        fragile.LibraryEndedError, match=r"a\.nc: it was not read within .* busy, or the file is damaged"
-    ):
+    with pytest.raises(fragile.LibraryEndedError, match=r"a\.nc: it was not read within .* busy, or the"):
         fragile.in_child(path, "time:sleep", 300.0)
 
 

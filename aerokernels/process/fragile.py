@@ -28,7 +28,7 @@ from .own_files import LISTS, check_own_files
 MEMORY_SHARE = 0.8
 LEAST_MEMORY, MEMORY_FOR_BYTE = 2.0e9, 200.0  # [bytes], and bytes per byte of the file
 LEAST_TIME, TIME_FOR_BYTE = 20.0, 1e-6  # [s], and s per byte: a twentieth of a slow disk's speed
-# A child that has computed for this share of its time is given as much time again: on a busy machine it waits for a core.
+# A child that computed for this share of its time is given as much again: on a busy machine it waits for a core.
 WORKING = 0.01
 # A library in an endless loop on a damaged file is ended by its computing time; a small file takes 2 s.
 LEAST_COMPUTING = 6.0  # [s], and TIME_FOR_BYTE per byte
@@ -82,7 +82,7 @@ class _Child:
         answered = threading.Event()
 
         def watch() -> None:
-            before = 0.0
+            before = _computed(self.process.pid)
             while not answered.wait(time_limit):
                 now = _computed(self.process.pid)
                 if not now >= before + WORKING * time_limit:
