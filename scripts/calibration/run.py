@@ -50,7 +50,7 @@ def one(kind: str, seed: int) -> dict[str, Any]:
     x = (position - scene.center) @ _axes(scene.way).T / scene.radius
     numbers, of_all = Numbers(_of(found, x, rays), scene.radius * CELL, WAVELENGTH), Numbers(x, scene.radius * CELL, WAVELENGTH)
     value, exact = of_all(got), of_all(true)
-    bent = float(np.mean(np.sum(true.direction**2, axis=1)) * np.linalg.norm(end - start, axis=1).mean() * CELL)
+    bent = 4.0 * float(np.mean(np.sum(true.direction**2, axis=1)) * np.linalg.norm(end - start, axis=1).mean() * CELL)
     told = np.sqrt(sum(error**2 for error in errors(numbers, found).values()))
     by_cause = {name: list(map(float, error)) for name, error in errors(numbers, found).items()}
     result: dict[str, Any] = {"kind": kind, "seed": seed, "numbers": {}, "rays": {}, "causes": by_cause}

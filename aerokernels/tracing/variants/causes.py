@@ -47,8 +47,6 @@ TIGHTER, LARGEST_TOLERANCE = 0.1, 1e-3
 # A mesh's next order over its change by cells cut in four, and what is left of that where averages are kept: the rms of
 # u (1 - u) about its mean over that mean.
 REFINED, KEPT = 4.0 / 3.0, np.sqrt(1.0 / 5.0)
-# The same of a cubic spline's u^2 (1 - u)^2, over its rms.
-KEPT_BY_SPLINE = np.sqrt(1.0 - 630.0 / 900.0)
 # (field, rays, plan) -> what the rays bring, and their status
 Run = Callable[[IndexField, RayBundle, TracePlan], tuple[Rays, np.ndarray]]
 
@@ -167,8 +165,6 @@ def _by_index(field: IndexField, paths: Paths, traced: "_Traced") -> dict[str, C
     if isinstance(field.samples, UniformGrid):
         orders = ORDERS[field.interpolation]
         order = (planes if field.geometry == "volume" else surfaces).order_change(field, paths, orders)
-        if field.samples.keeps_averages:
-            order = order * KEPT_BY_SPLINE
         sums = (planes.thinned_sums(field, paths, orders[0]), surfaces.thinned_along_r(field, paths, orders[0]))
         return {"interpolation": Cause(like=(order,)), "jumps": jumps(field, paths, sums)}
     finer = field.derive("refined", lambda: refined(field)) if field.interpolation == "bilinear" else None

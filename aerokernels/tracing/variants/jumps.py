@@ -13,20 +13,20 @@ from .rays import Cause, Rays
 
 # Draws of the jumps' place.
 DRAWS = 8
-# Greatest disagreement of two decays, as a logarithm, with those of a shock tanh(x / w).
-ONE_LAW = float(__import__("os").environ.get("ONE_LAW", "0.25"))
-LOCAL = __import__("os").environ.get("LOCAL") == "1"
+# Disagreement of two decays, as a logarithm, with those of a shock tanh(x / w), from which they count less; at twice
+# of it they do not count.
+ONE_LAW = 0.25
 # Widths of shocks [cells] whose decays are compared.
 WIDTHS = np.linspace(1e-3, 8.0, 4000)
-# Rays about a ray from which its size is taken, and rays and steps in distance by which their likeness is found.
-NEAR, COMPARED, BINS = int(__import__("os").environ.get("NEAR", "12")), 512, 25
+# Rays about a ray from which its size is taken, and its decay; rays and steps in distance by which likeness is found.
+NEAR, NEAR_DECAY, COMPARED, BINS = 12, 64, 512, 25
 
 
 def left_over(size: dict[int, np.ndarray]) -> np.ndarray:
     """Return the change of sums over all nodes over that of sums thinned by two, from the rms changes by 2, 3 and 4.
 
-    They are over those of a step, each of shape (n,). The result is 1 where the three are not of one shock: kinks, or
-    several structures.
+    They are over those of a step, each of shape (n,). The result rises to 1 where the three are not of one shock: kinks,
+    or several structures.
     """
 
     def decay(thin: int) -> np.ndarray:
@@ -41,7 +41,7 @@ def left_over(size: dict[int, np.ndarray]) -> np.ndarray:
 
     off = np.abs(np.log(three / four / at(4, decay(3) / decay(4))))
     share = np.maximum(at(3, decay(1) / decay(2)), at(4, decay(1) / decay(2)))
-    return np.where(off < ONE_LAW, np.minimum(1.0, np.sqrt(3.0) * share), 1.0)
+    return np.asarray(np.minimum(1.0, np.sqrt(3.0) * share) ** np.clip(2.0 - off / ONE_LAW, 0.0, 1.0))
 
 
 def jumps(field: IndexField, paths: Paths, thinned: tuple[tuple[Rays, dict[int, np.ndarray]], ...]) -> Cause:
@@ -55,19 +55,18 @@ def jumps(field: IndexField, paths: Paths, thinned: tuple[tuple[Rays, dict[int, 
     from scipy.spatial import cKDTree
 
     place = _across(paths)
-    _, near = cKDTree(place).query(place, min(NEAR, len(place)))
+    _, near = cKDTree(place).query(place, min(NEAR_DECAY, len(place)))
     near = near.reshape(len(place), -1)
 
-    def about(values: np.ndarray) -> np.ndarray:
-        return np.asarray(np.sqrt(np.square(values)[near].mean(axis=1)))
+    def about(values: np.ndarray, count: int = NEAR_DECAY) -> np.ndarray:
+        return np.asarray(np.sqrt(np.square(values)[near[:, :count]].mean(axis=1)))
 
     sums = Rays.still(len(place))
     for change, size in thinned:
-        share = left_over({thin: about(one) for thin, one in size.items()}) if LOCAL else left_over({thin: np.sqrt(np.mean(one**2,keepdims=True)) for thin, one in size.items()})
-        sums = sums + change * (share / np.sqrt(3.0))
+        sums = sums + change * (left_over({thin: about(one) for thin, one in size.items()}) / np.sqrt(3.0))
     if not np.any(sums.opd):
         return Cause()
-    return Cause(like=(sums,), draws=patterns(field, paths, about(sums.opd), _alike(sums.opd, place)))
+    return Cause(like=(sums,), draws=patterns(field, paths, about(sums.opd, NEAR), _alike(sums.opd, place)))
 
 
 def patterns(field: IndexField, paths: Paths, size: np.ndarray, alike: float) -> tuple[Rays, ...]:
