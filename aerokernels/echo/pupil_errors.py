@@ -35,7 +35,7 @@ def own_phase_error(scene: Scene, field: IndexField) -> float:
     """
     pupil = scene.receiver.pupil
     try:
-        # The echo was computed, so a loss where the known air ends is part of its error, and no reason to raise.
+        # The echo was computed, so what the pupil misses is part of its error, and no reason to raise.
         options = trace_options(scene)
         return estimate_strehl(field, pupil, ray_count=ESTIMATE_RAYS, allow_truncation=True, **options).phase_error
     except ValueError:

@@ -40,7 +40,7 @@ class PupilSums:
         ray_count: Rays traced.
         evaluation_count: Field evaluations.
         seconds: Time in kernels [s].
-        statuses: Number of rays by status name; whether they leave the known air is not examined.
+        statuses: Number of rays by status name; whether they leave by a cut is not examined.
     """
 
     open_share: np.ndarray

@@ -1,7 +1,7 @@
-"""Share of an interferometer's light that goes through disturbed air ending at the field's box.
+"""Share of an interferometer's light that goes through disturbed air that was cut off the field.
 
 Straight lines from the focus to both ends of the beams are tested, as for a pupil (tracing/pupil/air.py): a line counts
-if it may lose more of its optical path than the tolerance. A field whose faces are undisturbed costs nothing.
+if it loses more of its optical path than the tolerance. A field whose box is its whole flow costs nothing.
 """
 
 import numpy as np
@@ -10,9 +10,9 @@ from ..inputs.warned import warn_caller
 from ..medium import IndexField
 from ..rays import RayBundle
 from ..tracing.beyond import ways_through
-from ..tracing.error_budget.known_air import may_be_lost
+from ..tracing.cuts import lost, may_lose
 from ..tracing.lines import box_size
-from ..tracing.pupil.air import GREATEST_SHARE, TruncationWarning, meets_wall
+from ..tracing.pupil.air import GREATEST_SHARE, TruncationWarning
 from .instrument import FLDI
 
 # Lines across a beam, and path that a line may lose [waves].
@@ -22,7 +22,7 @@ LINES, TOLERANCE = 33, 1e-3
 def truncated_share(
     field: IndexField, instrument: FLDI, focus: np.ndarray, ends: tuple[float, float] | None, reach: float
 ) -> float:
-    """Return the share of the light of both beams that may lose more than the tolerance where the known air ends.
+    """Return the share of the light of both beams that loses more than the tolerance by cuts.
 
     Args:
         field: The refractive index.
@@ -32,6 +32,9 @@ def truncated_share(
             the box.
         reach: Radii up to which a beam is traced.
     """
+    tolerance = TOLERANCE * instrument.wavelength
+    if not may_lose(field, tolerance):
+        return 0.0
     if ends is None:
         along, size = float(ways_through(field.box, focus, instrument.axis)[0]), box_size(field)
         ends = along - size, along + size
@@ -40,7 +43,6 @@ def truncated_share(
     u, v = (axis.ravel() for axis in np.meshgrid(*(2 * [np.linspace(-reach, reach, LINES)])))
     light = np.exp(-2.0 * (u**2 + v**2)) * (u**2 + v**2 <= reach**2)
     across = u[:, None] * first + v[:, None] * second
-    tolerance = TOLERANCE * instrument.wavelength
     over = np.zeros((2, len(light)), dtype=bool)
     for beam, side in enumerate((0.5, -0.5)):
         middle = focus + side * instrument.separation * first
@@ -52,11 +54,7 @@ def truncated_share(
                 continue  # the whole box is on the other side of the focus
             way = middle + end * instrument.axis + float(instrument.radius(end)) * across - start
             rays = RayBundle(start, way / np.linalg.norm(way, axis=1)[:, None])
-            lost, _ = may_be_lost(field, rays, None, tolerance)
-            rows = np.flatnonzero(lost > tolerance)
-            if field.body is not None and len(rows):
-                rows = rows[~meets_wall(field, rays.position[rows], rays.direction[rows])]
-            over[beam, rows] = True
+            over[beam] |= np.abs(lost(field, rays, None, tolerance=tolerance)) > tolerance
     return float(light @ over.mean(axis=0) / light.sum())
 
 
@@ -64,7 +62,7 @@ def warn_of_truncation(share: float) -> None:
     """Warn the caller of `fldi_response` if more than a thousandth of the light is truncated."""
     if share > GREATEST_SHARE:
         text = (
-            f"{100.0 * share:.3g} % of the light goes through disturbed air that ends with the field's box: what lies "
-            "beyond is unknown, and in no error; give the field a larger region there, move the focus or turn the axis"
+            f"{100.0 * share:.3g} % of the light goes through disturbed air that was cut off the field, and is in no "
+            "error; give the field a larger region there, move the focus or turn the axis"
         )
         warn_caller(text, TruncationWarning)

@@ -43,7 +43,7 @@ class FLDIResponse:
             half and a third of the layers along them, the effect of the light beyond the outermost rays, and the error
             of the field's own samples (grid_error.py). NaN where the phase is NaN, and for fields whose sampling error
             is not known.
-        truncated: Share of the light through disturbed air that ends at the field's box; the phase includes only the
+        truncated: Share of the light through disturbed air that was cut off the field; the phase includes only the
             known part of that air.
         time: Times [s], shape (time_count,), or None for one field.
         instrument: The instrument.
@@ -95,7 +95,7 @@ class FLDIResponse:
             "visibility": ("1", "contrast of the interference"),
             "mean_phase": ("rad", "mean phase difference"),
             "error": ("rad", "error of the phase"),
-            "truncated": ("1", "share of the light beyond the known air"),
+            "truncated": ("1", "share of the light through air that was cut off"),
         }
         variables = {
             name: (dims, getattr(self, name), {"units": unit, "long_name": text})
@@ -125,7 +125,7 @@ class FLDIResponse:
             return f"FLDIResponse of {self.phase.size} phases, none of which is known: a body blocks the light"
         size, error = float(np.sqrt(np.mean(self.phase[seen] ** 2))), float(np.max(self.error[seen]))
         share = 100.0 * float(np.max(self.truncated))
-        beyond = f"; up to {share:.3g} % of the light goes through unknown air" if share > 0.0 else ""
+        beyond = f"; up to {share:.3g} % of the light goes through air that was cut off" if share > 0.0 else ""
         return f"FLDIResponse of {self.phase.size} phases: {size:.4g} rad rms, each to {error:.2g} rad{beyond}"
 
 
@@ -154,7 +154,7 @@ def fldi_response(
         ValueError: A number is out of range, the beams do not meet the field, or the wavelength is not the field's.
 
     Warns:
-        TruncationWarning: More than a thousandth of the light goes through disturbed air that ends at the field's box;
+        TruncationWarning: More than a thousandth of the light goes through disturbed air that was cut off the field;
             `truncated` is the share.
     """
     if not isinstance(instrument, FLDI):

@@ -1,9 +1,9 @@
-"""Find the pixels of a camera that look through disturbed air ending at the field's box: the air beyond is unknown.
+"""Find the pixels of a camera that look through disturbed air that was cut off the field.
 
-Straight rays from the points of the aperture are tested, as for a pupil (tracing/pupil/air.py): a ray counts if it may
-lose more of its optical path than the tolerance. A field whose faces are undisturbed costs nothing. The rule is the one
-of a pupil, applied to the light of the whole picture: more than a thousandth of it is rejected unless the caller allows
-it. Fewer pixels, at a rim, cause a warning only, since a picture, unlike a Strehl ratio, can mark them.
+Straight rays from the points of the aperture are tested, as for a pupil (tracing/pupil/air.py): a ray counts if it
+loses more of its optical path than the tolerance. A field whose box is its whole flow costs nothing. The rule is the
+one of a pupil, applied to the light of the whole picture: more than a thousandth of it is rejected unless the caller
+allows it. Fewer pixels, at a rim, cause a warning only, since a picture, unlike a Strehl ratio, can mark them.
 """
 
 from dataclasses import dataclass
@@ -14,8 +14,8 @@ from ..inputs.warned import warn_caller
 from ..medium import IndexField
 from ..rays import RayBundle
 from ..tracing import Plane
-from ..tracing.error_budget.known_air import may_be_lost
-from ..tracing.pupil.air import GREATEST_SHARE, meets_wall
+from ..tracing.cuts import lost, may_lose
+from ..tracing.pupil.air import GREATEST_SHARE
 from .camera import Camera
 
 # Pixels along a side of the picture that are tested for a warning.
@@ -31,7 +31,7 @@ class KnownView:
         camera: The camera.
         points: Points of the aperture along its axes [m], shape (n, 2).
         weights: Shares of the light of these points, shape (n,).
-        tolerance: Greatest OPD that a ray may lose [m].
+        tolerance: Greatest OPD that a ray may lose by cuts [m].
     """
 
     field: IndexField
@@ -41,17 +41,16 @@ class KnownView:
     tolerance: float
 
     def truncated(self, shape: tuple[int, int], stride: tuple[int, int] = (1, 1)) -> np.ndarray:
-        """Return the share of the aperture that may lose more than the tolerance, for every `stride`-th pixel."""
+        """Return the share of the aperture that loses more than the tolerance, for every `stride`-th pixel."""
         x, y = (axis[step // 2 :: step] for axis, step in zip(self.camera.tangents(shape), stride[::-1], strict=True))
         found = np.zeros((len(y), len(x)))
+        if not may_lose(self.field, self.tolerance):
+            return found
         across, up = (axis.ravel() for axis in np.meshgrid(x, y))
         for point, weight in zip(self.points, self.weights, strict=True):
             rays = rays_of(self.camera, point, across, up)
-            lost, _ = may_be_lost(self.field, rays, scene_plane(self.camera), self.tolerance)
-            over = np.flatnonzero(lost > self.tolerance)
-            if self.field.body is not None and len(over):
-                over = over[~meets_wall(self.field, rays.position[over], rays.direction[over])]
-            found.ravel()[over] += weight
+            amount = lost(self.field, rays, scene_plane(self.camera), tolerance=self.tolerance)
+            found.ravel()[np.abs(amount) > self.tolerance] += weight
         return found
 
     def check(self, shape: tuple[int, int], allowed: bool) -> None:
@@ -67,10 +66,7 @@ class KnownView:
         concerned = 100.0 * float(np.mean(share > GREATEST_SHARE))
         if concerned == 0.0:
             return
-        text = (
-            f"{concerned:.3g} % of the picture looks through disturbed air that ends with the field's box: what lies "
-            "beyond is unknown"
-        )
+        text = f"{concerned:.3g} % of the picture looks through disturbed air that was cut off the field"
         if float(np.mean(share)) <= GREATEST_SHARE:
             warn_caller(f"{text}; those pixels are marked in `known`", RuntimeWarning)
             return

@@ -116,9 +116,9 @@ class BackgroundDisplacement:
 
     @cached_property
     def truncated(self) -> np.ndarray:
-        """Share of each pixel's aperture that looks through disturbed air ending at the field's box.
+        """Share of each pixel's aperture that looks through disturbed air that was cut off the field.
 
-        Shape (rows, columns). In those pixels the displacement is due to the known air alone. Computed when first read,
+        Shape (rows, columns). In those pixels the displacement is due to the rest alone. Computed when first read,
         along straight lines.
         """
         shape = self.through.shape
@@ -126,7 +126,7 @@ class BackgroundDisplacement:
 
     @property
     def known(self) -> np.ndarray:
-        """Mask of the pixels that look through known air: at most a thousandth of their aperture is truncated."""
+        """Mask of the pixels of which at most a thousandth of the aperture is truncated."""
         return self.truncated <= GREATEST_SHARE
 
     @property
@@ -154,7 +154,7 @@ class BackgroundDisplacement:
             "displacement": (pair, "pixel", "displacement through the flow"),
             "blur": (pair, "pixel", "rms spread of the aperture's rays"),
             "through": (one, "1", "share of the aperture that sees the scene"),
-            "truncated": (one, "1", "share of the aperture that sees beyond the known air"),
+            "truncated": (one, "1", "share of the aperture that looks through air that was cut off"),
         }
         return xarray.Dataset(
             {
@@ -206,8 +206,8 @@ def background_displacement(
         camera: The camera; its scene may be far.
         aperture_rays: Approximate number of points of the aperture; 1 takes only its middle.
         shape: Rows and columns, which override the camera's.
-        allow_truncation: Whether more than a thousandth of the picture's light may come through disturbed air ending at
-            the field's box. The affected pixels are marked in `known`; if they are fewer, there is only a warning.
+        allow_truncation: Whether more than a thousandth of the picture's light may come through disturbed air that was
+            cut off the field. The affected pixels are marked in `known`; if they are fewer, there is only a warning.
         **options: method, tolerance [waves], wavelength, backend, device, precision, step, max_steps: as in `trace`.
 
     Raises:

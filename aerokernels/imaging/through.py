@@ -89,7 +89,7 @@ class ImageThrough:
 
     @property
     def known(self) -> np.ndarray:
-        """Mask of the pixels that look through known air: see BackgroundDisplacement."""
+        """Mask of the pixels that look through air that is all in the field: see BackgroundDisplacement."""
         return self.shift.known
 
     def monochromatic(self) -> np.ndarray:

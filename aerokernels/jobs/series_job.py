@@ -140,6 +140,7 @@ def summarise(scene: Scene, maps: "xarray.Dataset", found: "xarray.Dataset") -> 
             "snapshot_count": int(maps.sizes["time"]),
             "traced_count": int(np.asarray(maps["traced"].values).sum()),
             "warnings": [text for text in (str(maps.attrs.get("truncation", "")), found.attrs["warnings"]) if text],
+            "ends": str(maps.attrs.get("ends", "")),
             "known_share": float(np.asarray(maps["known"].values).min()),
             "opd_error_m": float(np.nanmax(errors)) if np.isfinite(errors).any() else None,
             "wavelength_m": float(maps.attrs["wavelength"]),

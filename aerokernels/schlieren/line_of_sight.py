@@ -30,7 +30,7 @@ from aerokernels.tracing import Plane, RayStatus, trace
 from ..inputs.arguments import checked
 from ..inputs.checks import check_count
 from ..inputs.warned import warn_caller
-from ..tracing.error_budget.known_air import may_be_lost
+from ..tracing.cuts import lost
 from ..tracing.lines import box_size
 from ..tracing.pupil.air import GREATEST_SHARE
 from .window import Window, make_window, ray_lines
@@ -54,7 +54,7 @@ class LineOfSight:
         blocked: rays that met the body.
         wavelength: vacuum wavelength [m].
         focus: coordinate of the focal plane along the light [m].
-        doubtful: rays of which not all is known: they left the known air where it is disturbed, or failed; None for
+        doubtful: rays that failed, or lack more than the tolerance by cuts through disturbed air; None for
             none.
         light: the light that was traced, to trace it again for the error of a picture.
     """
@@ -165,8 +165,9 @@ class ParallelLight:
         through = (traced.ok & ~blocked).reshape(shape)
         # Real light comes from far away and goes on: what is before the rays' start and behind their stop counts too.
         before = RayBundle(rays.position - box_size(field) * rays.direction, rays.direction)
-        lost = may_be_lost(field, before, None, self.options["tolerance"] * traced.wavelength)[0]
-        doubtful = ~blocked & (~traced.ok | (lost > self.options["tolerance"] * traced.wavelength))
+        tolerance = self.options["tolerance"] * traced.wavelength
+        amount = lost(field, before, None, tolerance=tolerance)
+        doubtful = ~blocked & (~traced.ok | (np.abs(amount) > tolerance))
 
         def whole(values: np.ndarray) -> np.ndarray:
             if not symmetric:
@@ -256,7 +257,7 @@ def line_of_sight(
     if not found.known.all():
         warn_caller(
             f"of {100.0 * float(np.mean(~found.known)):.3g} % of the picture's pixels the light is not known: their "
-            "rays leave the known air where it is disturbed, or fail; those pixels are marked in `known`",
+            "rays leave the field by a cut through disturbed air, or fail; those pixels are marked in `known`",
             RuntimeWarning,
         )
     return found

@@ -11,7 +11,6 @@ of 1.
 import warnings
 from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -25,11 +24,15 @@ from ..inputs.warned import warn_caller
 from ..inputs.wavelength import DEFAULT_WAVELENGTH
 from ..medium import IndexField
 from ..pupils import direction_of
+from ..rays import RayBundle
 from ..strehl.estimate import PreparedStrehl
 from ..strehl.sums import NoRayArrived
+from ..tracing.flow_ends import flow_ends
 from ..tracing.meeting import NoRayMeetsField
 from ..tracing.pupil.radial_quadrature import asymmetry
+from ..wavefront.pupil_numbers import NUMBERS
 from .look_batch import batch_looks, can_batch
+from .look_errors import Look, numbers_of, tell_errors
 
 if TYPE_CHECKING:
     import xarray
@@ -39,10 +42,15 @@ ALIKE = 12  # decimals of the cosine with the axis to which directions count as 
 VARIABLES = {
     "strehl": ("1", "Strehl ratio"),
     "strehl_standard_error": ("1", "standard error of its sampling"),
+    "strehl_error": ("1", "error of the Strehl ratio; it covers the truth in 95 of 100 cases"),
     "opd_rms": ("m", "optical path difference, rms over the pupil"),
+    "opd_rms_error": ("m", "error of opd_rms; it covers the truth in 95 of 100 cases"),
     "boresight": ("rad", "boresight error"),
+    "boresight_error": ("rad", "error of boresight; it covers the truth in 95 of 100 cases"),
     "boresight_azimuth": ("rad", "boresight error along growing azimuth"),
+    "boresight_azimuth_error": ("rad", "error of boresight_azimuth; it covers the truth in 95 of 100 cases"),
     "boresight_elevation": ("rad", "boresight error along growing elevation"),
+    "boresight_elevation_error": ("rad", "error of boresight_elevation; it covers the truth in 95 of 100 cases"),
     "blocked": ("1", "share of the pupil that the body shades"),
     "known": (
         "1",
@@ -91,11 +99,14 @@ def look_map(
         progress: Called with a description of the progress and its share.
 
     Returns:
-        A dataset (azimuth, elevation), with `time` before them for a series: `strehl` and its
-        `strehl_standard_error`, `opd_rms` [m], `boresight`, `boresight_azimuth` and `boresight_elevation` [rad],
-        `blocked`, the share in the body's shadow, and `known`: 1, or 0 along which the computed flow ends in disturbed
-        air, so that the numbers cover the known part only, or where the whole pupil is in the shadow, so that they are
-        NaN.
+        A dataset (azimuth, elevation), with `time` before them for a series: `strehl`, `opd_rms` [m], `boresight`,
+        `boresight_azimuth` and `boresight_elevation` [rad], each with its error (`strehl_error` and so on), which
+        covers the truth in 95 of 100 cases and is computed for a few directions (look_errors.py),
+        `strehl_standard_error`, the part of the sampling in that of `strehl`, `blocked`, the share in the body's
+        shadow, and `known`: 1, or 0 along which more than a thousandth of the pupil looks through disturbed air that
+        was cut off, or more than a hundredth past the field's box, so that the numbers lack that air, or where the
+        whole pupil is in the shadow, so that they are NaN. The attribute `ends` says where the flow itself ends in
+        disturbed air, which the numbers take as the whole of it.
 
     Raises:
         TypeError: A field or a pupil of the wrong kind.
@@ -122,7 +133,12 @@ def look_map(
         index = one if isinstance(one, IndexField) else one.index_field(length, relation, constant=constant)
         share = (number / len(fields), 1.0 / len(fields))
         maps.append(_hemisphere(index, angles[0], angles[1], pupil, options, progress, share))
-    return _dataset(maps, angles, times, pupil, length if options.get("wavelength") is None else wavelength)
+    length = length if options.get("wavelength") is None else wavelength
+    columns, rows = np.meshgrid(*angles, indexing="ij")
+    looks = direction_of(columns, rows).reshape(-1, 3)
+    middle = RayBundle(np.broadcast_to(pupil.center, looks.shape), looks)  # one ray a direction
+    ends = flow_ends(index, middle.pilot, None, tolerance * length)
+    return _dataset(maps, angles, times, pupil, length, ends)
 
 
 def _angles(name: str, values: Any, most: float) -> np.ndarray:
@@ -150,37 +166,38 @@ def _hemisphere(field, azimuth, elevation, pupil, options, progress, share) -> d
         _, first, kind = np.unique(np.round(looks[:, 2], ALIKE), return_index=True, return_inverse=True)
         height = looks[first, 2]
         turned = np.stack([np.zeros(len(first)), np.sqrt(np.maximum(1.0 - height**2, 0.0)), height], axis=1)
-    numbers, tilts = [], []
-    met = False
     together = None
     if can_batch(field, turned, options):
         wavelength = options.get("wavelength") or field.wavelength or DEFAULT_WAVELENGTH
-        check = partial(_look, field, pupil, options=options)
-        together = batch_looks(field, pupil, turned, options, wavelength, check)
+        together = batch_looks(field, pupil, turned, options, wavelength)
+    found = []
     for count, look in enumerate(turned, start=1):
-        found, tilt, meets = _look(field, pupil, look, options) if together is None else together[count - 1]
-        numbers.append(found)
-        tilts.append(tilt)
-        met = met or meets
+        found.append(_look(field, pupil, look, options) if together is None else together[count - 1])
         if progress is not None:
             progress(f"{count} of {len(turned)} directions", share[0] + share[1] * count / len(turned))
-    if not met:
+    if not any(one.met for one in found):
         low, high = field.box
         raise ValueError(
             f"the flow, whose box is {low.tolist()} to {high.tolist()} m, is before the pupil at "
             f"{pupil.center.tolist()} m in none of the {len(looks)} directions: check the units (metres are expected)"
         )
-    tilt = np.array(tilts)[kind]
+    wrong = tell_errors(found, turned)[kind]
+    numbers = [one.numbers for one in found]
+    tilt = np.array([one.in_space for one in found])[kind]
     if symmetric:
         tilt = _about_the_axis(tilt, looks)
+        wrong = np.stack([_about_the_axis(wrong[:, k], looks) for k in range(2)], axis=1)
     # Unit vectors along growing azimuth and elevation.
     along = np.stack([np.cos(columns), np.zeros(columns.shape), -np.sin(columns)], axis=-1).reshape(-1, 3)
     up = np.stack([-np.sin(columns) * np.sin(rows), np.cos(rows), -np.cos(columns) * np.sin(rows)], axis=-1)
     shape = columns.shape
     maps = {name: np.array([one[name] for one in numbers])[kind].reshape(shape) for name in numbers[0]}
     maps["boresight"] = np.linalg.norm(tilt, axis=1).reshape(shape)
-    maps["boresight_azimuth"] = np.einsum("nk,nk->n", tilt, along).reshape(shape)
-    maps["boresight_elevation"] = np.einsum("nk,nk->n", tilt, up.reshape(-1, 3)).reshape(shape)
+    maps["boresight_error"] = np.linalg.norm(wrong, axis=(1, 2)).reshape(shape)
+    for name, unit in (("azimuth", along), ("elevation", up.reshape(-1, 3))):
+        maps[f"boresight_{name}"] = np.einsum("nk,nk->n", tilt, unit).reshape(shape)
+        error = np.linalg.norm(np.einsum("nak,nk->na", wrong, unit), axis=1)
+        maps[f"boresight_{name}_error"] = error.reshape(shape)
     return maps
 
 
@@ -199,30 +216,27 @@ def _about_the_axis(tilt: np.ndarray, looks: np.ndarray) -> np.ndarray:
     return np.stack([x, y, tilt[:, 2]], axis=1)
 
 
-def _look(field: IndexField, pupil: Any, look: np.ndarray, options: dict[str, Any]):
-    """Return the numbers of one direction, its tilt as a vector in space [rad], and whether it meets the flow."""
+def _look(field: IndexField, pupil: Any, look: np.ndarray, options: dict[str, Any]) -> Look:
+    """Return what full traces tell of one direction."""
     turned = replace(pupil, normal=look)
+    axes, none = np.stack(turned.axes), np.zeros(len(NUMBERS))
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # the map shows undisturbed and unknown air
             prepared = PreparedStrehl(field, turned, allow_truncation=True, **options)
-            known = float(not prepared.job.air.is_truncated)
+            air = prepared.job.air
+            known = float(not (air.is_truncated or air.looks_past))
             found = prepared()
     except NoRayMeetsField:
-        return _numbers(1.0, 0.0, 0.0, 0.0, 1.0), np.zeros(3), False
+        return Look(numbers_of(1.0, 0.0, 0.0, 0.0, 1.0), axes, np.zeros(2), False, none)
     except NoRayArrived:  # of a pupil in the body's shadow nothing is known
-        return _numbers(np.nan, np.nan, np.nan, 1.0, 0.0), np.full(3, np.nan), True
-    first, second = turned.axes
-    tilt = found.boresight[0] * first + found.boresight[1] * second
-    numbers = _numbers(found.value, found.standard_error, found.opd_rms, found.blocked, known)
-    return numbers, tilt, True
+        return Look(numbers_of(np.nan, np.nan, np.nan, 1.0, 0.0), axes, np.full(2, np.nan), True, none + np.nan)
+    numbers = numbers_of(found.value, found.standard_error, found.opd_rms, found.blocked, known)
+    errors = found.budgets
+    return Look(numbers, axes, found.boresight, True, errors.sampling, lambda: errors.model)
 
 
-def _numbers(strehl: float, error: float, rms: float, blocked: float, known: float) -> dict[str, float]:
-    return {"strehl": strehl, "strehl_standard_error": error, "opd_rms": rms, "blocked": blocked, "known": known}
-
-
-def _dataset(maps: list[dict[str, np.ndarray]], angles: list[np.ndarray], times, pupil, wavelength):
+def _dataset(maps: list[dict[str, np.ndarray]], angles: list[np.ndarray], times, pupil, wavelength, ends: str):
     import xarray
 
     dims: tuple[str, ...] = ("azimuth", "elevation")
@@ -242,5 +256,6 @@ def _dataset(maps: list[dict[str, np.ndarray]], angles: list[np.ndarray], times,
         "source": f"aerokernels {__version__}",
         "pupil": f"{type(pupil).__name__} at {pupil.center.tolist()} m",
         "wavelength": wavelength,
+        "ends": ends,
     }
     return xarray.Dataset(variables, coordinates, about)

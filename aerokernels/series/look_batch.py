@@ -1,4 +1,4 @@
-r"""Trace many look directions of a pupil through a volume in one launch, and check some of them by full traces.
+r"""Trace many look directions of a pupil through a volume in one launch, and check some of them by traced rays.
 
 Along each undisturbed ray, by two Gauss points a cell of the cubic spline,
 
@@ -6,37 +6,41 @@ Along each undisturbed ray, by two Gauss points a cell of the cubic spline,
 
 plus the contributions of the faces and of the path to the stop: the straight line's optical path, and its change by
 bending to second order (see bending.py). Sums over the pupil are formed on the device that traces the rays, the
-processor's cores or a GPU. Terms of third order in the contrast are neglected. The direction of the greatest rms and
-some others are traced in full as a check. If they differ by more than the tolerance and both sampling errors allow, all
-directions are traced in full.
+processor's cores or a GPU. Terms of third order in the contrast are neglected. Some rays of the directions whose errors
+are computed (look_errors.py) are traced in full. If these differ by more than the tolerance, all directions are traced.
 """
 
-from collections.abc import Callable
 from dataclasses import replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
+from ..device_arrays.pinned import to_host
 from ..medium import IndexField
 from ..process.opened import OPENED
 from ..pupils.vectors import transverse_frames
 from ..rays import RayBundle
-from ..tracing.error_budget.known_air import may_be_lost
-from ..tracing.pupil.air import GREATEST_SHARE
-from .bending import SAFETY
+from ..strehl.budget import sampling_of
+from ..tracing import Plane
+from ..tracing.cuts import lost
+from ..tracing.lines import box_span
+from ..tracing.pupil.air import GREATEST_SHARE, PAST_TOLD
+from ..tracing.variants.causes import Variants, sample_rows
+from ..tracing.variants.spread import errors
+from ..wavefront.pupil_numbers import PupilNumbers
+from .look_errors import Look, few_of, numbers_of
 from .snapshot import gpu_of
-from .strehl_bound import strehl_error
+from .straight_variants import straight_variants
 from .warp_launch import launch
 
 LEAST = 12  # directions; fewer are traced one by one
-CHECKED = 3
 REPLICATES = 16
 AT_ONCE = 1 << 24  # rays of a launch; speed only
-KNOWN_RAYS = 256  # rays of a direction for which the exit from the known air is checked
+KNOWN_RAYS = 256  # rays of a direction for which it is examined what they miss of the flow
 KNOWN_FIRST = 16  # rays of the first check of all directions
 KNOWN_AT_ONCE = 1 << 18  # speed only
 CURVE_BITS = 12  # of the coordinates of points, along each axis; speed only
-Look = tuple[dict[str, float], np.ndarray, bool]
 
 
 def can_batch(field: IndexField, looks: np.ndarray, options: dict[str, Any]) -> bool:
@@ -50,9 +54,9 @@ def can_batch(field: IndexField, looks: np.ndarray, options: dict[str, Any]) -> 
 
 
 def batch_looks(
-    field: IndexField, pupil: Any, looks: np.ndarray, options: dict[str, Any], wavelength: float, check: Callable
+    field: IndexField, pupil: Any, looks: np.ndarray, options: dict[str, Any], wavelength: float
 ) -> list[Look] | None:
-    """Return the result of `check` for all directions; None if the two differ by too much.
+    """Return what is known of all directions; None if traced rays differ by too much.
 
     Args:
         field: The refractive index.
@@ -60,8 +64,6 @@ def batch_looks(
         looks: Unit vectors, shape (n, 3).
         options: Of `look_map`: ray_count, tolerance, remove, backend, device.
         wavelength: Vacuum wavelength [m].
-        check: Function that returns the numbers of one direction, its tilt in space and whether it meets the flow, by
-            full traces.
     """
     axes = transverse_frames(looks)
     tolerance = float(options["tolerance"])
@@ -74,38 +76,54 @@ def batch_looks(
     each = max(1, AT_ONCE // len(points))  # speed only
     parts = [traced(looks[k : k + each], axes[k : k + each]) for k in range(0, len(looks), each)]
     found = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
-    met = found.pop("met")
-    if not met.any():
+    if not found["met"].any():
         return None
     known = _known(field, pupil.center, points[:: -(-len(points) // KNOWN_RAYS)], looks, axes, tolerance * wavelength)
-    numbers = [
-        {
-            "strehl": float(found["strehl"][k]),
-            "strehl_standard_error": float(found["standard_error"][k]),
-            "opd_rms": float(found["rms"][k]),
-            "blocked": 0.0,
-            "known": float(known[k]),
-        }
-        for k in range(len(looks))
-    ]
-    tilts = np.einsum("na,nak->nk", found["tilt"], axes)
-    order = np.argsort(found["rms"])[::-1]
-    for k in order[np.unique(np.linspace(0, np.count_nonzero(met) - 1, CHECKED).astype(int))]:
-        if not _agrees(numbers[k], check(looks[k])[0], len(points), tolerance, wavelength):
-            return None
-    return [(one, tilt, bool(seen)) for one, tilt, seen in zip(numbers, tilts, met, strict=True)]
+    given = []
+    for k, met in enumerate(found["met"]):
+        strehl, standard_error, rms = (float(found[name][k]) for name in ("strehl", "standard_error", "rms"))
+        sampling = sampling_of(standard_error, found["fits"][k], wavelength)
+        rays = _Model(traced, looks[k], axes[k], options) if met else None
+        numbers = numbers_of(strehl, standard_error, rms, 0.0, float(known[k]))
+        given.append(Look(numbers, axes[k], found["tilt"][k], bool(met), sampling, rays))
+    rows = np.flatnonzero(found["met"])
+    few, _ = few_of(looks[rows], found["rms"][rows])
+    agree = all(given[k].model.agrees for k in rows[few])  # type: ignore[union-attr]
+    return given if agree else None
 
 
-def _agrees(
-    ours: dict[str, float], full: dict[str, float], ray_count: int, tolerance: float, wavelength: float
-) -> bool:
-    """Return whether a direction's numbers agree with its full trace within the tolerance and the sampling error."""
-    if not np.isfinite(full["strehl"]) or full["blocked"] > 0.0:
-        return False
-    sampling = SAFETY * float(np.hypot(ours["strehl_standard_error"], full["strehl_standard_error"]))
-    allowed = strehl_error(full["strehl"], 2.0 * np.pi * tolerance) + sampling
-    rms = tolerance * wavelength + SAFETY * full["opd_rms"] / np.sqrt(ray_count)
-    return abs(ours["strehl"] - full["strehl"]) <= allowed and abs(ours["opd_rms"] - full["opd_rms"]) <= rms
+class _Model:
+    """Computes the errors of a direction by all causes but the sampling, on some of its rays."""
+
+    def __init__(self, traced: "_Traced", look: np.ndarray, axes: np.ndarray, options: dict[str, Any]):
+        """Take a unit vector, the two axes across it, and the options of `look_map`."""
+        self._traced, self._look, self._axes, self._options = traced, look, axes, options
+
+    @cached_property
+    def found(self) -> Variants:
+        """Some of the rays, and how they change by each cause."""
+        traced = self._traced
+        position = traced.center + traced.points @ self._axes
+        rays = RayBundle(position, np.broadcast_to(self._look, position.shape))
+        rows = sample_rows(traced.field, rays, np.ones(len(position), bool))
+        self._points = traced.points[rows]
+        opd, reach = traced.opd(self._look[None], self._axes[None])
+        until = Plane(traced.center + reach[0] * self._look, self._look)
+        given = opd.numpy()[rows], until, traced.wavelength, self._options["tolerance"], self._options
+        return straight_variants(traced.field, rays.rows(rows), *given)
+
+    @property
+    def agrees(self) -> bool:
+        """Whether traced rays have the same optical path within the tolerance, rms about the mean."""
+        (off,) = self.found.causes["step"].known
+        return bool(np.std(off.opd) <= self._options["tolerance"] * self._traced.wavelength)
+
+    def __call__(self) -> np.ndarray:
+        """Return the errors of PupilNumbers' numbers, shape (5,)."""
+        found = self.found
+        remove = tuple(self._options["remove"])
+        number = PupilNumbers(self._points, found.weight, self._traced.wavelength, remove)
+        return np.sqrt(np.sum(np.square(list(errors(number, found).values())), axis=0))
 
 
 def side_by_side(points: np.ndarray) -> np.ndarray:
@@ -122,18 +140,20 @@ def side_by_side(points: np.ndarray) -> np.ndarray:
 
 
 def _known(field: IndexField, center: np.ndarray, points: np.ndarray, looks, axes, tolerance: float) -> np.ndarray:
-    """Return whether the rays of each direction stay in known air, at all but a thousandth of the pupil's points."""
+    """Return whether the rays of each direction miss nothing: by cuts a thousandth of the points, past the box more."""
     found = np.ones(len(looks))
-    most = GREATEST_SHARE * len(points)
-    # A few points suffice to find most directions that leave the known air; the others are checked with all points.
+    most, most_past = GREATEST_SHARE * len(points), PAST_TOLD * len(points)
+    # A few points suffice to find most directions that miss something; the others are checked with all points.
     for some in (points[:: -(-len(points) // KNOWN_FIRST)], points):
         left = np.flatnonzero(found)
         each = max(1, KNOWN_AT_ONCE // len(some))  # speed only
         for rows in (left[first : first + each] for first in range(0, len(left), each)):
             position = (center + np.einsum("pa,nak->npk", some, axes[rows])).reshape(-1, 3)
             direction = np.repeat(looks[rows], len(some), axis=0)
-            lost, _ = may_be_lost(field, RayBundle(position, direction), None, tolerance)
-            found[rows] = (lost.reshape(-1, len(some)) > tolerance).sum(axis=1) <= most
+            amount = lost(field, RayBundle(position, direction), None, tolerance=tolerance).reshape(-1, len(some))
+            past = ~box_span(field, position, direction).meets.reshape(-1, len(some))
+            found[rows] = (np.abs(amount) > tolerance).sum(axis=1) <= most
+            found[rows] *= (past.sum(axis=1) <= most_past) | past.all(axis=1)
     return found
 
 
@@ -144,11 +164,12 @@ class _Traced:
         """Copy the field and the points of the pupil to the device."""
         import warp as wp
 
-        from ..process.quiet_warp import start_warp
+        from ..process.quiet_warp import open_device
         from .look_kernels import build_kernels
 
-        start_warp()
+        open_device(device)
         self.device, self.remove, self.each, self.points = device, remove, per_replicate, points
+        self.field, self.center, self.wavelength = field, pupil.center, wavelength
         self.wavenumber = 2.0 * np.pi / wavelength
         self.kernels = OPENED.once("kernels of look maps", build_kernels)
         grid = field.samples
@@ -164,43 +185,66 @@ class _Traced:
             wp.array(points.astype(np.float32), dtype=wp.vec2, device=device),
         ]
 
+    def opd(self, looks: np.ndarray, axes: np.ndarray) -> tuple[Any, np.ndarray]:
+        """Return the optical path differences of all rays [m], on the device, and the distances of their stops [m]."""
+        import warp as wp
+
+        reach = np.maximum((looks @ self.corners.T).max(axis=1), 0.0)
+        count = len(looks) * len(self.points)
+        found = wp.empty(count, dtype=float, device=self.device)
+        way = [self._put(one.astype(np.float32), wp.vec3) for one in (looks, axes[:, 0], axes[:, 1])]
+        given = [*self.before, *way, self._put(reach.astype(np.float32), float)]
+        launch(self.kernels[0], count, given, [found], self.device)
+        return found, reach
+
+    def _put(self, array: np.ndarray, kind: Any) -> Any:
+        import warp as wp
+
+        return wp.array(np.ascontiguousarray(array), dtype=kind, device=self.device)
+
     def __call__(self, looks: np.ndarray, axes: np.ndarray) -> dict[str, np.ndarray]:
-        """Return the Strehl ratios, rms and tilts of some directions, and whether they meet the flow."""
+        """Return the numbers of some directions, each replicate's rms and tilt, and whether they meet the flow."""
         import warp as wp
 
         device, total, some = self.device, len(self.points), len(looks)
-        reach = np.maximum((looks @ self.corners.T).max(axis=1), 0.0)
-
-        def put(array: np.ndarray, kind: Any) -> Any:
-            return wp.array(np.ascontiguousarray(array), dtype=kind, device=device)
-
-        rays, moments, phasors = self.kernels
-        opd = wp.empty(some * total, dtype=float, device=device)
-        way = [put(one.astype(np.float32), wp.vec3) for one in (looks, axes[:, 0], axes[:, 1])]
-        launch(rays, some * total, [*self.before, *way, put(reach.astype(np.float32), float)], [opd], device)
+        _, moments, phasors = self.kernels
+        opd, _ = self.opd(looks, axes)
         groups = total // self.each
         sums = wp.empty(some * groups, dtype=wp.vec4d, device=device)
         launch(moments, some * groups, [opd, self.before[-1], self.each], [sums], device)
-        moment = sums.numpy().reshape(some, groups, 4).sum(axis=1) / total
+        by_group = to_host(sums).reshape(some, groups, 4) / self.each
+        moment = by_group.mean(axis=1)
         basis = np.c_[np.ones(total), self.points.astype(np.float32)]
-        plane = moment[:, [0, 2, 3]] @ np.linalg.pinv(basis.T @ basis / total)
+        square = basis.T @ basis / total
+        plane = moment[:, [0, 2, 3]] @ np.linalg.pinv(square)
         removed = np.zeros((some, 3))
         if "piston" in self.remove:
             removed[:, 0] = moment[:, 0]
         if "tilt" in self.remove:
             removed = plane if "piston" in self.remove else np.c_[np.zeros(some), plane[:, 1:]]
         turned = wp.empty(some * groups, dtype=wp.vec2d, device=device)
-        given = [opd, self.before[-1], self.each, groups, put(removed, wp.vec3d), self.wavenumber]
+        given = [opd, self.before[-1], self.each, groups, self._put(removed, wp.vec3d), self.wavenumber]
         launch(phasors, some * groups, given, [turned], device)
-        found = turned.numpy().reshape(some, groups, 2) / self.each
+        found = to_host(turned).reshape(some, groups, 2) / self.each
         ratio = (found**2).sum(axis=2)
-        square = basis.T @ basis / total
-        left = moment[:, 1] - 2.0 * np.einsum("nk,nk->n", removed, moment[:, [0, 2, 3]])
-        left += np.einsum("nk,kl,nl->n", removed, square, removed)
+        apart = basis.reshape(groups, self.each, 3)
+        squares = np.einsum("gek,gel->gkl", apart, apart) / self.each
+        planes = np.einsum("ngk,gkl->ngl", by_group[..., [0, 2, 3]], np.linalg.pinv(squares))
+        piston, tilt = "piston" in self.remove, "tilt" in self.remove
+        about = planes if tilt else np.concatenate([by_group[..., :1], np.zeros((some, groups, 2))], axis=2)
+        about = about * np.array([piston, tilt, tilt])
+        each_rms = np.sqrt(_mean_square(by_group, about, squares))
         return {
             "strehl": (found.mean(axis=1) ** 2).sum(axis=1),
             "standard_error": ratio.std(axis=1, ddof=1) / np.sqrt(groups),
-            "rms": np.sqrt(np.maximum(left, 0.0)),
+            "rms": np.sqrt(_mean_square(moment, removed, square)),
             "tilt": plane[:, 1:],
+            "fits": np.concatenate([each_rms[..., None], planes[..., 1:]], axis=2),
             "met": moment[:, 1] > 0.0,
         }
+
+
+def _mean_square(moment: np.ndarray, removed: np.ndarray, square: np.ndarray) -> np.ndarray:
+    """Return the mean square of an OPD less a plane [m2], from its moments (.., 4) and those of the plane's basis."""
+    left = moment[..., 1] - 2.0 * np.sum(removed * moment[..., [0, 2, 3]], axis=-1)
+    return np.maximum(left + np.einsum("...k,...kl,...l->...", removed, square, removed), 0.0)

@@ -19,21 +19,21 @@ from ..inputs.warned import warn_caller
 from ..inputs.wavelength import DEFAULT_WAVELENGTH, check_wavelength
 from ..rays import as_unit_vector
 from ..tracing.plan import PRECISIONS
-from ..tracing.pupil.air import GREATEST_SHARE, PupilAir, TruncationWarning
+from ..tracing.pupil.air import GREATEST_SHARE, PAST_REFUSED, PupilAir, TruncationWarning
 from ..wavefront import check_terms
 from .journal import FIRST, LAST
-from .pupil_grid import PupilGrid, Reading, pupil_grid
+from .map_numbers import NAMES, WRONG
+from .nearest_errors import Chosen
+from .pupil_grid import MapReader, PupilGrid, pupil_grid
 from .snapshot import METHODS, SnapshotResult, Snapshots, SnapshotSettings
 from .store import MemoryStore, ZarrStore
-from .store_arrays import NUMBERS
-from .strehl_bound import strehl_error
+from .store_arrays import KEPT
 
 if TYPE_CHECKING:
     import xarray
 
 Progress = Callable[[str, float], None]
-TRUNCATION = "truncation"  # the attribute with the warning of disturbed air that ends with the grid
-PROBE = ("probe", "probe_interpolation", "probe_tilt")  # measured on a snapshot, and restored where a run goes on
+TRUNCATION, ENDS = "truncation", "ends"  # attributes: the warning of a pupil that misses air; where the flow ends
 
 
 @checked
@@ -87,17 +87,19 @@ def optical_series(
 
     Returns:
         A dataset (time, y, x): `opd` [m], terms removed, NaN outside the pupil, and `valid`; over time `strehl`,
-        `boresight_x` and `boresight_y` [rad], `opd_rms` and `opd_rms_with_tilt` [m], each with its error due to the
-        error of `opd` and to the pixels, which have one ray each (`strehl_error` and so on), `piston` [m], `error` [m],
-        the share of the pupil that is `known`, and whether a snapshot was `traced`; over (y, x) `weight`, the pixels'
-        shares of the pupil. Its attribute `truncation` is the warning below, or empty. Lazy where `out` is given.
+        `boresight_x` and `boresight_y` [rad], `opd_rms` and `opd_rms_with_tilt` [m] and `piston` [m], each with its
+        error (`strehl_error` and so on), which covers the truth in 95 of 100 cases, `error` [m], that of `opd` in a
+        pixel, the share of the pupil that is `known`, and whether a snapshot was `traced`; over (y, x) `weight`, the
+        pixels' shares of the pupil. Its attribute `truncation` is the warning below, or empty, and `ends` says
+        where the first snapshot ends in disturbed air, which the maps take as the whole flow. Lazy where `out` is
+        given.
         Pixels whose rays end on a body, and with method="linear" those whose rays leave the grid sideways or miss it,
-        are not valid, and in no number. `error` on straight lines is that of the OPD through the grid; it does not
-        include disturbed air beyond the grid.
+        are not valid, and in no number. Errors are computed on some snapshots (nearest_errors.py), the part of the
+        pixels on each (half_density.py).
 
     Warns:
-        TruncationWarning: More than a thousandth of the pupil is not valid, or looks through disturbed air that ends
-            with the grid of the first snapshot computed (not with method="linear").
+        TruncationWarning: More than a thousandth of the pupil is not valid, or more than a hundredth of it looks past
+            the box of the first snapshot computed (not with method="linear").
 
     Raises:
         TypeError: Not a series, or not a pupil.
@@ -153,8 +155,10 @@ def optical_series(
             if text := maps.attrs.get(TRUNCATION, ""):
                 warn_caller(text, TruncationWarning)
             return maps
-    for slope, *probe in zip(*map(store.done.column, ("slope", *PROBE)), strict=True):
-        snapshots.resume(slope, *probe)
+    chosen = Chosen(len(series))
+    for slope, probe in zip(*map(store.done.column, ("slope", "probe")), strict=True):
+        snapshots.resume(slope, probe)
+        chosen(slope)
     lit: np.ndarray | None = None
     first = store.done.count
     # While a snapshot is computed the next one is read and the maps of the one before are written.
@@ -164,7 +168,8 @@ def optical_series(
             found = snapshots(number, read)
             if number == first and method != "linear":
                 # The store is created from the template, with the first snapshot.
-                template.attrs[TRUNCATION] = _warn_of_ends(snapshots.air(pupil, number, read[0]))
+                air = snapshots.air(pupil, number, read[0])
+                template.attrs[TRUNCATION], template.attrs[ENDS] = _warn_of_air(air), air.ends
             good = found.valid & np.isfinite(found.opd)
             if not good.any():
                 raise ValueError(
@@ -173,7 +178,8 @@ def optical_series(
             if lit is None or not np.array_equal(good, lit):
                 lit = good
                 reader = grid.reader(good, terms, wavelength)
-            entry = _entry(grid, found, good, reader(found.opd[good]), wavelength)
+            wrong = snapshots.errors(found) if chosen(found.slope) else dict.fromkeys(WRONG, np.nan)
+            entry = _entry(grid, found, good, reader, wrong)
             _finished(written, number, len(series), progress)
             source = () if stamp is None else (stamp, mark_of(read[0]))
             written = writer.submit(store.add, *entry, source)
@@ -182,11 +188,17 @@ def optical_series(
     return store.finish()
 
 
-def _warn_of_ends(air: PupilAir) -> str:
-    """Warn if the known air ends in disturbed air, and return the warning; an empty text if it does not."""
-    if not air.is_truncated:
+def _warn_of_air(air: PupilAir) -> str:
+    """Warn if the pupil looks past the box, and return the warning; an empty text if it does not.
+
+    Raises:
+        ValueError: Most of the pupil does.
+    """
+    if not air.looks_past:
         return ""
-    text = f"{air.described}: the optical path ends there too; give a larger grid, or look along it"
+    text = f"{air.past_described}: move the pupil, take a smaller one, or give a larger grid"
+    if air.past > PAST_REFUSED:
+        raise ValueError(text)
     warn_caller(text, TruncationWarning)
     return text
 
@@ -233,37 +245,21 @@ def _read_ahead(snapshots: Snapshots, first: int, stop: int) -> Iterator[tuple[i
 
 
 def _entry(
-    grid: PupilGrid, found: SnapshotResult, good: np.ndarray, read: Reading, wavelength: float
+    grid: PupilGrid, found: SnapshotResult, good: np.ndarray, reader: MapReader, wrong: dict[str, float]
 ) -> tuple[dict[str, np.ndarray], dict[str, float]]:
-    """Return the maps and numbers of a snapshot."""
+    """Return the maps and numbers of a snapshot; `wrong` are errors by the model, NaN where they were not computed."""
+    read = reader(found.opd[good])
     opd = np.full(len(good), np.nan)
     opd[good] = read.opd
-    pixels = read.pixel_errors
-    # A slope changes by the OPD's error, with that of its tilt, over the rms extent of the pupil at most.
-    with_tilt = float(np.hypot(found.error, found.tilt_error))
-    with np.errstate(divide="ignore"):
-        slopes = np.hypot(with_tilt / read.extent, pixels.tilt)
     numbers = {
-        "strehl": read.strehl,
-        "strehl_error": float(
-            np.hypot(strehl_error(read.strehl, 2.0 * np.pi / wavelength * found.error), pixels.strehl)
-        ),
-        "boresight_x": float(read.tilt[0]),
-        "boresight_x_error": float(slopes[0]),
-        "boresight_y": float(read.tilt[1]),
-        "boresight_y_error": float(slopes[1]),
-        "piston": read.piston,
-        "opd_rms": read.rms_without_tilt,
-        "opd_rms_error": float(np.hypot(found.error, pixels.rms_without_tilt)),
-        "opd_rms_with_tilt": read.rms,
-        "opd_rms_with_tilt_error": float(np.hypot(with_tilt, pixels.rms)),
-        "error": found.error,
+        **dict(zip(NAMES, read.numbers, strict=True)),
+        **{f"{name}_model": wrong[name] for name in NAMES},
+        **dict(zip((f"{name}_pixels" for name in NAMES), reader.sampling(found.opd[good], read), strict=True)),
+        "error": wrong["error"],
         "known": float(grid.weight[grid.lit][good].sum()),
         "traced": float(found.traced),
         "slope": found.slope,
         "probe": found.probe,
-        "probe_interpolation": found.interpolation,
-        "probe_tilt": found.probe_tilt,
     }
     return {"opd": grid.spread(opd), "valid": grid.spread(good, False)}, numbers
 
@@ -307,6 +303,9 @@ def _template(
             "pupil": f"{type(pupil).__name__} at {pupil.center.tolist()} m, normal {pupil.normal.tolist()}",
             "tolerance": settings.tolerance,
             TRUNCATION: "",
+            "errors": "each covers the truth in 95 of 100 cases; those of some snapshots are computed, and each other "
+            "snapshot has those of the nearest of them in time, with its own pixels",
+            ENDS: "",
             "plan": snapshots.reason
             or "straight lines worked out once; the bending is measured, and a snapshot traced where it is too large",
         },
@@ -318,7 +317,7 @@ def _definition(series: Series, template: "xarray.Dataset", settings: SnapshotSe
     mesh, times = series.mesh, series.time[:count]
     return {
         "version": __version__,
-        "numbers": list(NUMBERS),
+        "numbers": list(KEPT),
         "series": {name: own[:count] if isinstance(own, list) else own for name, own in series.identity.items()},
         FIRST: series.mark(),
         LAST: series.mark(count - 1),

@@ -8,9 +8,8 @@ import numpy as np
 
 from ..inputs.checks import check_count
 from ..pupils import Projected, Pupil, seen_along
-from ..wavefront import exact_weights, remove_terms, weighted_mean
-from ..wavefront.stencils import three_in_a_row
-from .map_errors import MapErrors, PixelErrors
+from ..wavefront import remove_terms, weighted_mean
+from .half_density import LEAST, half_density, pixel_errors
 
 # Share of a pixel below which a remainder is rounding.
 ROUNDING = 1e-9
@@ -51,13 +50,13 @@ class PupilGrid:
 
     def reader(self, good: np.ndarray, remove: tuple[str, ...], wavelength: float) -> "MapReader":
         """Return a reader of maps of some of the pixels with a weight, `good` of shape (n,)."""
-        weight = np.where(self.spread(good, False), self.weight, 0.0)
-        rows, columns = np.nonzero(weight)
-        pixels = self.coordinates[good], weight[rows, columns], remove, wavelength
-        if not three_in_a_row(weight > 0.0):
-            return MapReader(*pixels)
-        lacking = exact_weights(weight, self.pixel, self.aperture) - weight
-        return MapReader(*pixels, lacking[rows, columns], 2 * (rows % 2) + columns % 2)
+        there = self.spread(good, False)
+        found = MapReader(self.coordinates[good], self.weight[there], remove, wavelength)
+        coarse = half_density(self.x, self.y, self.pixel, self.aperture.coverage)
+        for weight in (one[there] for one in coarse):
+            rows = np.flatnonzero(weight)
+            found.coarse.append((rows, MapReader(self.coordinates[good][rows], weight[rows], remove, wavelength)))
+        return found
 
     def spread(self, values: np.ndarray, fill: Any = np.nan) -> np.ndarray:
         """Return a map of the values of the pixels with a weight, shape (ny, nx)."""
@@ -102,8 +101,6 @@ class Reading:
         rms: Root mean square of the map without its mean [m].
         rms_without_tilt: The same, also without its tilt [m].
         strehl: |<exp(i k OPD)>|^2 of `opd`.
-        extent: Rms of the pixels' coordinates about their mean along x and y [m], shape (2,).
-        pixel_errors: Errors of all of these due to the pixels, see map_errors.py; NaN if not computed.
     """
 
     opd: np.ndarray
@@ -112,37 +109,28 @@ class Reading:
     rms: float
     rms_without_tilt: float
     strehl: float
-    extent: np.ndarray
-    pixel_errors: PixelErrors
+
+    @property
+    def numbers(self) -> np.ndarray:
+        """The numbers in the order of `map_numbers.NAMES`, shape (6,)."""
+        return np.array([self.strehl, *self.tilt, self.piston, self.rms_without_tilt, self.rms])
 
 
 class MapReader:
-    """Computes the numbers of maps with the same pixels; the part that depends on the pixels alone is computed once."""
+    """Computes the numbers of maps with the same pixels; the part that depends on the pixels alone is computed once.
 
-    def __init__(
-        self,
-        coordinates: np.ndarray,
-        weight: np.ndarray,
-        remove: tuple[str, ...],
-        wavelength: float,
-        lacking: np.ndarray | None = None,
-        quarter: np.ndarray | None = None,
-    ):
-        """Prepare from `coordinates` [m], shape (n, 2), and `weight`, shape (n,).
+    Attributes:
+        coarse: Rows of the pixels of maps of every other pixel, and their readers; none if errors are not needed.
+    """
 
-        `lacking` is exact weights minus `weight`, and `quarter` the number of each pixel's interleaved grid; None if
-        errors due to the pixels are not needed, or not known.
-        """
-        total = weight.sum()
-        self.weight, self.remove, self.wavelength = weight / total, remove, wavelength
+    def __init__(self, coordinates: np.ndarray, weight: np.ndarray, remove: tuple[str, ...], wavelength: float):
+        """Prepare from `coordinates` [m], shape (n, 2), and `weight`, shape (n,)."""
+        self.weight, self.remove, self.wavelength = weight / weight.sum(), remove, wavelength
         self.coordinates = coordinates
         self._centred = coordinates - weighted_mean(self.weight, coordinates)
-        self._extent = np.sqrt(weighted_mean(self.weight, self._centred**2))
         # pinv with a relative cutoff, so that neither small units nor a pupil that is a line make it singular.
         self._inverse = np.linalg.pinv((self._centred * self.weight[:, None]).T @ self._centred, rcond=1e-12)
-        self._errors: MapErrors | None = None
-        if lacking is not None and quarter is not None:
-            self._errors = MapErrors(self._centred, self.weight, lacking / total, quarter)
+        self.coarse: list[tuple[np.ndarray, MapReader]] = []
 
     def __call__(self, opd: np.ndarray) -> Reading:
         """Return the numbers of a map [m], shape (n,)."""
@@ -156,8 +144,12 @@ class MapReader:
         else:
             left = remove_terms(opd, self.remove, self.coordinates, self.weight)
         phase = (2.0 * np.pi / self.wavelength) * left
-        cosine, sine = np.cos(phase), np.sin(phase)
-        phasor = complex(weighted_mean(self.weight, cosine), weighted_mean(self.weight, sine))
+        phasor = complex(weighted_mean(self.weight, np.cos(phase)), weighted_mean(self.weight, np.sin(phase)))
         rms, rms_without_tilt = (float(np.sqrt(weighted_mean(self.weight, one**2))) for one in (flat, level))
-        errors = PixelErrors() if self._errors is None else self._errors(cosine, sine, flat, tilt)
-        return Reading(left, piston, tilt, rms, rms_without_tilt, abs(phasor) ** 2, self._extent, errors)
+        return Reading(left, piston, tilt, rms, rms_without_tilt, abs(phasor) ** 2)
+
+    def sampling(self, opd: np.ndarray, reading: Reading) -> np.ndarray:
+        """Return the errors of a map's numbers by its pixels, shape (6,); NaN where there are too few of them."""
+        if not self.coarse or min(len(rows) for rows, _ in self.coarse) < LEAST:
+            return np.full(len(reading.numbers), np.nan)
+        return pixel_errors(reading.numbers, [reader(opd[rows]).numbers for rows, reader in self.coarse])

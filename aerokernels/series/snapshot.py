@@ -7,7 +7,9 @@ to second order (bending.py), elsewhere by full traces. They grow with the squar
 snapshot is traced in full.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -24,16 +26,19 @@ from ..tracing.engines.choice import choose_backend
 from ..tracing.engines.info import cuda_driver_loads
 from ..tracing.pupil.air import PupilAir, pupil_air
 from ..tracing.trace import trace
+from ..tracing.variants.causes import Variants, few_rows, sample_rows
+from ..tracing.variants.rays import Rays
 from ..wavefront import remove_terms
-from .bending import SAFETY, bending, interpolation_error
+from .bending import bending
 from .device_copies import DeviceSamples
 from .line_integrals import LineIntegrals, NotLinearError
+from .map_numbers import MapNumbers, map_errors
 from .mesh_integrals import MeshIntegrals
 from .plane_values import nodes_along
 from .pupil_grid import PupilGrid
+from .straight_variants import straight_variants
 
 METHODS = ("auto", "linear", "trace")
-PROBES = 96  # rays whose bending is measured
 GROWN = 1.5  # growth of the squared slopes after which the bending is measured again
 PROBE_TOLERANCE = 0.1  # of the tolerance
 
@@ -78,25 +83,19 @@ class SnapshotResult:
 
     Attributes:
         opd: [m], shape (n,); NaN where a ray failed.
-        valid: Whether a ray came through, its whole path in known air, shape (n,).
+        valid: Whether a ray came through, its whole path in the grid, shape (n,).
         traced: Whether it was traced in full.
-        error: Its error, rms over the pupil [m]: bending and interpolation, or the budget of the full trace.
         slope: Mean square of the wavefront's slopes.
+        varied: Returns how some of the rays change by each cause of an error; None where none came through.
         probe: Bending's part as measured on this snapshot, terms removed [m]; NaN where it was not measured.
-        interpolation: The interpolant's part, likewise.
-        probe_tilt: The tilt of both, where it is a removed term, rms over the pupil [m]; likewise.
-        tilt_error: Error of the removed tilt, rms over the pupil [m].
     """
 
     opd: np.ndarray
     valid: np.ndarray
     traced: bool
-    error: float
     slope: float
+    varied: Callable[[], Variants | None]
     probe: float = np.nan
-    interpolation: float = np.nan
-    probe_tilt: float = np.nan
-    tilt_error: float = 0.0
 
 
 def gpu_of(backend: str | None, device: str | None) -> str | None:
@@ -136,7 +135,7 @@ class Snapshots:
         self.lines: LineIntegrals | MeshIntegrals | None = None
         self.reason = ""
         self.device = gpu_of(settings.trace_options.get("backend"), settings.trace_options.get("device"))
-        self._measured_slope, self._measured, self._interpolation, self._tilt = 0.0, np.nan, 0.0, 0.0
+        self._measured_slope, self._measured = 0.0, np.nan
         try:
             lines = self._lines()
             if settings.method == "auto" and not lines.inside.all():
@@ -166,10 +165,10 @@ class Snapshots:
         interpolation = self.settings.interpolation or "cubic"
         return LineIntegrals(mesh, self.grid.points, self.settings.direction, interpolation)
 
-    def resume(self, slope: float, probe: float, interpolation: float, tilt: float) -> None:
-        """Restore the measurements of an interrupted run."""
+    def resume(self, slope: float, probe: float) -> None:
+        """Restore the measurement of an interrupted run."""
         if np.isfinite(probe):
-            self._measured_slope, self._measured, self._interpolation, self._tilt = slope, probe, interpolation, tilt
+            self._measured_slope, self._measured = slope, probe
 
     def read(self, number: int) -> tuple[Any, DeviceSamples | None]:
         """Read a snapshot, and start copying its samples to the device that sums them, if there is one."""
@@ -184,7 +183,7 @@ class Snapshots:
         return stored, self.lines.to_device(samples, self.device) if self.series.lies_here(stored) else None
 
     def air(self, pupil: Pupil, number: int, stored: Any) -> PupilAir:
-        """Return what the pupil may lose where the known air of a snapshot ends."""
+        """Return what the pupil misses of a snapshot."""
         field = self.settings.index_field(self.series.field(stored, number))
         return pupil_air(field, pupil, self.settings.direction, self.settings.tolerance * self.settings.wavelength)
 
@@ -208,23 +207,32 @@ class Snapshots:
             bad = int((~np.isfinite(samples)).sum())
             raise ValueError(f"snapshot {number}: {bad} of {samples.size} densities are not finite; repair the file")
         slope = self._slope(opd, valid)
-        probe = interpolation = tilt = np.nan
+        probe, known = np.nan, None
         if self.settings.method == "auto" and not (
             np.isfinite(self._measured) and slope <= GROWN * self._measured_slope + 1e-30
         ):
             self._check_range(host_array(density), number)
-            probe, interpolation, tilt = self._probe(stored, number, opd, valid)
-            self.resume(slope, probe, interpolation, tilt)
+            rows = self._sample(valid)
+            few = rows[few_rows(len(rows))]
+            bent = self._bent(stored, number, few)
+            probe, known = self._rms(bent - opd[few], few), (rows, bent)
+            self.resume(slope, probe)
         grown = max(1.0, slope / self._measured_slope) if self._measured_slope > 0.0 else 1.0
-        bending = self._measured * grown
-        if self.settings.method == "auto" and bending > self.settings.tolerance * self.settings.wavelength:
+        tolerance = self.settings.tolerance * self.settings.wavelength
+        if self.settings.method == "auto" and self._measured * grown > tolerance:
             found = self._traced(self.settings.index_field(self.series.field(stored, number)))
-            return replace(found, slope=slope, probe=probe, interpolation=interpolation, probe_tilt=tilt)
-        # Add the resampling error of lines through a grid that the flow's own cells were resampled to.
-        column = float(getattr(getattr(flow, "resampling", None), "column_error", 0.0))
-        drawn = SAFETY * self.model.upstream(self.settings.wavelength, column).columns
-        error = float(np.sqrt(bending**2 + self._interpolation**2 + drawn**2))
-        return SnapshotResult(opd, valid, False, error, slope, probe, interpolation, tilt, self._tilt * grown)
+            return replace(found, slope=slope, probe=probe)
+        varied = partial(self._varied, stored, number, opd, valid, known)
+        return SnapshotResult(opd, valid, False, slope, varied, probe)
+
+    def errors(self, found: SnapshotResult) -> dict[str, float]:
+        """Return the errors of a snapshot's numbers and of its optical path differences, without that of the pixels."""
+        varied = found.varied()
+        if varied is None:
+            return map_errors(None, MapNumbers(np.empty((0, 2)), np.empty(0), self.settings.wavelength, self.remove))
+        points = (varied.start - self.grid.pupil.center) @ np.linalg.pinv(np.stack(self.grid.aperture.axes))
+        weight = varied.weight / varied.weight.sum()
+        return map_errors(varied, MapNumbers(points, weight, self.settings.wavelength, self.remove))
 
     def _check_range(self, samples: np.ndarray, number: int) -> None:
         """Reject densities that no gas has, for which straight lines would give a number as well.
@@ -253,26 +261,48 @@ class Snapshots:
         means = [float(np.nanmean(one)) if np.isfinite(one).any() else 0.0 for one in squares]
         return sum(means) / pixel**2
 
-    def _rays(self, chosen: np.ndarray) -> tuple[RayBundle, np.ndarray]:
+    def _rays(self, chosen: np.ndarray | slice) -> RayBundle:
         points = self.grid.points[chosen]
-        return RayBundle(points, np.broadcast_to(self.settings.direction, points.shape)), points
+        weight = self.grid.weight[self.grid.lit][chosen]
+        return RayBundle(points, np.broadcast_to(self.settings.direction, points.shape), weight)
 
-    def _probe(self, stored: Any, number: int, opd: np.ndarray, valid: np.ndarray) -> tuple[float, float, float]:
-        """Return the rms difference of straight lines from bent rays over some rays of the pupil, terms removed [m].
+    @property
+    def _is_volume(self) -> bool:
+        """Whether straight lines go through a volume, where the bending is computed to second order."""
+        return isinstance(self.lines, LineIntegrals) and self.lines.mesh.geometry == "volume"
 
-        Also the interpolation error of the same rays, and the rms of the removed tilt of both [m].
+    def _sample(self, valid: np.ndarray) -> np.ndarray:
+        """Return rows of some of the rays that came through, as they are chosen for errors."""
+        assert self.lines is not None
+        return sample_rows(self.lines.mesh, self._rays(slice(None)), valid)
+
+    def _varied(self, stored: Any, number: int, opd: np.ndarray, valid: np.ndarray, known: Any) -> Variants | None:
+        """Return how rays on straight lines change by each cause; None where there are none.
+
+        `known` are the rows of these rays and the optical path differences of few of them, bent, where they are known.
         """
-        rows = np.flatnonzero(valid)
-        if not len(rows):
-            return 0.0, 0.0, 0.0
-        rows = rows[np.unique(np.linspace(0, len(rows) - 1, PROBES).round().astype(int))]
-        if isinstance(self.lines, LineIntegrals) and self.lines.mesh.geometry == "volume":
-            return self._second_order(stored, rows, opd[rows])
+        if not valid.any():
+            return None
+        rows, bent = (self._sample(valid), None) if known is None else known
+        field, rays = self.settings.index_field(self.series.field(stored, number)), self._rays(rows)
+        until = plane_beyond(field, self.grid.pupil, self.settings.direction)
+
+        def run(_field: Any, some: RayBundle, _plan: Any) -> tuple[Rays, np.ndarray]:
+            """Return the few rays, bent to second order: in a volume no others are asked for."""
+            path = self._bent(stored, number, rows[few_rows(len(rows))]) if bent is None else bent
+            return replace(Rays.still(len(path)), opd=path, direction=some.direction), np.zeros(len(path), int)
+
+        given = opd[rows], until, self.settings.wavelength, self.settings.tolerance, self.settings.trace_options
+        return straight_variants(field, rays, *given, run if self._is_volume else None)
+
+    def _bent(self, stored: Any, number: int, rows: np.ndarray) -> np.ndarray:
+        """Return the optical path differences of some rays, which may bend [m]; NaN where a ray failed."""
+        if self._is_volume:
+            return self._second_order(stored, rows)
         field = self.settings.index_field(self.series.field(stored, number))
-        rays, _ = self._rays(rows)
         traced = trace(
             field,
-            rays,
+            self._rays(rows),
             until=plane_beyond(field, self.grid.pupil, self.settings.direction),
             tolerance=PROBE_TOLERANCE * self.settings.tolerance,
             wavelength=self.settings.wavelength,
@@ -280,15 +310,10 @@ class Snapshots:
             **self.settings.trace_options,
         )
         assert traced.opd is not None
-        good = traced.ok & np.isfinite(traced.opd)
-        if not good.any():
-            return np.inf, 0.0, 0.0
-        difference, rows = (traced.opd - opd[rows])[good], rows[good]
-        between = float(traced.error.get("interpolation") or 0.0)
-        return self._rms(difference, rows), between, self._tilt_rms(difference, rows)
+        return np.where(traced.ok, traced.opd, np.nan)
 
-    def _second_order(self, stored: Any, rows: np.ndarray, opd: np.ndarray) -> tuple[float, float, float]:
-        """Return the same for a volume, from samples near the rays; includes the difference of `opd` from them."""
+    def _second_order(self, stored: Any, rows: np.ndarray) -> np.ndarray:
+        """Return the same for a volume, from samples near the rays."""
         assert isinstance(self.lines, LineIntegrals)
         flow = stored if isinstance(stored, DensityField) else None
         density = host_array(stored if flow is None else flow.density)  # type: ignore[attr-defined]
@@ -310,27 +335,20 @@ class Snapshots:
         pupil = self.grid.pupil
         beyond = pupil.center @ along + way_beyond(mesh.box, pupil.center, pupil.reach, along) - leave @ along
         bent, straight = bending(lines, density, contrast, beyond)
-        between = interpolation_error(lines, density, contrast)
-        parts = self._rms(bent, rows), self._rms(between, rows) + self._rms(opd - straight, rows)
-        return *parts, float(np.hypot(self._tilt_rms(bent, rows), self._tilt_rms(between, rows)))
+        return straight + bent
 
     def _rms(self, values: np.ndarray, rows: np.ndarray) -> float:
-        """Return the root mean square over some rays, terms removed [m]."""
-        left = remove_terms(values, self.remove, self.grid.coordinates[rows])
+        """Return the root mean square over those of some rays that came through, terms removed [m]; inf without any."""
+        good = np.isfinite(values)
+        if not good.any():
+            return np.inf if len(rows) else 0.0
+        left = remove_terms(values[good], self.remove, self.grid.coordinates[rows[good]])
         return float(np.sqrt(np.mean(left**2)))
 
-    def _tilt_rms(self, values: np.ndarray, rows: np.ndarray) -> float:
-        """Return the root mean square of the tilt of values over some rays [m]; 0 where tilt is no removed term."""
-        if "tilt" not in self.remove:
-            return 0.0
-        tilted = values - remove_terms(values, ("tilt",), self.grid.coordinates[rows])
-        return float(np.sqrt(np.mean(tilted**2)))
-
     def _traced(self, field: IndexField) -> SnapshotResult:
-        rays, _ = self._rays(np.arange(len(self.grid.points)))
         traced = trace(
             field,
-            rays,
+            self._rays(slice(None)),
             until=plane_beyond(field, self.grid.pupil, self.settings.direction),
             tolerance=self.settings.tolerance,
             wavelength=self.settings.wavelength,
@@ -340,4 +358,4 @@ class Snapshots:
         assert traced.opd is not None
         reached = np.isfinite(traced.opd) & traced.ok
         opd = np.where(reached, traced.opd, np.nan)
-        return SnapshotResult(opd, reached, True, float(traced.error.get("total", np.nan)), self._slope(opd, reached))
+        return SnapshotResult(opd, reached, True, self._slope(opd, reached), lambda: traced.variants)

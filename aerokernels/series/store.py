@@ -23,7 +23,8 @@ from aerokernels.files.zarr_codecs import check_codecs
 from aerokernels.process.fault_text import FileFault, fault_text
 
 from .journal import DamagedError, OtherSeriesError, line_of, read_journal
-from .store_arrays import MAPS, NUMBERS, consolidate, lengthen_arrays, make_arrays
+from .nearest_errors import nearest_in_time
+from .store_arrays import KEPT, MAPS, NUMBERS, VALUES, consolidate, lengthen_arrays, make_arrays
 
 if TYPE_CHECKING:
     import xarray
@@ -38,16 +39,26 @@ class Done:
 
     def __init__(self, total: int):
         """Start with none of `total` finished."""
-        self.count, self._table = 0, np.full((total, len(NUMBERS)), np.nan)
+        self.count, self._table = 0, np.full((total, len(KEPT)), np.nan)
 
     def add(self, numbers: Mapping[str, float]) -> None:
         """Add a snapshot."""
-        self._table[self.count] = [numbers[name] for name in NUMBERS]
+        self._table[self.count] = [numbers[name] for name in KEPT]
         self.count += 1
 
     def column(self, name: str) -> np.ndarray:
-        """Return one number of all finished snapshots, shape (count,)."""
-        return np.array(self._table[: self.count, list(NUMBERS).index(name)])
+        """Return one of KEPT of all finished snapshots, shape (count,)."""
+        return np.array(self._table[: self.count, KEPT.index(name)])
+
+    def told(self, name: str) -> np.ndarray:
+        """Return one of NUMBERS of all finished snapshots, shape (count,): errors by all causes, of every snapshot."""
+        number = name.removesuffix("_error")
+        if number in VALUES and number != name:
+            return np.hypot(self._nearest(f"{number}_model"), self.column(f"{number}_pixels"))
+        return self._nearest(name) if name == "error" else self.column(name)
+
+    def _nearest(self, name: str) -> np.ndarray:
+        return nearest_in_time(self.column(name), self.column("slope"), len(self._table))
 
 
 class MemoryStore:
@@ -81,7 +92,7 @@ class MemoryStore:
         for name, (_, units, words) in MAPS.items():
             found[name] = (("time", "y", "x"), self._maps[name], {"units": units, "long_name": words})
         for name, (units, words) in NUMBERS.items():
-            found[name] = (("time",), self.done.column(name), {"units": units, "long_name": words})
+            found[name] = (("time",), self.done.told(name), {"units": units, "long_name": words})
         return found
 
 
@@ -137,7 +148,7 @@ class ZarrStore:
 
     def _read(self, is_unchanged: Callable[[int, str, str], bool], earlier: Callable[..., Any]) -> None:
         try:
-            kept = read_journal(self.journal.read_bytes(), self.definition, tuple(NUMBERS), is_unchanged, earlier)
+            kept = read_journal(self.journal.read_bytes(), self.definition, KEPT, is_unchanged, earlier)
         except DamagedError:
             raise self._damaged() from None
         except OtherSeriesError as fault:
@@ -277,7 +288,7 @@ class ZarrStore:
                 self._begin()
             for name, array in maps.items():
                 self._arrays[name][self.done.count] = array
-            line = line_of([float(numbers[name]) for name in NUMBERS], source)
+            line = line_of([float(numbers[name]) for name in KEPT], source)
             if self._file.write(line) != len(line):
                 raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         self.done.add(numbers)
@@ -303,7 +314,7 @@ class ZarrStore:
         group = self._group()
         with self._in_room(), self._in_words():
             for name in NUMBERS:
-                column = self.done.column(name)
+                column = self.done.told(name)
                 if not np.array_equal(group[name][:], column, equal_nan=True):  # not written yet, or lost since
                     group[name][:] = column
             if not group.attrs.get("finished", False):

@@ -13,26 +13,32 @@ MAPS = {
     "opd": ("f8", "m", "optical path difference, terms removed"),
     "valid": ("?", "1", "whether the ray came through"),
 }
-NUMBERS = {
+VALUES = {
     "strehl": ("1", "Strehl ratio of opd"),
-    "strehl_error": ("1", "what strehl may be off by for the error of opd and for the pixels"),
     "boresight_x": ("rad", "tilt of the wavefront along x"),
-    "boresight_x_error": ("rad", "what boresight_x may be off by for the error of opd and for the pixels"),
     "boresight_y": ("rad", "tilt of the wavefront along y"),
-    "boresight_y_error": ("rad", "what boresight_y may be off by for the error of opd and for the pixels"),
     "piston": ("m", "mean optical path difference"),
     "opd_rms": ("m", "rms of the optical path difference, mean and tilt removed"),
-    "opd_rms_error": ("m", "what opd_rms may be off by for the error of opd and for the pixels"),
     "opd_rms_with_tilt": ("m", "rms of the optical path difference, mean removed"),
-    "opd_rms_with_tilt_error": ("m", "what opd_rms_with_tilt may be off by for the error of opd and for the pixels"),
-    "error": ("m", "what opd may be off by, rms over the pupil"),
-    "known": ("1", "share of the pupil whose rays came through known air; the rest is in no number"),
+}
+OTHERS = {
+    "error": ("m", "error of opd in a pixel, terms removed; it covers the truth in 95 of 100 pixels"),
+    "known": ("1", "share of the pupil whose rays came through; the rest is in no number"),
     "traced": ("1", "1 where the snapshot was traced in full, 0 on straight lines"),
     "slope": ("1", "mean square of the wavefront's slopes"),
     "probe": ("m", "bending's part of opd where it was measured, rms"),
-    "probe_interpolation": ("m", "the interpolant's part where it was measured, rms"),
-    "probe_tilt": ("m", "tilt of both where they were measured and it is removed from opd, rms over the pupil"),
 }
+# What a finished store has of each snapshot, with units and meanings.
+NUMBERS = {
+    **VALUES,
+    **{
+        f"{name}_error": (units, f"error of {name}; it covers the truth in 95 of 100 cases")
+        for name, (units, _) in VALUES.items()
+    },
+    **OTHERS,
+}
+# What is kept of each snapshot: errors by the model, NaN where they were not computed, and by the pixels.
+KEPT = (*VALUES, *OTHERS, *(f"{name}_{cause}" for name in VALUES for cause in ("model", "pixels")))
 
 
 def make_arrays(path: Path, template: "xarray.Dataset") -> None:

@@ -18,6 +18,7 @@ from ..inputs.wavelength import DEFAULT_WAVELENGTH, check_wavelength
 from ..inputs.written_units import unit_of
 from ..wavefront import weighted_mean
 from .linking import NotLinkedError
+from .model_errors import add_model_errors
 from .modes import orthogonal_modes
 from .pupil_grid import MapReader
 from .statistic_parts import (
@@ -57,9 +58,9 @@ def statistics(
     Means are over the snapshots, each of which counts once. Standard errors account for the correlation of snapshots
     and for a series too short to tell it: two of them are meant to contain the truth in 95 of 100 series, which few
     independent snapshots do not quite reach (see uncertainty.py). Variances about a mean in time are corrected for
-    the error of that mean. The
-    attribute `independent_count` says how many independent snapshots there are, `drifting` lists the variables that
-    drift. Below four snapshots errors are NaN.
+    the error of that mean. The errors of the maps' own numbers, as `optical_series` gives them, are added
+    (model_errors.py). The attribute `independent_count` says how many independent snapshots there are, `drifting` lists
+    the variables that drift. Below four snapshots errors are NaN.
 
     Args:
         dataset: Of `optical_series`, or any with `opd` over (time, y, x), NaN outside the pupil, in metres and
@@ -145,6 +146,7 @@ def statistics(
             add_linking(table, dataset, series, time, opd, points, weight, wave)
         except NotLinkedError as fault:
             skipped.append(str(fault))
+    add_model_errors(table, dataset, wave)
     found = _dataset(table, coordinates, dataset, wave, {"skipped": skipped, "warnings": warned})
     return found.assign_attrs(independent_count=independent)
 
@@ -258,6 +260,7 @@ def _dataset(table: Table, coordinates: dict[str, Any], source: Any, wavelength:
         "source": f"aerokernels {__version__}",
         "provenance": str(source.attrs.get("provenance", "")),
         "wavelength": wavelength,
+        "errors": "standard errors, two of which cover the truth in 95 of 100 cases: by few snapshots and of the maps",
         "snapshot_count": int(source.sizes["time"]),
         "drifting": ", ".join(table.drifting),
         **{name: "; ".join(texts) for name, texts in said.items()},

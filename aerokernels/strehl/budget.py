@@ -1,4 +1,4 @@
-"""The errors of a pupil's Strehl ratio, OPD rms and boresight: each computed again on some rays that change by cause."""
+"""The errors of a pupil's Strehl ratio, OPD rms and boresight: the number again on rays that change by cause."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -68,31 +68,62 @@ class StrehlVariants:
         return PupilNumbers(points, self.found.weight, self.wavelength, remove)
 
 
-def budgets(
-    found: StrehlVariants, standard_error: float, moments: np.ndarray, remove: tuple[str, ...]
-) -> dict[str, ErrorBudget]:
-    """Return the error budgets of an estimate's numbers, by NUMBERS.
+@dataclass(eq=False)
+class StrehlErrors:
+    """Computes the errors of an estimate's numbers when it is called.
 
-    Args:
-        found: The rays and their changes.
-        standard_error: Standard error of the Strehl ratio over the replicates.
-        moments: Sums of the replicates, shape (replicate_count, at least 10), see tracing/pupil/sums.py.
+    Attributes:
+        rays: Some of the pupil's rays and their changes.
+        sampling: Errors by the number of rays, by NUMBERS, shape (5,).
         remove: Terms removed from the wavefront.
     """
-    units = dict(zip(NUMBERS, ("", "", "m", "rad", "rad"), strict=True))
-    if found.found is None:
-        return {name: unknown(unit) for name, unit in units.items()}
-    by_cause = errors(found.numbers(remove), found.found)
-    arrived = [row for row in moments if row[0] > 0.0]
-    fits = np.array([[rms_about(row, remove), *fit_moments(row)[1]] for row in arrived])
+
+    rays: StrehlVariants
+    sampling: np.ndarray
+    remove: tuple[str, ...]
+
+    @cached_property
+    def by_cause(self) -> dict[str, np.ndarray] | None:
+        """Errors of NUMBERS by every other cause, shape (5,) each; None where no ray arrived."""
+        found = self.rays.found
+        return None if found is None else errors(self.rays.numbers(self.remove), found)
+
+    @property
+    def model(self) -> np.ndarray:
+        """Errors of NUMBERS by all other causes together, shape (5,)."""
+        if self.by_cause is None:
+            return np.full(len(NUMBERS), np.nan)
+        return np.sqrt(np.sum(np.square(list(self.by_cause.values())), axis=0))
+
+    def __call__(self) -> dict[str, ErrorBudget]:
+        """Return the error budgets, by NUMBERS."""
+        units = dict(zip(NUMBERS, ("", "", "m", "rad", "rad"), strict=True))
+        if self.by_cause is None:
+            return {name: unknown(unit) for name, unit in units.items()}
+        causes = self.by_cause | {"sampling": self.sampling}
+        return {
+            name: combine({cause: float(error[k]) for cause, error in causes.items()}, unit)
+            for k, (name, unit) in enumerate(units.items())
+        }
+
+
+def sampling_errors(
+    standard_error: float, moments: np.ndarray, wavelength: float, remove: tuple[str, ...]
+) -> np.ndarray:
+    """Return the errors of NUMBERS by the number of rays, shape (5,).
+
+    Args:
+        standard_error: Standard error of the Strehl ratio over the replicates.
+        moments: Sums of the replicates, shape (replicate_count, at least 10), see tracing/pupil/sums.py.
+        wavelength: Vacuum wavelength [m].
+        remove: Terms removed from the wavefront.
+    """
+    fits = np.array([[rms_about(row, remove), *fit_moments(row)[1]] for row in moments if row[0] > 0.0])
+    return sampling_of(standard_error, fits, wavelength)
+
+
+def sampling_of(standard_error: float, fits: np.ndarray, wavelength: float) -> np.ndarray:
+    """Return `sampling_errors` from each replicate's OPD rms [m] and tilt [rad], shape (replicate_count, 3)."""
     rms, *tilt = np.std(fits, axis=0, ddof=1) / np.sqrt(len(fits)) if len(fits) > 1 else np.full(3, np.nan)
-    slope = 2.0 * (2.0 * np.pi / found.wavelength) ** 2 * float(np.mean(fits[:, 0])) if len(fits) else 0.0
-    sampling = standard_error, slope * rms, rms, *tilt
-    return {
-        name: combine(
-            {cause: float(error[k]) for cause, error in by_cause.items()}
-            | {"sampling": STANDARD_ERRORS * float(sampling[k])},
-            unit,
-        )
-        for k, (name, unit) in enumerate(units.items())
-    }
+    slope = 2.0 * (2.0 * np.pi / wavelength) ** 2 * float(np.mean(fits[:, 0])) if len(fits) else 0.0
+    return STANDARD_ERRORS * np.array([standard_error, slope * rms, rms, *tilt])

@@ -22,7 +22,7 @@ from ..tracing.pupil.job import REPLICATES, PupilJob, make_job
 from ..tracing.pupil.new_values import next_job
 from ..tracing.retrace import report_rejected
 from ..wavefront import check_terms
-from .budget import StrehlVariants, budgets
+from .budget import StrehlErrors, StrehlVariants, sampling_errors
 from .ratio import StrehlEstimate
 from .sums import combined, met_nothing
 
@@ -74,8 +74,9 @@ def estimate_strehl(
         bundle: "auto" traces as many rays as the wavefront needs for an error of 1e-5 (three standard errors), at the
             points of shifted lattices, if those are fewer: see tracing/pupil/lattice_quadrature.py. "off" traces
             `ray_count`.
-        allow_truncation: Whether more than a thousandth of the pupil may look through disturbed air that ends at the
-            field's box, or pass beside it there. A warning is issued then, and error["truncation"] has what is lost.
+        allow_truncation: Whether more than a thousandth of the pupil may look through disturbed air that was cut off
+            (see cuts.py), whose effect is error["truncation"], and more than half of it past the field's box. A warning
+            is issued then, and wherever more than a hundredth of the pupil looks past the box.
 
     Raises:
         TypeError: `field` or `pupil` of the wrong kind.
@@ -102,8 +103,7 @@ def prepare_strehl(field: IndexField, pupil: Pupil, **options) -> "PreparedStreh
     """
     with clocked() as seconds:
         prepared = PreparedStrehl(field, pupil, **options)
-        if prepared.job.air.is_truncated:
-            warn_caller(f"{prepared.job.air.described}: the Strehl ratio is that of the known air only")
+        prepared.job.air.warn()
         prepared.plan = prepared.job.planned  # uploads and compiles
     prepared.seconds = seconds
     return prepared
@@ -287,6 +287,7 @@ class PreparedStrehl:
             )
 
         found = StrehlVariants(self.field, self.pupil, self.look, seed, job.until, wavelength, plan)
+        sampling = sampling_errors(standard_error, sums.moments, wavelength, self.remove)
         return StrehlEstimate(
             ray_count=job.per_replicate * REPLICATES,
             traced_ray_count=traced,
@@ -294,7 +295,7 @@ class PreparedStrehl:
             blocked=max(0.0, 1.0 - float(np.add.reduce(sums.moments[:, 0])) / sums.ray_count),
             plan=plan,
             varied=found,
-            budgets=partial(budgets, found, standard_error, sums.moments, self.remove),
+            budgets=StrehlErrors(found, sampling, self.remove),
             seconds=seconds,
             standard_error=standard_error,
             evaluation_count=evaluations,

@@ -1,7 +1,6 @@
 """Find on a device the greatest of a grid's values outside a part of the grid, for one field at a time.
 
-So the device that computes a grid's spline also examines whether a known support contains that of other values, and
-whether the air is undisturbed at the faces of the box that rays cross.
+So the device that computes a grid's spline also examines whether a known support contains that of other values.
 """
 
 import math
@@ -10,11 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from ..medium import IndexField
 from ..medium.grid import UniformGrid
 from .engines import Engine
-from .error_budget.known_air import OUTERMOST
-from .lines import SIDE
 from .support import MARGIN_NODES
 
 # The first and the last node of a part along each axis.
@@ -61,14 +57,3 @@ def part_of_support(grid: UniformGrid, box: tuple[np.ndarray, np.ndarray]) -> Pa
         inside = np.flatnonzero(low & high)
         part.append((int(inside[0]), int(inside[-1])) if len(inside) else (count, -1))
     return part
-
-
-def part_behind_faces(field: IndexField, faces: np.ndarray) -> Part:
-    """The part of a field's samples outside which are those that face_strengths takes for some faces, by number."""
-    shape = field.samples.shape
-    # The side of a cylinder is the last face of the first axis that samples have.
-    numbers = {1 if face == SIDE else int(face) - 2 * (3 - len(shape)) for face in faces}
-    return [
-        (OUTERMOST * (2 * axis in numbers), count - 1 - OUTERMOST * (2 * axis + 1 in numbers))
-        for axis, count in enumerate(shape)
-    ]

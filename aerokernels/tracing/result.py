@@ -92,7 +92,7 @@ class TraceResult:
     step_count: np.ndarray | None = None
     evaluation_count: np.ndarray | None = None
     varied: Any = field(default=None, repr=False)
-    known_air: Any = field(default=None, repr=False)
+    lost: Any = field(default=None, repr=False)
     group: Any = field(default=None, repr=False)
     start_position: np.ndarray | None = None
     start_direction: np.ndarray | None = None
@@ -131,14 +131,13 @@ class TraceResult:
 
     @cached_property
     def truncation(self) -> np.ndarray:
-        """OPD that each ray may have lost where the known air ends [m], shape (ray_count,): see known_air.py.
+        """The OPD that each ray lacks because its field was cut from a larger one [m], signed, shape (ray_count,).
 
-        It is estimated on straight lines. Where the field bends rays by more than a cell, it is estimated at the traced
-        ends, if both `position` and `direction` were requested. Computed when first read.
+        It is the integral of the source's contrast outside the field's box, see cuts.py; zero for a field whose box is
+        its whole flow. Integrated along straight lines or, where the field bends rays by more than a cell, along the
+        tangents at the traced ends, if both `position` and `direction` were requested. Computed when first read.
         """
-        if self.known_air is None:
-            return np.zeros(self.ray_count)
-        return np.asarray(self.known_air.lost(self.ends))
+        return np.zeros(self.ray_count) if self.lost is None else np.asarray(self.lost(self))
 
     @property
     def ends(self) -> tuple[np.ndarray, np.ndarray] | None:
@@ -149,12 +148,13 @@ class TraceResult:
     def status(self) -> np.ndarray:
         """RayStatus codes, first failure wins, shape (ray_count,).
 
-        Rays with LEFT_DISTURBED_AIR reached the stop and may have lost more than the tolerance: see `truncation`.
+        Rays with LEFT_DISTURBED_AIR reached the stop, but lack more than the tolerance of OPD: see `truncation`.
         Computed when first read.
         """
         status = np.array(self.traced_status)
-        if self.known_air is not None:
-            doubtful = (status == RayStatus.OK) & (self.truncation > self.known_air.tolerance)
+        if self.lost is not None:
+            tolerance = self.plan.tolerance * self.wavelength
+            doubtful = (status == RayStatus.OK) & (np.abs(self.truncation) > tolerance)
             status[doubtful] = RayStatus.LEFT_DISTURBED_AIR
         return status
 

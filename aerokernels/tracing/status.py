@@ -56,9 +56,9 @@ _TEXT = {
         "trace in float64, or look for contrasts that are too strong for the step",
     ),
     RayStatus.LEFT_DISTURBED_AIR: (
-        "the ray reached the stop, but part of its path is outside the field's box, beside air that is still "
-        "disturbed, so that its optical path includes the known air only",
-        "give the field a box whose faces are in undisturbed air, move the rays, or read error['truncation']",
+        "the ray reached the stop, but the field was cut from a larger one (resample(region=), or a scene's grid), "
+        "whose disturbed air outside the box is missing from its optical path",
+        "give the field a larger region, move the rays, or read `truncation`, which is what is missing",
     ),
     RayStatus.TOLERANCE_NOT_MET: (
         "the ray reached the stop, but its own error estimate (step_error) is above the requested tolerance",

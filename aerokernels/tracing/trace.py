@@ -13,7 +13,8 @@ from ..medium import IndexField
 from ..process.clock import clocked, stage
 from ..rays import RayBundle
 from .bundle.run import BundleRequest, trace_bundle
-from .error_budget.known_air import KnownAir
+from .cuts import lost, may_lose
+from .flow_ends import flow_ends
 from .launch import launch
 from .meeting import check_meeting
 from .plan import TracePlan
@@ -113,6 +114,8 @@ def trace(
                 check_meeting(field, rays, "ray of the bundle")
                 plan = plan_bundle(field, rays, until, method=method, step=step, wavelength=wavelength, **choices)
                 plan = plan if made is None else replace(plan, reasons=(*plan.reasons, made))
+            ends = flow_ends(field, rays.pilot, until, tolerance * wavelength)
+            plan = replace(plan, reasons=(*plan.reasons, ends)) if ends else plan
         if not isinstance(made, tuple):
             arrays = run_plan(field, rays, plan, until, wavelength, wanted)
         # Interpolated rays are within the tolerance: only traced rays can be above it.
@@ -131,7 +134,7 @@ def trace(
         start_position=rays.held("position"),
         start_direction=rays.held("direction"),
         varied=partial(_variants, field, rays, until, wavelength),
-        known_air=KnownAir(field, rays, until, tolerance * wavelength),
+        lost=partial(_lost, field, rays, until) if may_lose(field, tolerance * wavelength) else None,
         group=partial(_group_path, field, rays, until),
         traced_status=arrays.pop("status"),
         **arrays,
@@ -140,7 +143,7 @@ def trace(
 
 def _variants(field: IndexField, rays: RayBundle, until, wavelength: float, result: TraceResult) -> Variants | None:
     """Return how some of a result's rays change by each cause of an error; None where no ray arrived."""
-    rows = sample_rows(field, result.ok)
+    rows = sample_rows(field, rays, result.ok)
     if not len(rows):
         return None
     some, run = rays.rows(rows), rerun(until, wavelength)
@@ -151,6 +154,10 @@ def _variants(field: IndexField, rays: RayBundle, until, wavelength: float, resu
     base = base if result.opd is None else replace(base, opd=result.opd[rows])
     weight = np.broadcast_to(result.weight, (result.ray_count,))[rows]
     return variants(field, some, base, result.plan, until, run, weight=weight, lost=result.truncation[rows])
+
+
+def _lost(field: IndexField, rays: RayBundle, until, result: TraceResult) -> np.ndarray:
+    return lost(field, rays, until, result.ends, result.plan.tolerance * result.wavelength)
 
 
 def _group_path(field: IndexField, rays: RayBundle, until, result: TraceResult) -> np.ndarray:

@@ -1,5 +1,6 @@
 """Trace the wavefront of a field over a pupil, with one ray from the centre of each pixel."""
 
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -52,8 +53,8 @@ def wavefront(
         method: Tracing method.
         step: Step of method "fixed" [m].
         max_steps: Steps after which a ray is abandoned.
-        allow_truncation: Whether more than a thousandth of the pupil may look through disturbed air that ends at the
-            field's box, as in `estimate_strehl`.
+        allow_truncation: Whether more than a thousandth of the pupil may look through disturbed air that was cut off,
+            and more than half of it past the field's box, as in `estimate_strehl`.
 
     Returns:
         A Wavefront; pixels whose ray did not arrive have weight 0, and `blocked` is their share of the pupil.
@@ -69,7 +70,9 @@ def wavefront(
         raise TypeError(f"pupil must be a Disc, Annulus, Rectangle, Polygon or Mask, got {type(pupil).__name__}")
     wavelength = field.wavelength_for(wavelength)
     look = pupil.normal if direction is None else as_unit_vector(direction, "direction")
-    pupil_air(field, pupil, look, tolerance * wavelength).check(allow_truncation)
+    air = pupil_air(field, pupil, look, tolerance * wavelength)
+    air.check(allow_truncation)
+    air.warn()
     aperture = seen_along(pupil, look)
     coordinate, pixel, weight, intensity = pupil_grid(aperture, pixel_count)
     lit = weight > 0.0
@@ -109,7 +112,7 @@ def wavefront(
         pupil=pupil,
         direction=look,
         blocked=float(1.0 - arrived.sum() / weight.sum()),
-        plan=traced.plan,
+        plan=replace(traced.plan, reasons=(*traced.plan.reasons, *air.misses)),
         seconds=dict(traced.seconds),
         varied=partial(getattr, traced, "variants"),
     )

@@ -1,16 +1,12 @@
-"""The greatest value outside a part of a grid: the host's answers for a known support and for the faces of a box."""
-
-from dataclasses import replace
+"""The greatest value outside a part of a grid: the host's answers for a known support."""
 
 import numpy as np
 import pytest
 
 from aerokernels import IndexField
 from aerokernels.tracing.engines import engine_of
-from aerokernels.tracing.error_budget.known_air import face_strengths
-from aerokernels.tracing.greatest_outside import GreatestOutside, part_behind_faces, part_of_support
+from aerokernels.tracing.greatest_outside import GreatestOutside, part_of_support
 from aerokernels.tracing.grid_tables import GridTables
-from aerokernels.tracing.lines import SIDE
 from aerokernels.tracing.support import left_out, support_box
 
 from .backends import ENGINES, on
@@ -63,18 +59,3 @@ def test_a_known_support_holds_where_the_host_finds_so(engine: str, geometry: st
             if cut.any():
                 answers.append(found and not is_empty)
     assert 5 <= sum(answers) <= len(answers) - 15
-
-
-@pytest.mark.parametrize("engine", ENGINES)
-@pytest.mark.parametrize("geometry", list(SHAPES))
-def test_the_samples_at_faces_are_those_of_the_host(engine: str, geometry: str):
-    """Every face alone, some together, and none."""
-    choices, rng = on(engine), np.random.default_rng(12)
-    device = engine_of(choices["backend"], choices["device"])
-    field = blob(geometry, rng)
-    field = replace(field, samples=replace(field.samples, samples=rng.normal(0.0, 1e-5, field.samples.shape)))
-    faces = {"volume": range(6), "planar": range(2, 6), "axisymmetric": (SIDE, 4, 5)}[geometry]
-    for some in ([], *([face] for face in faces), list(faces), list(faces)[1:3]):
-        there = GreatestOutside(device, field.samples.shape, part_behind_faces(field, np.array(some, int)))
-        samples = device.share(field.samples.samples.reshape(-1))
-        assert greatest(device, there, samples) == face_strengths(field)[some].max(initial=-np.inf)

@@ -10,9 +10,7 @@ from aerokernels import IndexField, RayBundle
 from aerokernels.tracing import ArcLength, Plane
 from aerokernels.tracing.bundle.family import find_family
 from aerokernels.tracing.bundle.nodes import FaceClasses, undisturbed_length
-from aerokernels.tracing.error_budget.known_air import may_be_lost
 from aerokernels.tracing.error_budget.rays import roughness
-from aerokernels.tracing.error_budget.tails import Corners, _contrast_and_slope, tails
 from aerokernels.tracing.lever_arms import lever_arms_of, obliquity
 from aerokernels.tracing.lines import FACES, SIDE, box_span, cell_along, crossing_of_box
 from tests.moved_air import BOX, PITCH, PLAIN, Moved, beams, same, some_rays
@@ -72,96 +70,6 @@ def test_how_sharp_samples_are_along_rays(changed: Moved, interpolation: str):
     assert (before > 0.0).sum() > 40
     after = roughness(changed.field(interpolation), changed.place(position), changed.way(direction))
     same(after, before)
-
-
-@pytest.mark.parametrize("stop", ["none", "plane", "slanted", "arc"])
-def test_what_light_may_lose(changed: Moved, stop: str):
-    """At the faces, beside the box and along it: [m] and by how much [rad]."""
-    position, direction = some_rays()
-    normal = np.array([0.2, -0.3, 0.9]) if stop == "slanted" else np.array([0.0, 0.0, 1.0])
-
-    def until(by: Moved):
-        if stop == "none":
-            return None
-        return ArcLength(30.0 * PITCH) if stop == "arc" else Plane(by.place([0.0, 0.0, 16.0 * PITCH]), by.way(normal))
-
-    found = [
-        may_be_lost(by.field(), RayBundle(by.place(position), by.way(direction)), until(by), 1e-6 * WAVE)[0]
-        for by in (PLAIN, changed)
-    ]
-    assert (found[0] > 0.0).sum() > 20
-    np.testing.assert_allclose(found[1], found[0], rtol=1e-6, atol=1e-9 * found[0].max())
-
-
-def test_tails_of_what_ends_at_a_face(changed: Moved):
-    position, direction = some_rays()
-    span = box_span(PLAIN.field(), position, direction)
-    rows = np.flatnonzero(span.meets & (span.leave > 0.0))
-    point = position[rows] + span.leave[rows, None] * direction[rows]
-    inward, chord = -direction[rows], span.leave[rows] - span.enter[rows]
-    (before,) = tails(PLAIN.field(), point, inward, chord)
-    (after,) = tails(changed.field(), changed.place(point), changed.way(inward), chord)
-    for one, other in zip(after, before, strict=True):
-        np.testing.assert_allclose(one, other, rtol=1e-6, atol=1e-9 * np.nanmax(np.where(np.isfinite(other), other, 0)))
-
-
-@pytest.mark.parametrize("geometry", ["volume", "planar", "axisymmetric"])
-def test_a_linear_index_is_met_exactly(geometry: str):
-    """Values and slopes along directions of c (1 + a . x) between the nodes, in each geometry; about the axis by r."""
-    rate = {"volume": [30.0, -20.0, 10.0], "planar": [-20.0, 10.0], "axisymmetric": [30.0, 10.0]}[geometry]
-    shape = (9, 11, 13)[3 - len(rate) :]
-    low = np.array([2.0, 3.0, 4.0])[3 - len(rate) :] * PITCH * (0.0 if geometry == "axisymmetric" else 1.0)
-    nodes = np.stack(np.meshgrid(*(np.arange(n) for n in shape), indexing="ij"), axis=-1) * PITCH + low
-    field = IndexField.from_samples(
-        1e-6 * (1.0 + nodes @ rate), origin=low, spacing=(PITCH,) * len(rate), geometry=geometry
-    )
-    rng = np.random.default_rng(1)
-    share = rng.uniform(0.1, 0.9, (50, len(rate)))
-    local = low + share * PITCH * (np.array(shape) - 1)
-    assert Corners(field.samples, local).value() == pytest.approx(1e-6 * (1.0 + local @ rate), rel=1e-12)
-    beyond = local.copy()
-    beyond[:, -1] = low[-1] + PITCH * (shape[-1] + 3)
-    face = beyond.copy()
-    face[:, -1] = low[-1] + PITCH * (shape[-1] - 1)
-    assert Corners(field.samples, beyond).value() == pytest.approx(1e-6 * (1.0 + face @ rate), rel=1e-12)
-    way = rng.normal(size=(50, 3))
-    if geometry == "axisymmetric":
-        angle = rng.uniform(0.0, 2.0 * np.pi, 50)
-        points = np.c_[local[:, 0] * np.cos(angle), local[:, 0] * np.sin(angle), local[:, 1]]
-        along = rate[0] * (way[:, 0] * np.cos(angle) + way[:, 1] * np.sin(angle)) + rate[1] * way[:, 2]
-    else:
-        points = np.c_[np.zeros((50, 3 - len(rate))), local]
-        along = way[:, 3 - len(rate) :] @ rate
-    value, slope = _contrast_and_slope(field, points, way)
-    np.testing.assert_allclose(slope, 1e-6 * along, atol=1e-6 * 1e-9 * 40.0)
-    np.testing.assert_allclose(value, 1e-6 * (1.0 + local @ rate), rtol=1e-12)
-
-
-@pytest.mark.parametrize("shape", [(5, 4, 6), (2, 3, 2), (7, 5)], ids=str)
-def test_slopes_between_samples_are_differences_over_a_cell(shape: tuple[int, ...]):
-    """Random samples: the difference of values half a cell to either side, or up to the face, at any place."""
-    random = np.random.default_rng(7)
-    low, spacing = np.array([2.0, -1.0, 3.0])[: len(shape)], np.array([0.5, 2.0, 0.25])[: len(shape)]
-    geometry = "volume" if len(shape) == 3 else "planar"
-    grid = IndexField.from_samples(
-        random.uniform(-1e-3, 1e-3, shape), origin=low, spacing=spacing, geometry=geometry, interpolation="linear"
-    ).samples
-    cells = np.array(shape) - 1
-    places = np.concatenate(
-        [
-            random.uniform(0.0, 1.0, (300, len(shape))) * cells,
-            random.integers(0, 2 * cells + 1, (100, len(shape))) / 2,  # at nodes, between them, and on faces
-            np.where(random.random((40, len(shape))) < 0.5, -1e-9, cells + 1e-9),  # outside by rounding
-        ]
-    )
-    corners = Corners(grid, low + spacing * places)
-    inside = np.clip(places, 0.0, cells)
-    for axis in range(len(shape)):
-        step = 0.5 * np.eye(len(shape))[axis]
-        before, after = np.clip(inside - step, 0.0, cells), np.clip(inside + step, 0.0, cells)
-        values = [Corners(grid, low + spacing * each).value() for each in (before, after)]
-        expected = (values[1] - values[0]) / ((after - before)[:, axis] * spacing[axis])
-        np.testing.assert_allclose(corners.slope(axis), expected, rtol=1e-9, atol=1e-12)
 
 
 def test_lever_arms_and_obliquities(changed: Moved):

@@ -12,8 +12,8 @@ from ...medium import IndexField
 from ...rays import RayBundle
 from ..engines import engine_of
 from ..engines.device_memory import memory_of
-from ..error_budget.known_air import face_strengths
 from ..error_limit import error_limit
+from ..flow_ends import face_strengths
 from ..launch import in_chunks, starts_of
 from ..leapfrog.sample_cost import LEAST_RAYS, pays_once
 from ..lever_arms import lever_arms_of

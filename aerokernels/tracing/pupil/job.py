@@ -29,7 +29,7 @@ from .sums import PupilTask
 REPLICATES = 16
 # The seed of the points that decide which lattice is taken.
 PILOT_SEED = 0x1A771CE
-# Plans of pupils, and losses where the known air ends, that are cached on a field.
+# Plans of pupils that are cached on a field.
 CACHED = 4  # speed only
 # Up to so many rays through a volume leave most threads of a GPU idle, if each is traced by one.
 FEW_RAYS = 1 << 14  # speed only
@@ -53,7 +53,7 @@ class PupilJob:
         until: The plane at which its rays stop.
         per_replicate: Requested rays of a replicate.
         task: The pupil to trace; with fewer rays if radial quadrature replaces the disc.
-        air: The OPD that the rays may lose where the known air ends.
+        air: What the rays miss of the flow.
         pilot: Some of its rays.
         sizes: Points of the lattices that may replace the points of `task`, see lattice_quadrature.py.
         is_known: Whether the first of them is taken without a trial.
@@ -100,7 +100,7 @@ class PupilJob:
 
     @cached_property
     def samples(self) -> tuple[RayBundle | None, RayBundle | None]:
-        """The pilot rays, and the rays on which the ends of the known air are examined, for jobs made from this one."""
+        """The pilot rays, and the rays that show what the pupil misses, for jobs made from this one."""
         if self.is_alike:
             return self.pilot, self.air.rays
         if not self.is_radial:
@@ -192,7 +192,7 @@ def make_job(
     tolerance = choices["tolerance"]
     check_choices(field, **{name: choices[name] for name in ("method", "precision", "tolerance", "step")})
     pilot, air_rays = (None, None) if like is None else like.samples
-    begun = _begun(field, like)  # the device computes tables while the host examines the air at the faces
+    begun = _begun(field, like)  # the device computes tables while the host examines what the pupil misses
     try:
         air = pupil_air(field, pupil, look, tolerance * wavelength, air_rays)
     finally:
@@ -210,7 +210,7 @@ def make_job(
     def plan_of(rays: int) -> TracePlan:
         made = plan or _plan_of(field, pilot, until, look, wavelength, REPLICATES * count, rays, known_plan, choices)
         are_few = is_sparse or (field.geometry == "volume" and rays <= FEW_RAYS)
-        return replace(made, reasons=(*made.reasons, why), few_rays=are_few)
+        return replace(made, reasons=(*made.reasons, *air.reasons, why), few_rays=are_few)
 
     taken = 0 if like is None or not like.run.task.generator else like.run.task.per_replicate
     is_known = taken in sizes and not radial_rays

@@ -8,8 +8,7 @@ A job for another field on the same nodes differs in little, so that what is lau
   stricter limit than the plan's, so that it also holds for slightly stronger fields;
 - structure between samples is bounded (leapfrog/between_samples.py); the number of samples suffices for somewhat
   stronger fields than the known one;
-- the pilot's error, and the scales that let each ray's own estimate cover it, suffice (leapfrog/pilot_levels.py);
-- the air at the faces of the box that rays cross is undisturbed; otherwise it is examined as for any field (air.py).
+- the pilot's error, and the scales that let each ray's own estimate cover it, suffice (leapfrog/pilot_levels.py).
 
 Where one of these does not hold, the field is planned as before, with the known number of samples as a guess. All
 fields asked of one job are compared with that job's field alone, so that no answer depends on the order of the calls.
@@ -27,7 +26,6 @@ from ...medium import IndexField
 from ...medium.grid import UniformGrid
 from ..engines import engine_of
 from ..engines.device_memory import DeviceMemoryError, memory_of
-from ..error_budget.known_air import face_strengths, faces_crossed, weakest_contrast
 from ..error_limit import error_limit
 from ..grid_tables import has_tables, keep_tables, prepare_grid
 from ..leapfrog.between_samples import MissedStructure
@@ -38,7 +36,7 @@ from ..lever_arms import LeverArms
 from ..plan import TracePlan
 from ..step_bound import roughness_of_blocks
 from ..support import left_out, support_box
-from .air import PupilAir, pupil_air, still_air
+from .air import pupil_air
 from .job import UNKNOWN, PupilJob
 from .run import PupilRun
 from .sums import PupilSums, PupilTask
@@ -91,9 +89,6 @@ class NewValues:
         structure: The structure that rays may miss between samples.
         limit: The OPD error allowed to a ray [m].
         box: The support.
-        still: The air of a field that is undisturbed at the faces of the box that the rays cross, as the known one is;
-            None if that is not, so that the host examines the air while the device works.
-        weakest: Greatest contrast there with which the air is undisturbed.
         ignored: Greatest potential that may be ignored outside the support.
         memory: The memory.
     """
@@ -104,8 +99,6 @@ class NewValues:
     structure: MissedStructure
     limit: float
     box: tuple[np.ndarray, np.ndarray]
-    still: PupilAir | None
-    weakest: float
     ignored: float
     memory: MemoryInTurn
 
@@ -122,13 +115,13 @@ class NewValues:
         ignored, slope = left_out(known, limit, arms)
         if np.isfinite(slope):
             return None  # the slopes that may be left out depend on the field
-        plan = replace(plan, sampling=None, reasons=plan.reasons[:-1])  # the last is that of the rays
+        told = len(like.air.reasons) + 1  # the last are those of the pupil's air and of the rays
+        plan = replace(plan, sampling=None, reasons=plan.reasons[:-told])
         job = make(known, wavelength=like.task.wavelength, like=like, plan=plan)
         engine, is_known = engine_of(plan.backend, plan.device), job.is_known or not job.sizes
         if not (is_known and engine.can_renew(known, job.known_task.plan)):
             return None
-        box, weakest = support_box(known, limit / STRICTER, arms), weakest_contrast(known, tolerance)
-        faces, still = _still(job, weakest)
+        box = support_box(known, limit / STRICTER, arms)
         field = _twin(known, tolerance, limit, arms, box)
         # With samples for STRONGER fields; their number is hardly greater, since errors fall with its fourth power.
         structure = MissedStructure(field, job.pilot, job.until, limit, arms, job.pilot)
@@ -141,7 +134,7 @@ class NewValues:
         task = replace(job.known_task, field=field, plan=plan)
         try:
             with memory_of(plan.device):
-                place = ValuesInTurn(task, job.pilot, structure, faces)
+                place = ValuesInTurn(task, job.pilot, structure)
                 place.load(known)
                 wider = _wider_scales(place.read().pilots, count, limit)
                 if wider is None:
@@ -157,9 +150,9 @@ class NewValues:
 
         def another() -> ValuesInTurn:
             alike = replace(task, field=found.twin(field))
-            return ValuesInTurn(alike, job.pilot, structure, faces).prepare(alike)
+            return ValuesInTurn(alike, job.pilot, structure).prepare(alike)
 
-        found = cls(make, job, task, structure, limit, box, still, weakest, ignored, MemoryInTurn(place, another))
+        found = cls(make, job, task, structure, limit, box, ignored, MemoryInTurn(place, another))
         return found
 
     def job_of(self, field: IndexField, wavelength: float) -> PupilJob | None:
@@ -176,18 +169,18 @@ class NewValues:
             place.load(field)
             try:  # while a GPU works
                 limit = error_limit(field, tolerance)
-                air = self.still or pupil_air(field, task.pupil, task.look, tolerance, job.air.rays)
+                air = pupil_air(field, task.pupil, task.look, tolerance, job.air.rays)
             finally:
                 found = place.read()
-            if found.faces > self.weakest:
-                air = pupil_air(field, task.pupil, task.look, tolerance, job.air.rays)
             worst = self._worst(field, limit, found, place)
             if worst is None:
                 place.leave(field)
                 return None
         worst /= task.wavelength
         reason = leapfrog_reason(task.plan.sample_count, job.pilot.ray_count, worst)
-        plan = replace(task.plan, predicted_error=worst, reasons=(reason, *task.plan.reasons[1:]))
+        last, told = task.plan.reasons[-1], len(job.air.reasons) + 1
+        reasons = (reason, *task.plan.reasons[1:-told], *air.reasons, last)
+        plan = replace(task.plan, predicted_error=worst, reasons=reasons)
         return replace(
             job,
             plan=plan,
@@ -280,19 +273,6 @@ def _may_be_followed(field: IndexField, plan: TracePlan) -> bool:
         return False
     engine = engine_of(plan.backend, plan.device)
     return has_tables(engine, grid) and BYTES * grid.samples.size <= MEMORY_SHARE * engine.memory[0]
-
-
-def _still(job: PupilJob, weakest: float) -> tuple[np.ndarray, PupilAir | None]:
-    """Numbers of the faces of the box that undisturbed rays cross, and their air if it is undisturbed at these faces.
-
-    Without undisturbed air no face is given. Up to the contrast `weakest` air is undisturbed.
-    """
-    field, rays = job.task.field, job.air.rays
-    assert rays is not None
-    faces = faces_crossed(field, rays)
-    if faces is None or face_strengths(field)[faces].max(initial=0.0) > weakest:
-        return np.zeros(0, int), None
-    return faces, still_air(field, job.task.pupil, rays)
 
 
 def _nothing_more(rays: int) -> TracePlan:

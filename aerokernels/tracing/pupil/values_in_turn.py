@@ -18,7 +18,7 @@ from ...medium import IndexField
 from ...medium.grid import FETCH, UniformGrid
 from ...rays import RayBundle
 from ..engines import engine_of
-from ..greatest_outside import GreatestOutside, part_behind_faces, part_of_support
+from ..greatest_outside import GreatestOutside, part_of_support
 from ..grid_tables import GridTables, keep_tables
 from ..launch import RepeatedTrials, Trials
 from ..leapfrog.between_samples import MissedStructure
@@ -41,13 +41,11 @@ class Examined(NamedTuple):
     Attributes:
         structure: Results of StructureOnDevice.
         support: The greatest size of the coefficients outside the support.
-        faces: The greatest contrast at some faces of the box.
         pilots: The pilot's rays, see pilot_levels.pair_numbers.
     """
 
     structure: Sequence[np.ndarray]
     support: float
-    faces: float
     pilots: list[dict[str, np.ndarray]]
 
 
@@ -62,14 +60,13 @@ class ValuesInTurn:
 
     run: PupilRun
 
-    def __init__(self, task: PupilTask, pilot: RayBundle, structure: MissedStructure, faces: np.ndarray):
+    def __init__(self, task: PupilTask, pilot: RayBundle, structure: MissedStructure):
         """Prepare the pilot of a task whose field nothing else uses: only those of others are loaded.
 
         Args:
             task: The task.
             pilot: The pilot.
             structure: The structure that the rays may miss in this field.
-            faces: Numbers of the faces at which the greatest contrast is to be found.
         """
         field, plan = task.field, task.plan
         grid = field.samples
@@ -89,11 +86,10 @@ class ValuesInTurn:
         self.structure = StructureOnDevice(engine, structure, plan.sample_count, tables.block, tuple(tables.blocks))
         box = support_box(field, structure.limit, plan.lever_arms)
         self.support = GreatestOutside(engine, grid.coefficient_shape, part_of_support(grid, box))
-        self.faces = GreatestOutside(engine, grid.shape, part_behind_faces(field, faces))
         few = replace(plan, few_rays=True)
         trials = Trials(field, pilot, few, task.until, task.wavelength, PILOT_OUTPUTS)
         self.trials = RepeatedTrials(trials, pair_numbers(plan.sample_count))
-        parts = [each.arrays for each in (self.structure, self.support, self.faces, self.trials)]
+        parts = [each.arrays for each in (self.structure, self.support, self.trials)]
         self.reading = engine.fetched([array for arrays in parts for array in arrays])  # in one copy
         ends = np.cumsum([0, *map(len, parts)]).tolist()
         self.parts = [slice(*each) for each in pairwise(ends)]
@@ -126,9 +122,8 @@ class ValuesInTurn:
     def read(self) -> "Examined":
         """Wait for the launches, and return what they found, which is valid until the next load."""
         arrays = self.reading.wait()
-        structure, support, faces, pilots = (arrays[part] for part in self.parts)
-        greatest = GreatestOutside.greatest
-        return Examined(structure, greatest(support), greatest(faces), self.trials.outputs(pilots))
+        structure, support, pilots = (arrays[part] for part in self.parts)
+        return Examined(structure, GreatestOutside.greatest(support), self.trials.outputs(pilots))
 
     def keep_tables(self, field: IndexField) -> None:
         """Cache the tables on the loaded field."""
@@ -152,12 +147,11 @@ class ValuesInTurn:
     def _start(self, samples: Any) -> None:
         """Start the launches for the samples in a buffer."""
         engine, tables = self.engine, self.tables
-        structure, support, faces = self.made
+        structure, support = self.made
 
         def examine() -> None:
             self.structure.start(tables.in_blocks, structure)
             self.support.start(tables.coefficients, support)
-            self.faces.start(samples, faces)
 
         tables.start(samples)
         engine.renew(self.field, self.precision, tables.on_host)

@@ -16,6 +16,7 @@ Changes of a uniform grid are integrated along the traced paths, to first order.
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -27,15 +28,18 @@ from ...rays import RayBundle
 from ..allowance import step_allowance
 from ..plan import TracePlan
 from ..status import reached
+from . import planes, surfaces
 from .jumps import jumps, patterns
 from .meshes import lacking, next_order
 from .paths import Paths, paths_of, shortest_cell
-from .planes import volume_changes
 from .rays import Cause, Rays
-from .surfaces import surface_changes
 
 # Rays whose changes are integrated, of a volume and of a field of two axes; how many of them are traced again.
 SAMPLE, SAMPLE_OF_TWO_AXES, TRACED = 512, 256, 128
+# Parts of the rays of which each is a sample of the whole bundle.
+BLOCKS = 8
+# Rays among which some are chosen, and cells along a side of the curve through them.
+CANDIDATES, CURVE = 1 << 14, 1 << 10
 # The order of a grid's interpolant, and the next.
 ORDERS = {"cubic": (3, 5), "linear": (1, 3), "monotone": (1, 3)}
 # Tolerance of the rays that measure the steps', as a share, and the greatest tolerance that it is a share of [waves].
@@ -66,15 +70,42 @@ class Variants:
     causes: Mapping[str, Cause]
 
 
-def sample_size(field: IndexField) -> int:
-    """Return the number of rays whose changes are computed."""
+def sample_size(field: Any) -> int:
+    """Return the number of rays whose changes are computed, of a field or a mesh of this geometry."""
     return SAMPLE if field.geometry == "volume" else SAMPLE_OF_TWO_AXES
 
 
-def sample_rows(field: IndexField, good: np.ndarray) -> np.ndarray:
-    """Return rows of some of the rays that arrived, drawn in random order: any part of them is a sample."""
+def sample_rows(field: Any, rays: RayBundle, good: np.ndarray) -> np.ndarray:
+    """Return rows of some of the rays that arrived, in an order of which every eighth is spread over the whole bundle.
+
+    They follow each other evenly along a curve through the places at which the rays are some way from their starts.
+    """
     rows = np.flatnonzero(good)
-    return rows[np.random.default_rng(0).permutation(len(rows))[: sample_size(field)]]
+    if len(rows) > CANDIDATES:
+        rows = np.sort(np.random.default_rng(0).choice(rows, CANDIDATES, replace=False))
+    if not len(rows):
+        return rows
+    places = _spread_out(rays.rows(rows))
+    across = places - places.mean(axis=0)
+    place = across @ np.linalg.svd(across, full_matrices=False)[2][:2].T
+    extent = np.maximum(np.ptp(place, axis=0), 1e-300)
+    cell = np.minimum((place - place.min(axis=0)) / extent * CURVE, CURVE - 1).astype(np.int64)
+    bits = np.arange(int(np.log2(CURVE)))
+    key = np.sum(((cell[:, :, None] >> bits) & 1) << (2 * bits + np.arange(2)[:, None]), axis=(1, 2))
+    count = min(sample_size(field), len(rows))
+    chosen = rows[np.argsort(key, kind="stable")][np.linspace(0, len(rows) - 1, count).round().astype(int)]
+    return chosen[np.argsort(np.arange(count) % BLOCKS, kind="stable")]
+
+
+def few_rows(count: int) -> np.ndarray:
+    """Return the places of the few among so many rays that are traced again."""
+    return np.arange(0, count, max(1, count // TRACED))
+
+
+def _spread_out(rays: RayBundle) -> np.ndarray:
+    """Return points ahead of the rays by the size of the bundle [m], (n, 3): different for different rays."""
+    start = rays.position
+    return np.asarray(start + rays.direction * np.linalg.norm(start - start.mean(axis=0), axis=1).max(initial=1e-3))
 
 
 def variants(
@@ -132,9 +163,10 @@ def _moved(base: Rays, rays: RayBundle) -> np.ndarray:
 def _by_index(field: IndexField, paths: Paths, traced: "_Traced") -> dict[str, Cause]:
     """Return the changes by the order of interpolation and by jumps of a field that was not resampled."""
     if isinstance(field.samples, UniformGrid):
-        find = volume_changes if field.geometry == "volume" else surface_changes
-        order, sums, size = find(field, paths, ORDERS[field.interpolation])
-        return {"interpolation": Cause(like=(order,)), "jumps": jumps(field, paths, sums, size)}
+        orders = ORDERS[field.interpolation]
+        order = (planes if field.geometry == "volume" else surfaces).order_change(field, paths, orders)
+        sums = (planes.thinned_sums(field, paths, orders[0]), surfaces.thinned_along_r(field, paths, orders[0]))
+        return {"interpolation": Cause(like=(order,)), "jumps": jumps(field, paths, sums)}
     finer = field.derive("refined", lambda: refined(field)) if field.interpolation == "bilinear" else None
     if finer is None:
         order = paths.integral(next_order(field), shortest_cell(field, paths))
@@ -169,7 +201,7 @@ class _Traced:
         """Take the rays, all of which arrived, and what they brought by a plan."""
         self.field, self.base, self.plan, self.run = field, base, plan, run
         self.rays = rays
-        self.few = np.arange(min(TRACED, rays.ray_count))
+        self.few = few_rows(rays.ray_count)
         self.some = rays.rows(self.few)
 
     def tight(self, field: IndexField) -> TracePlan:
@@ -220,8 +252,7 @@ class _Traced:
         good = np.logical_and.reduce([reached(status) for _, status in chain.values()])
         if not good.any():
             return dict.fromkeys(names[1:], self.base * np.nan)
-        start, ahead = self.rays.position, self.rays.direction
-        places = start + ahead * np.linalg.norm(start - start.mean(axis=0), axis=1).max()
+        places = _spread_out(self.rays)
         _, nearest = cKDTree(places[self.few[good]]).query(places)
         return {
             name: (chain[name][0] - chain[before][0])[good][nearest]

@@ -15,11 +15,10 @@ from typing import Any
 import numpy as np
 
 from ...display.error_budget import ErrorBudget, combine
-from .causes import Variants
+from .causes import BLOCKS, Variants
 from .rays import Cause, Rays
 
 FACTOR = 2.0
-BLOCKS = 8
 # What rays bring -> a number, or an array of them.
 Number = Callable[[Rays], Any]
 

@@ -27,7 +27,7 @@ def test_a_ray_that_is_off_is_found(monkeypatch: pytest.MonkeyPatch):
         opd, status = result.opd.copy(), np.array(result.traced_status)
         opd[[100, 200, 300]] += 100.0 * hard_bundles.TOLERANCE * hard_bundles.WAVE
         status[[200, 300]] = hard_bundles.RayStatus.TOLERANCE_NOT_MET
-        return replace(result, opd=opd, traced_status=status, known_air=None)
+        return replace(result, opd=opd, traced_status=status, lost=None)
 
     monkeypatch.setattr(hard_bundles, "trace", spoilt)
     assert hard_bundles.check(0, backend="opencl").wrong == 1

@@ -1,4 +1,4 @@
-"""Boxes of disturbed air that end or go on, for tests of where the known air ends."""
+"""Boxes full of disturbed air, for tests of where a field ends."""
 
 import numpy as np
 
