@@ -2,8 +2,8 @@
 
 A traced map changes as some of its rays do (tracing/variants): each pixel as the nearest of them. Of a map from
 elsewhere the error of the OPD is known at most: it changes by smooth patterns of that size, from a tenth of the pupil's
-radius to all of it. "sampling" is twice what the number changes by on pixels of a third of the side (finer.py): nine
-tenths of what a number of second order in the side is off by.
+radius to all of it. The error due to the pixels is twice what the number changes by on pixels of a third of the side
+(finer.py), which is eight ninths of what a number of second order in the side is off by.
 """
 
 from collections.abc import Callable

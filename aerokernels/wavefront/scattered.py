@@ -61,7 +61,7 @@ def from_scattered(
 
 
 def _varied(place: np.ndarray, values: np.ndarray, pupil: Pupil, opd_error: float | None) -> Variants:
-    """Return some samples and how they change: to what the others predict, and by smooth patterns of their own error."""
+    """Return some samples and how they change: to what the others predict, and by patterns of their own error."""
     turns = min(max(LEFT_OUT * EACH_LEFT_OUT // len(values), 1), LEFT_OUT)
     rows, changes = [], []
     for turn in range(turns):
