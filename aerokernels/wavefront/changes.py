@@ -2,8 +2,8 @@
 
 A traced map changes as some of its rays do (tracing/variants): each pixel as the nearest of them. Of a map from
 elsewhere the error of the OPD is known at most: it changes by smooth patterns of that size, from a tenth of the pupil's
-radius to all of it. The error due to the pixels is twice what the number changes by on pixels of a third of the side
-(finer.py), which is eight ninths of what a number of second order in the side is off by.
+radius to all of it. The error due to the pixels is three times what the number changes by on pixels of a third of the
+side (finer.py): eight ninths of what a number of second order is off by, more of a steep or rough wavefront.
 """
 
 from collections.abc import Callable
@@ -26,7 +26,7 @@ PIXELS, DRAWS, WAVES, SIZES = 512, 16, 24, (1.0, 0.5, 0.25, 0.1)
 # Greatest size of changes by a cause, over the greatest of any, that does not count.
 LEAST = 0.01
 # Error due to the pixels over the change by finer ones.
-BY_PIXELS = 2.0
+BY_PIXELS = 3.0
 # A wavefront -> a number of it, or an array.
 Number = Callable[[Any], Any]
 
@@ -139,7 +139,9 @@ def of_samples(wave: Any) -> np.ndarray:
         return numbers(replace(rays, opd=flat))[[0, 2, 3, 4]]
 
     pixels = of_pixels(wave, lambda one: np.array([one.strehl(), one.rms, *one.tilt]))
-    return np.asarray(np.hypot(_total(number, changes), pixels))
+    found = np.hypot(_total(number, changes), pixels)
+    found[2:][np.ptp(wave.points, axis=0) == 0.0] = np.nan  # a line has no slope across it
+    return np.asarray(found)
 
 
 def of_opd(wave: Any):

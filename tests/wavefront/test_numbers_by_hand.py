@@ -86,7 +86,6 @@ def test_zernike_coefficients_by_least_squares(count: int):
     np.testing.assert_allclose(surface[wave.lit], modes @ found, rtol=1e-12)
     assert np.isnan(surface[~wave.lit]).all() and (zernike_errors(wave, count) > 0.0).all()
     few = disc_map(4)
-    assert np.isnan(zernike_errors(few, 7)).any() or np.isinf(zernike_errors(few, 7)).all()
     assert np.isinf(zernike_errors(few, 99)).all() and len(zernike_errors(few, 99)) == 99
     with pytest.raises(ValueError, match="cannot distinguish 99"):
         fit_zernike(few, 99)
