@@ -60,7 +60,7 @@ class WavefrontMap:
     removed: tuple[str, ...] = ()
     plan: Any = None
     seconds: dict[str, float] = field(default_factory=dict)
-    budget: Callable[[], dict[str, float]] | None = None
+    budget: Callable[[], ErrorBudget] | None = None
 
     @property
     def key(self) -> Hashable:
