@@ -150,8 +150,8 @@ def test_pixels_that_look_through_a_cut_are_marked():
 def test_a_few_pixels_that_look_through_a_cut_are_warned_of():
     """One pixel of 1024 looks through the one cell that is disturbed where the box is cut: less than is refused.
 
-    Cells of 3.17 mm at the cut, 0.28 m away, where pixels look 6.39 mm apart, the outermost 1 mm from the edge; the flow
-    goes on for 5 mm.
+    Cells of 3.17 mm at the cut, 0.28 m away, where pixels look 6.39 mm apart, the outermost 1 mm from the edge.
+    The flow goes on for 5 mm.
     """
     contrast = np.zeros((64, 64, 18))
     contrast[-1, -1, 16:] = 1e-4

@@ -175,7 +175,7 @@ def test_a_resampled_field_is_compared_with_its_source():
 
 
 def test_causes_are_added_up():
-    """Three times the greatest of each, bundle and loss as they are, roundings on top; the root of squares, no models."""
+    """Three times the greatest of each, bundle and loss as they are, roundings on top; root of squares, no models."""
     field, rays = field_of(), rays_through(12)
     law = Answers(np.ones(12, bool))
     retrace = budget.Retrace(law, ArcLength(3.0), 1e-6)
