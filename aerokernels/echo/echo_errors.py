@@ -2,10 +2,11 @@
 
     return factor   F S(rays) / S(base), with S = |<exp(i k OPD)>|^2, tilt kept; F if it does not depend on phases
     peaks, ranges   of the echo's waveform without noise times this change of the factor, through the detector chain
-    path            the mean OPD of the rays, which delays the pulse; the model's uncertainty changes the air at rest too
+    path            OPD of the rays, and the way to the target's plane along the beam's rays where these are turned as
+                    the rays are, as a mean over the beam; the model's uncertainty changes the air at rest too
 
-The rays come straight ahead, as from a distant target: their relative change of S stands for that of every point of the
-target, and their OPD for the beam's. (Group and phase index of air differ by 1.4 %, which is left out of errors.)
+The rays leave the pupil straight ahead, as to a distant target: their relative change of S stands for that of every
+point of the target. (Group and phase index of air differ by 1.4 %, which is left out of errors.)
 
 "sampling" is what no ray shows, root sum of squares, with two standard deviations of what is random:
 
@@ -27,6 +28,7 @@ import numpy as np
 from ..display.error_budget import ErrorBudget, combine, unknown
 from ..display.quantities import root_sum_square
 from ..medium import IndexField
+from ..pupils.vectors import lengths
 from ..scene import Scene
 from ..strehl import StrehlEstimate
 from ..strehl.budget import StrehlVariants
@@ -108,9 +110,7 @@ class EchoProbe:
                 prepared = PreparedStrehl(self.field, self.scene.receiver.pupil, **options)
             except ValueError:  # no ray meets the field, or arrives
                 return None
-            known = StrehlVariants(
-                self.field, prepared.pupil, prepared.look, 0, prepared.job.until, prepared.wavelength, prepared.plan
-            )
+            known = prepared.varied(prepared.plan)
         found = known.found
         if found is None or "refractivity" not in found.causes:
             return found
@@ -203,14 +203,38 @@ class EchoNumbers:
     def _strehl(self, rays: Rays) -> float:
         return abs(mean_phasor(rays.opd, self.found.weight, self.probe.scene.flow.wavelength)) ** 2
 
+    @cached_property
+    def path(self) -> float:
+        """Mean path of the rays over the beam [m]."""
+        return self._path(self.found.base)
+
+    @cached_property
+    def beam(self) -> tuple[np.ndarray, np.ndarray]:
+        """Directions of the beam without flow where the rays start, (n, 3), and its shares there, (n,)."""
+        beam, start = self.probe.scene.beam, self.found.start
+        line = np.column_stack([start[:, :2] * (beam.radius / beam.exit_radius - 1.0), self._ahead])
+        square = 2.0 * np.sum(start[:, :2] ** 2, axis=1) / beam.exit_radius**2
+        share = self.found.weight * np.exp(square.min() - square)
+        return line / lengths(line)[:, None], share / share.sum()
+
+    @cached_property
+    def _ahead(self) -> np.ndarray:
+        return np.full(len(self.found.start), self.probe.scene.target.distance)
+
+    def _path(self, rays: Rays) -> float:
+        plane, (straight, share) = self.probe.vacuum.plane, self.beam
+        way = straight + rays.direction - self.found.ahead
+        length = (plane.point - self.found.start) @ plane.normal * lengths(way) / (way @ plane.normal)
+        return float(share @ (rays.opd + length))
+
     def __call__(self, rays: Rays) -> np.ndarray:
         """Return the numbers of rays, shape (4 + number of methods,); those without a value are NaN."""
         change = self._strehl(rays) / self.ratio if self.ratio > 0.0 else math.nan
         if math.isnan(change):
             return np.full(len(NUMBERS) + len(RANGING_METHODS), np.nan)
         share = change if self.probe.scene.receiver.return_factor == "strehl" else 1.0
-        path = float(self.found.weight @ (rays.opd - self.found.base.opd) / self.found.weight.sum())
         volts, ranges = self.probe.read(share)
+        path = self._path(rays) - self.path
         numbers = self.strehl * change, share * self.peak_power, volts, path
         return np.array([*numbers, *(ranges[method] + path for method in RANGING_METHODS)])
 
