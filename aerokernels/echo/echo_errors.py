@@ -10,8 +10,8 @@ point of the target. (Group and phase index of air differ by 1.4 %, which is lef
 
 "sampling" is what no ray shows, root sum of squares, with two standard deviations of what is random:
 
-    factor      the change with more rays over the pupil (pupil_errors.py), of the interpolation over the target with
-                every other point, and of the share of the beam that is lost (cut_beam.py)
+    factor      more rays over the pupil, without interpolation over the target, at some points (pupil_errors.py); the
+                share of the beam that is lost (cut_beam.py)
     peaks       twice the rms error of the echo in vacuum where it arrives fractions of a sample later; of the voltage
                 the noise at the peak and half a code of the digitiser
     ranges      the changes of the reading with the factor, with the samples' position, and by the rounding to codes if
@@ -39,7 +39,7 @@ from ..tracing.variants.spread import FACTOR, errors
 from ..wavefront import mean_phasor
 from .paths import air_error, trace_options
 from .pulse_curve import PulseCurve, peak_height
-from .pupil_errors import pupil_error
+from .pupil_errors import factor_errors
 from .rangefinder import Rangefinder
 from .ranging import AMPLITUDE_METHODS, RANGING_METHODS
 from .result import EchoResult
@@ -171,7 +171,11 @@ class EchoProbe:
             at = self.scene.target.distance + 0.5 * SPEED_OF_LIGHT * shift
             for method, value in self.rangefinder.ranges(self.time, record, curve=curve)[0].items():
                 off.setdefault(method, []).append(value - at)
-        return float(power), float(voltage), {name: float(np.sqrt(np.mean(np.square(one)))) for name, one in off.items()}
+        return (
+            float(power),
+            float(voltage),
+            {name: float(np.sqrt(np.mean(np.square(one)))) for name, one in off.items()},
+        )
 
     def random_errors(self, count: int) -> dict[str, float]:
         """Return the standard deviation of the range by method [m] over `count` noisy records."""
@@ -261,13 +265,8 @@ def echo_errors(result: EchoResult, probe: EchoProbe) -> dict[str, ErrorBudget]:
 
 def _sampling(result: EchoResult, probe: EchoProbe) -> dict[str, float]:
     """Return the errors that no ray shows, by number."""
-    kind, interpolation = probe.scene.receiver.return_factor, float(result.information["strehl_error"])
-    strehl, share = (math.nan, 0.0) if kind == "none" else pupil_error(probe.scene, probe.field)
-    if kind == "strehl":
-        strehl = math.hypot(strehl, interpolation)
-    factor = result.beam_mean(result.return_factor)
-    left = result.information["lost_share_error"] / result.information["beam_share"]
-    share = root_sum_square((share, interpolation / factor if factor > 0.0 else math.inf, left))
+    strehl, share = factor_errors(result, probe.scene, probe.field, probe.vacuum.plane)
+    share = math.hypot(share, result.information["lost_share_error"] / result.information["beam_share"])
     power, voltage, place = probe.read_shifted()
     noise, peak_noise = float(result.noise_rms), 0.0
     if noise > 0.0:  # the signal's own shot noise may be many times the noise between echoes

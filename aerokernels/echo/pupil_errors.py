@@ -1,8 +1,7 @@
-"""Compute the error of an echo by the number of rays over the receiver's pupil: twice the change with four times as many.
+"""Compute the error of an echo's return factor by the number of the pupil's rays and the interpolation over the target.
 
-Fewer rays do not tell: a structure of the flow between n rays is between half of them too. It is measured toward the
-target's centre and toward points a beam radius beside it, in x and in y; of a set-up that is symmetric about the axis
-in x alone, and with half of the pupil.
+At some of the points on which the beam's power falls, drawn by their shares of it, the factor is computed directly, with
+four times as many rays over the pupil. Its changes there have a mean, which counts, and a standard error.
 """
 
 import math
@@ -13,45 +12,36 @@ from ..medium import IndexField
 from ..scene import Scene
 from ..tracing import Plane
 from ..tracing.variants.spread import FACTOR
-from .paths import trace_options
 from .pupil_reduction import reduce_pupils, upper_half
-from .return_paths import is_symmetric
+from .result import EchoResult
+from .return_paths import factor_of, is_symmetric
 
-# Errors cached on a field; the points of the target, and so the error, are the same for all tilts.
-KEPT = 8
-# Multiple of the rays that measures the error of a mean, and the least number of rays of which it is taken, some
-# sixteen across the pupil.
-FINER, LEAST_RAYS = 4, 256
+# Points; multiple of the rays, and the least number of rays of which it is taken, some sixteen across the pupil.
+POINTS, FINER, LEAST_RAYS = 16, 4, 256
 
 
-def pupil_error(scene: Scene, field: IndexField) -> tuple[float, float]:
-    """Return the errors of the mean Strehl ratio and, relative, of the return factor by the number of the pupil's rays.
+def factor_errors(result: EchoResult, scene: Scene, field: IndexField, plane: Plane) -> tuple[float, float]:
+    """Return the errors of an echo's mean Strehl ratio and, relative, of its return factor.
 
-    NaN and infinite if no ray gets out.
+    NaN and infinite if no ray gets out, or nothing returns. `plane` is the target's.
     """
-    center = np.array([0.0, 0.0, scene.receiver.aperture_z + scene.target.distance])
-    target = center + scene.beam.radius * np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]])
-    key = ("pupil error", repr(scene.receiver), target.tobytes(), tuple(trace_options(scene).items()))
-    found: tuple[float, float] = field.derive(key, lambda: _error(scene, field, target), KEPT)
-    return found
-
-
-def _error(scene: Scene, field: IndexField, target: np.ndarray) -> tuple[float, float]:
-    pupil, count = scene.receiver.pupil, scene.receiver.ray_count
-    rules = [pupil.sample(rays, "gauss") for rays in (count, FINER * max(count, LEAST_RAYS))]
-    if is_symmetric(field, Plane(target[0], (0.0, 0.0, 1.0)), pupil):
-        rules, target = [upper_half(*rule) for rule in rules], target[:2]
+    kind, pupil = scene.receiver.return_factor, scene.receiver.pupil
+    if kind == "none":
+        return math.nan, 0.0
+    points = np.flatnonzero(np.isfinite(result.return_factor) & (result.beam_share > 0.0))
+    share = result.beam_share[points] / result.beam_share[points].sum()
+    some = np.random.default_rng(0).choice(points, min(POINTS, len(points)), replace=False, p=share)
+    place, rays = result.target_point[some], pupil.sample(FINER * max(scene.receiver.ray_count, LEAST_RAYS), "gauss")
+    if is_symmetric(field, plane, pupil):
+        place, rays = np.column_stack([np.hypot(*place.T[:2]), np.zeros(len(some)), place[:, 2]]), upper_half(*rays)
     try:
-        few, many = (reduce_pupils(scene, field, target, *rule) for rule in rules)
+        sums = reduce_pupils(scene, field, place, *rays)
     except ValueError:
         return math.nan, math.inf
-    light = [
-        one.open_share * one.strehl if scene.receiver.return_factor == "strehl" else one.open_share
-        for one in (few, many)
-    ]
-    factor, change = float(light[0].mean()), _rms(light[0] - light[1])
-    return FACTOR * _rms(few.strehl - many.strehl), FACTOR * change / factor if factor > 0.0 else math.inf
+    mean = result.beam_mean(result.return_factor)
+    change = result.return_factor[some] - factor_of(kind, sums.strehl, sums.open_share)
+    return _error(result.strehl[some] - sums.strehl), _error(change) / mean if mean > 0.0 else math.inf
 
 
-def _rms(values: np.ndarray) -> float:
-    return float(np.sqrt(np.mean(values**2)))
+def _error(change: np.ndarray) -> float:
+    return FACTOR * math.sqrt(float(change.mean()) ** 2 + float(change.var()) / max(len(change) - 1, 1))

@@ -52,8 +52,8 @@ class EchoResult:
         vacuum_peak_voltage: Peak voltage of the echo in vacuum [V].
         information: Numbers about the computation: "beam_share" (fraction of the beam's power that arrives on the
             target), "lost_share" (fraction aimed at the target, in rays that failed) and "lost_share_error",
-            "strehl_error" (bound on the error of interpolating the return factor), "pair_count" (pairs of target and
-            pupil points that the return rays represent), "ray_count" (traced), "evaluation_count", "trace_seconds".
+            "pair_count" (pairs of target and pupil points that the return rays represent), "ray_count" (traced),
+            "evaluation_count", "trace_seconds".
         budget: Computes the errors of the numbers; called by `error`.
     """
 

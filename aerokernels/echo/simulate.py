@@ -58,7 +58,7 @@ def echo(
         limits: "beam": the beam's full support, or the reflector's edges where nearer; "paper": eq 11's limit of one
             radius either way in y, the whole beam in x; None: the scene's `target.limits`.
         strehl_node_count: Number of points along each side of the target at which the return factor is computed, odd;
-            the factor is interpolated between them, with the error in `information`. "every": at each target point.
+            the factor is interpolated between them. "every": at each target point.
             None: the scene's.
         symmetry: Whether to use the symmetry of field, pupil and target about the axis, if there is one.
         estimate: A Strehl estimate of the scene through this field, whose rays are used when `error` is first read;
@@ -163,7 +163,6 @@ def _information(weight: np.ndarray, share: np.ndarray, out: TransmitPaths, back
     return {
         "beam_share": float(share.sum()),
         "lost_share": float(weight.sum() - share.sum()),
-        "strehl_error": back.error,
         "pair_count": back.pair_count,
         "ray_count": outward.ray_count + (back.sums.ray_count if back.sums else 0),
         "evaluation_count": evaluations + (back.sums.evaluation_count if back.sums else 0),
