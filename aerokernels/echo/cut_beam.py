@@ -8,7 +8,6 @@ many, as independent errors: an error falls about threefold from one rule to the
 
 import math
 
-
 from ..medium import IndexField
 from .paths import TransmitPaths, transmit_paths
 from .vacuum import VacuumEcho

@@ -166,16 +166,13 @@ class EchoProbe:
         heights = np.array([peak_height(*pair) for pair in zip(records, curves, strict=True)]).reshape(2, -1)
         true = np.array([[peak_height(fine[0])], [peak_height(volts[0])]])
         power, voltage = np.sqrt(np.mean((true / heights - 1.0) ** 2, axis=1))
-        off: dict[str, list[float]] = {}
+        off: dict[str, list[float]] = {method: [] for method in RANGING_METHODS}
         for shift, record, curve in zip(shifts, records[len(shifts) :], curves[len(shifts) :], strict=True):
             at = self.scene.target.distance + 0.5 * SPEED_OF_LIGHT * shift
             for method, value in self.rangefinder.ranges(self.time, record, curve=curve)[0].items():
-                off.setdefault(method, []).append(value - at)
-        return (
-            float(power),
-            float(voltage),
-            {name: float(np.sqrt(np.mean(np.square(one)))) for name, one in off.items()},
-        )
+                off[method].append(value - at)
+        ranges = {method: float(np.sqrt(np.mean(np.square(errors)))) for method, errors in off.items()}
+        return float(power), float(voltage), ranges
 
     def random_errors(self, count: int) -> dict[str, float]:
         """Return the standard deviation of the range by method [m] over `count` noisy records."""

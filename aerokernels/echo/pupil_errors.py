@@ -1,7 +1,7 @@
-"""Compute the error of an echo's return factor by the number of the pupil's rays and the interpolation over the target.
+"""Compute the error of an echo's return factor by the pupil's number of rays and the interpolation over the target.
 
-At some of the points on which the beam's power falls, drawn by their shares of it, the factor is computed directly, with
-four times as many rays over the pupil. Its changes there have a mean, which counts, and a standard error.
+At some of the points on which the beam's power falls, drawn by their shares of it, the factor is computed directly,
+with four times as many rays over the pupil. Its changes there have a mean, which counts, and a standard error.
 """
 
 import math

@@ -1,7 +1,5 @@
 """Explain in words what a run of a scene would do: region, grid, method, ray counts, and the errors."""
 
-import math
-
 from aerokernels.display.error_budget import TOTAL, main_cause, two_digits
 from aerokernels.display.quantities import Quantity
 from aerokernels.display.verdict import judge

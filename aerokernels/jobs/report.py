@@ -45,14 +45,15 @@ STAGE_WORDS = {
 }
 CAUSES = {
     "step": "step size of the rays",
-    "interpolation": "interpolation between the flow's own samples",
-    "resampling": "resampling of the flow to a uniform grid",
     "precision": "precision of the kernels",
-    "sampling": "number of rays, three standard errors",
+    "interpolation": "interpolation between the flow's own samples",
+    "jumps": "place of jumps between the flow's own samples",
+    "resampling": "resampling of the flow to a uniform grid",
+    "truncation": "air beyond the region that was resampled",
+    "refractivity": "relation between density and index",
     "bundle": "interpolation between traced rays of a bundle",
-    "truncation": "rays that leave the known air where it is still disturbed",
-    "refractivity": "relation between density and index; not part of the total",
-    "total": "root sum of squares of the entries above, without refractivity",
+    "sampling": "number of rays",
+    "total": "root sum of squares of the entries above; covers the truth in 95 of 100 cases",
 }
 
 # Groups of numbers in summary.json.

@@ -1,4 +1,4 @@
-"""The errors of a pupil's Strehl ratio, OPD rms and boresight: each computed again on some rays that change by cause."""
+"""The errors of a pupil's Strehl ratio, OPD rms and boresight: each computed again on rays that change by cause."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property

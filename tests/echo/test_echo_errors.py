@@ -22,7 +22,9 @@ def scene(**changes):
 
 
 def test_the_error_of_the_peak_walks_the_leading_edge():
-    """Set-up: an echo of peak V and a threshold T. By each cause V has an error dV, and the leading edge
+    """Set-up: an echo of peak V and a threshold T. By each cause V has an error dV.
+
+    The leading edge then has the error
 
         c tau / 2 dV / (2 V sqrt(ln V / T))
 
