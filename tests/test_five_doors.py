@@ -28,19 +28,19 @@ from aerokernels.pupils import direction_of
 from aerokernels.tracing.beyond import plane_beyond
 
 WAVELENGTH = 905e-9
-SIDE, FINER = 0.06, 3  # of the boxes [m]; cells of the truth's grid in one of the scene's
+SIDE, FINER, RAYS = 0.0613, 3, 65536  # boxes [m]; cells of the truth's grid in one; rays
 AMBIENT, RATIO = 1.0, 1.3
 Density = Callable[..., np.ndarray]
 
 
 @dataclass(frozen=True)
 class Scene:
-    """A density (x, y, z) on a grid, or a shipped flow, seen by a disc that looks along azimuth and elevation [rad]."""
+    """A density (x, y, z) on a grid seen by a disc that looks along azimuth and elevation [rad]."""
 
     name: str
     geometry: str
-    density: Density | str
-    nodes: int
+    density: Density
+    nodes: int = 33
     azimuth: float = 0.0
     elevation: float = 0.0
     radius: float = 0.012
@@ -50,21 +50,55 @@ class Scene:
     def pupil(self) -> Disc:
         return Disc(self.radius, self.center, direction_of(self.azimuth, self.elevation))
 
-    def series(self, nodes: int) -> flow.Series:
-        """One snapshot on a grid of so many nodes a side, of which axisymmetric ones have half along r."""
-        step = SIDE / (nodes - 1)
-        across, along = step * np.arange(nodes) - 0.5 * SIDE, step * np.arange(nodes)
+    def series(self, finer: int = 1) -> flow.Series:
+        """One snapshot on the grid, or one of finer cells; axisymmetric ones have half of the nodes along r."""
+        cells = finer * (self.nodes - 1)
+        step = SIDE / cells
+        across, along = step * np.arange(cells + 1) - 0.5 * SIDE, step * np.arange(cells + 1)
         if self.geometry == "volume":
             axes, origin = [across, across, along], [-0.5 * SIDE, -0.5 * SIDE, 0.0]
         elif self.geometry == "planar":
             axes, origin = [across, along], [-0.5 * SIDE, 0.0]
         else:
-            axes, origin = [across[nodes // 2 :], along], [0.0, 0.0]
-        places = np.meshgrid(*axes, indexing="ij")
-        samples = self.density(*places)
-        return flow.open_series(
-            [samples], time=[0.0], geometry=self.geometry, origin=origin, spacing=[step] * len(origin),
-            ambient_density=AMBIENT)  # fmt: skip
+            axes, origin = [step * np.arange(cells // 2 + 1), along], [0.0, 0.0]
+        return snapshot(self.density(*np.meshgrid(*axes, indexing="ij")), self.geometry, origin, step)
+
+    def truth(self) -> IndexField:
+        """The field in which the truth is found."""
+        return self.series(FINER)[0].index_field(WAVELENGTH)
+
+
+def snapshot(samples: np.ndarray, geometry: str, origin, step: float, ambient: float = AMBIENT) -> flow.Series:
+    return flow.open_series(
+        [samples], time=[0.0], geometry=geometry, origin=origin, spacing=[step] * len(origin), ambient_density=ambient
+    )
+
+
+@dataclass(frozen=True)
+class Shipped:
+    """A shipped flow on a grid of its own, seen along the axis from beside the body, through the shock of the nose."""
+
+    name: str
+    radius: float = 0.004
+    center: tuple[float, float, float] = (0.0, 0.02, -0.03)
+    azimuth: float = 0.0
+    elevation: float = 0.0
+
+    @property
+    def pupil(self) -> Disc:
+        return Disc(self.radius, self.center)
+
+    def series(self) -> flow.Series:
+        air, step = flow.shipped(self.name), 0.3e-3
+        contrast = air.index_field(WAVELENGTH)
+        r, z = np.meshgrid(step * np.arange(121), -0.03 + step * np.arange(121), indexing="ij")
+        found = contrast.evaluate(np.stack([np.zeros(r.size), r.ravel(), z.ravel()], axis=1))[0].reshape(r.shape)
+        constant = flow.refractivity_model().constant(WAVELENGTH)
+        samples = air.ambient_density + np.nan_to_num(found) / constant
+        return snapshot(samples, "axisymmetric", [0.0, -0.03], step, air.ambient_density)
+
+    def truth(self) -> IndexField:
+        return flow.shipped(self.name).index_field(WAVELENGTH)
 
 
 def turbulence(seed: int, share: float, faded: bool = False, strength: float = 0.012) -> Density:
@@ -91,7 +125,9 @@ def blobs(seed: int, width: float, dimension: int = 3, strength: float = 0.04) -
     """Gaussian blobs of a width [cells of 33 nodes a side]."""
     rng = np.random.default_rng(seed)
     size, count = width * SIDE / 32.0, 40
-    middle = np.column_stack([rng.uniform(-0.3 * SIDE, 0.3 * SIDE, (count, dimension - 1)), rng.uniform(0.3, 0.7, count) * SIDE])
+    middle = np.column_stack(
+        [rng.uniform(-0.3 * SIDE, 0.3 * SIDE, (count, dimension - 1)), rng.uniform(0.3, 0.7, count) * SIDE]
+    )
     height = strength * rng.choice([-1.0, 1.0], count)
 
     def density(*places):
@@ -106,40 +142,51 @@ def blobs(seed: int, width: float, dimension: int = 3, strength: float = 0.04) -
 def rings(width: float, strength: float = 0.05) -> Density:
     """Rings about the axis [cells of 33 nodes]."""
     size = width * SIDE / 32.0
-    return lambda r, z: AMBIENT + strength * sum(
-        sign * (np.exp(-(((r - at) ** 2 + (z - far) ** 2) / (2.0 * size**2))) + np.exp(-(((r + at) ** 2 + (z - far) ** 2) / (2.0 * size**2))))
-        for at, far, sign in ((0.003, 0.02, 1.0), (0.008, 0.03, -1.0), (0.011, 0.04, 1.0))
+    return lambda r, z: (
+        AMBIENT
+        + strength
+        * sum(
+            sign
+            * (
+                np.exp(-(((r - at) ** 2 + (z - far) ** 2) / (2.0 * size**2)))
+                + np.exp(-(((r + at) ** 2 + (z - far) ** 2) / (2.0 * size**2)))
+            )
+            for at, far, sign in ((0.003, 0.02, 1.0), (0.008, 0.03, -1.0), (0.011, 0.04, 1.0))
+        )
     )
 
 
 def front(width: float, slant: float) -> Density:
     """A resolved front across y and z, width in cells of 65 nodes a side, which fades toward the faces."""
-    return lambda y, z: AMBIENT + 0.3 * np.exp(-(((z - 0.5 * SIDE) / (0.15 * SIDE)) ** 2)) * np.tanh(
-        (y - slant * (z - 0.5 * SIDE)) / (width * SIDE / 64.0)
+    return lambda y, z: (
+        AMBIENT
+        + 0.3
+        * np.exp(-(((z - 0.5 * SIDE) / (0.15 * SIDE)) ** 2))
+        * np.tanh((y - slant * (z - 0.5 * SIDE)) / (width * SIDE / 64.0))
     )
 
 
 SCENES = [
-    Scene("turbulence to 0.3 of Nyquist", "volume", turbulence(1, 0.3), 33),
-    Scene("turbulence to 0.5", "volume", turbulence(2, 0.5), 33),
-    Scene("turbulence to 0.7", "volume", turbulence(3, 0.7), 33),
-    Scene("faded turbulence", "volume", turbulence(4, 0.6, True), 33),
-    Scene("strong turbulence", "volume", turbulence(5, 0.5, strength=0.05), 33),
-    Scene("turbulence from aslant", "volume", turbulence(6, 0.5), 33, 0.2, 0.1, 0.009),
-    Scene("turbulence from farther aslant", "volume", turbulence(7, 0.6), 33, -0.3, 0.2, 0.007),
-    Scene("small blobs", "volume", blobs(1, 1.2), 33),
-    Scene("blobs", "volume", blobs(2, 1.8), 33),
-    Scene("blobs from aslant", "volume", blobs(3, 1.5), 33, 0.25, -0.15),
-    Scene("a small pupil", "volume", turbulence(8, 0.6), 33, radius=0.004, center=(0.006, -0.004, 0.0)),
-    Scene("planar blobs", "planar", blobs(4, 1.3, 2, 0.02), 33),
-    Scene("planar blobs from aslant", "planar", blobs(5, 1.3, 2, 0.02), 33, 0.2, 0.15),
-    Scene("a planar front", "planar", front(2.0, 0.2), 65),
-    Scene("a planar front from aslant", "planar", front(2.5, 0.4), 65, 0.0, 0.2),
-    Scene("rings", "axisymmetric", rings(1.6), 33),
-    Scene("rings beside the axis", "axisymmetric", rings(1.4), 33, center=(0.004, 0.002, 0.0), radius=0.008),
-    Scene("rings from aslant", "axisymmetric", rings(1.4), 33, 0.15, 0.1, 0.008),
-    Scene("Mach 2", "axisymmetric", "mach2", 0),
-    Scene("Mach 4", "axisymmetric", "mach4", 0),
+    Scene("turbulence to half of the Nyquist frequency", "volume", turbulence(1, 0.5)),
+    Scene("turbulence to 0.6 of it", "volume", turbulence(2, 0.6)),
+    Scene("turbulence to 0.7 of it", "volume", turbulence(3, 0.7)),
+    Scene("faded turbulence", "volume", turbulence(4, 0.6, True)),
+    Scene("strong turbulence", "volume", turbulence(5, 0.5, strength=0.05)),
+    Scene("turbulence from aslant", "volume", turbulence(6, 0.55), azimuth=0.2, elevation=0.1, radius=0.009),
+    Scene("turbulence from farther aslant", "volume", turbulence(7, 0.6), azimuth=-0.3, elevation=0.2, radius=0.007),
+    Scene("turbulence before a small pupil", "volume", turbulence(8, 0.6), radius=0.004, center=(0.006, -0.004, 0.0)),
+    Scene("small blobs", "volume", blobs(1, 1.2)),
+    Scene("blobs", "volume", blobs(2, 1.6)),
+    Scene("blobs from aslant", "volume", blobs(3, 1.4), azimuth=0.25, elevation=-0.15),
+    Scene("planar blobs", "planar", blobs(4, 1.3, 2, 0.02)),
+    Scene("planar blobs from aslant", "planar", blobs(5, 1.3, 2, 0.02), azimuth=0.2, elevation=0.15),
+    Scene("a planar front", "planar", front(1.2, 0.2), 65),
+    Scene("a planar front from aslant", "planar", front(1.4, 0.4), 65, elevation=0.2),
+    Scene("rings", "axisymmetric", rings(1.6)),
+    Scene("rings beside the axis", "axisymmetric", rings(1.4), center=(0.004, 0.002, 0.0), radius=0.008),
+    Scene("rings from aslant", "axisymmetric", rings(1.4), azimuth=0.15, elevation=0.1, radius=0.008),
+    Shipped("mach2"),
+    Shipped("mach4"),
 ]
 
 
@@ -155,18 +202,18 @@ class Told:
 def doors(field: IndexField, series: flow.Series, scene: Scene) -> Iterator[Told]:
     pupil = scene.pupil
     own = {"tolerance": 1e-3}
-    found = estimate_strehl(field, pupil, ray_count=16384, **own).quantities
+    found = estimate_strehl(field, pupil, ray_count=RAYS, **own).quantities
     yield Told("estimate_strehl", *np.transpose([(one.value, one.error) for one in (found["value"], found["opd_rms"])]))
     rays = RayBundle.collimated(pupil, 4096, direction=pupil.normal)
     rms = trace(field, rays, until=plane_beyond(field, pupil, pupil.normal), outputs="opd", **own).quantities["opd_rms"]
     yield Told("trace", np.array([np.nan, rms.value]), np.array([np.nan, rms.error]))
     found = wavefront(field, pupil, pixel_count=128, **own).quantities
     yield Told("wavefront", *np.transpose([(one.value, one.error) for one in (found["strehl"], found["opd_rms"])]))
-    seen = look_map(field, [scene.azimuth], [scene.elevation], pupil, ray_count=16384, **own).isel(azimuth=0, elevation=0)
+    seen = look_map(field, [scene.azimuth], [scene.elevation], pupil, ray_count=RAYS, **own).isel(
+        azimuth=0, elevation=0
+    )
     names = ("strehl", "opd_rms")
     yield Told("look_map", *(np.array([float(seen[name + end]) for name in names]) for end in ("", "_error")))
-    maps = optical_series(
-        series, pupil, remove=("piston",), pixel_count=128, wavelength=WAVELENGTH, **own
-    ).isel(time=0)
+    maps = optical_series(series, pupil, remove=("piston",), pixel_count=128, wavelength=WAVELENGTH, **own).isel(time=0)
     names = ("strehl", "opd_rms_with_tilt")
     yield Told("optical_series", *(np.array([float(maps[name + end]) for name in names]) for end in ("", "_error")))
