@@ -1,7 +1,7 @@
 """The command line: load the commands, run one, and turn a failure into one line of text and an exit status.
 
-Exit status: 0 done; 1 failed; 2 bad input (the line names the file, the key and the remedy); 3 the answer is not
-meaningful, because its error is greater than the number; 130 interrupted (143 by SIGTERM, 129 by a terminal that
+Exit status: 0 done; 1 failed; 2 bad input (the line names the file, the key and the remedy); 3 all files are
+written, but the answer is not meaningful (display/verdict.py); 130 interrupted (143 by SIGTERM, 129 by a terminal that
 closed). `--debug`, anywhere on the line, also shows the traceback; `--json` prints results as JSON, and `--quiet`
 silences notes and progress. Results go to stdout, everything else to stderr.
 """
@@ -37,8 +37,9 @@ COLLECT_AFTER = (50_000, 20, 50)
 app = typer.Typer(
     name="aerokernels",
     help="Aero-optics of supersonic flow: from a density field to wavefront, Strehl ratio, laser echo and range.",
-    epilog="Exit status: 0 done; 1 failed; 2 bad input; 3 the answer is not meaningful: its error is greater than the "
-    "number; 130 interrupted (143 by SIGTERM, 129 by a terminal that closed).",
+    epilog="Exit status: 0 done; 1 failed; 2 bad input; 3 all files are written, but the answer is not meaningful: "
+    "its error allows any Strehl ratio, or is above the echo's peak; 130 interrupted (143 by SIGTERM, 129 by "
+    "a terminal that closed).",
     context_settings={"help_option_names": ["-h", "--help"]},
     rich_markup_mode=None,  # rich would take "[ps]" and "[default: ...]" in a help text for markup and drop them
     pretty_exceptions_enable=False,

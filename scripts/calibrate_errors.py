@@ -16,12 +16,10 @@ from pathlib import Path
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent))
-from calibration.run import one  # noqa: E402
+from calibration.run import LEAST, one  # noqa: E402
 
 RESOLVED = "turb3faded turb5faded turb8faded turb3 turb5 turb8 blob blobplanar blobaxi blobaxiacross shockC shockCplanar shockCaxi turb5planar turb3linear bloblinear shockCaverages blobaverages turb5averages turb3fadedshockC".split()
 UNRESOLVED = "shockA shockB shockAplanar shockBplanar shockAaxi shockBaxi shockAramp shockBramp shockAalong shockBalong shockBaverages turb5fadedshockB".split()
-# True errors below this share of a number, or of the OPD rms, are not compared.
-LEAST = 1e-6
 
 
 def main() -> None:

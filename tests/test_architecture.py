@@ -399,3 +399,15 @@ def test_every_name_on_the_architecture_page_is_a_name_of_the_code():
     words = set(re.findall(r"\b(?:def|class) (\w+)", sources))
     reported = {name for name in re.findall(r"`([A-Za-z_]\w+)`", page) if name not in ("engines",)}
     assert len(reported) > 5 and not sorted(reported - words)
+
+
+def test_arrays_are_not_read_by_warps_numpy():
+    """It changes the current stream of the whole device meanwhile: `device_arrays.pinned.to_host` does not."""
+    others = {("waves", "library"), ("benchmark", "peers")}  # PyTorch's tensors
+    found = {
+        dotted(path)[1:]
+        for path in MODULES
+        for node in ast.walk(tree(path))
+        if isinstance(node, ast.Call) and not node.args and getattr(node.func, "attr", "") == "numpy"
+    }
+    assert found <= others

@@ -68,6 +68,8 @@ def test_every_reader_of_netcdf_survives_the_end_of_its_library(reader, tmp_path
     """Set-up: HDF5 ends its process. Expected: the caller learns which file, and what to do."""
 
     class Ending:
+        is_late = False
+
         def ask(self, request, time_limit):
             raise EOFError
 
@@ -111,6 +113,21 @@ def test_what_happens_in_the_child_is_told_here(tmp_path: Path, monkeypatch: pyt
     with pytest.raises(KeyboardInterrupt):
         fragile.in_child(path, "os:getpid")
     assert not idle and child.process.poll() is not None
+
+
+def test_a_reader_that_waits_is_ended_and_one_that_computes_is_not(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Set-up: 0.5 s for a file, of which one sleeps for minutes and one computes for seconds, as on a busy machine."""
+    path = tmp_path / "a.nc"
+    path.write_bytes(b"0")
+    bounds = fragile.Bounds(float("inf"), 100.0, 0.5)
+    monkeypatch.setattr(fragile, "bounds_of", lambda path: bounds._replace(time=60.0))
+    fragile.in_child(path, "os:getpid")  # starts the child
+    monkeypatch.setattr(fragile, "bounds_of", lambda path: bounds)
+    monkeypatch.setattr(fragile, "WORKING", 0.0)
+    assert fragile.in_child(path, "builtins:sum", range(50_000_000)) == 50_000_000 * 49_999_999 // 2
+    monkeypatch.setattr(fragile, "WORKING", 0.9)
+    with pytest.raises(fragile.LibraryEndedError, match=r"a\.nc: it was not read within .* busy, or the"):
+        fragile.in_child(path, "time:sleep", 300.0)
 
 
 def test_large_arrays_of_a_netcdf_file_are_read_when_they_are_asked_for(tmp_path: Path):

@@ -12,7 +12,7 @@ def leave_with(verdict: Verdict) -> None:
     """Print a warning or worthless verdict to stderr; leave with exit status 3 if it is worthless.
 
     Raises:
-        typer.Exit: The answer's error is greater than the number, so the answer is not meaningful.
+        typer.Exit: The answer is not meaningful given its error.
     """
     if verdict:
         warn(f"{'not meaningful' if verdict.worthless else 'warning'}: {verdict.reason}")

@@ -163,7 +163,7 @@ def schlieren(
         rows.append((f"Error of the {one}", told))
     for words, found in (("Shock angle", made.shock), ("Shock angle, photograph", made.measured_shock)):
         if found is not None:
-            angle = Quantity(math.degrees(found.angle), math.degrees(found.standard_error), "deg")
+            angle = Quantity(math.degrees(found.angle), 2.0 * math.degrees(found.standard_error), "deg")
             rows.append((words, f"{angle} at {1e3 * found.place:.2f} mm"))
     if made.comparison is not None:
         rows.append(("Correlation of the lower halves", f"{made.comparison.correlation:.4f}"))

@@ -75,7 +75,7 @@ class DeviceArray:
         if isinstance(rows, slice):
             first, last, step = rows.indices(len(self))
             if step == 1 and last > first:
-                return np.asarray(self.buffer[first:last].numpy())
+                return to_host(self.buffer[first:last])
             rows = np.arange(first, last, step)
         rows, count = np.asarray(rows), len(self)
         if rows.dtype == bool:
@@ -86,7 +86,7 @@ class DeviceArray:
             return np.zeros((0, *self.host_shape[1:]), self.dtype)
         if not (-count <= rows.min() and rows.max() < count):
             raise IndexError(f"rows {rows.min()} to {rows.max()} are not all among {count}")
-        return np.asarray(self._at(rows % count).contiguous().numpy())
+        return to_host(self._at(rows % count).contiguous())
 
     def __setitem__(self, rows: Any, values: "np.ndarray | DeviceArray") -> None:
         """Write rows, given by their numbers: an array of NumPy's or Warp's, or Rows."""

@@ -32,9 +32,11 @@ class Fetching:
         """Prepare for these arrays of a GPU, by name, and the memory pinned for each."""
         import warp
 
+        from .launching import lent_stream
+
         self.buffers, self.memory = buffers, memory
         self.device = next(iter(buffers.values())).device
-        self.stream, self.event = warp.Stream(self.device), warp.Event(self.device)
+        self.stream, self.event = lent_stream(self, self.device), warp.Event(self.device)
         self.there = {name: as_kind(memory[name].buffer, each.dtype, len(each)) for name, each in buffers.items()}
 
     @classmethod

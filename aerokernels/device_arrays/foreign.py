@@ -4,6 +4,9 @@ from typing import Any
 
 import numpy as np
 
+from ..process.opened import OPENED
+from .pinned import to_host
+
 # DLPack's numbers of memory that the CPU reads: its own, and memory pinned for a GPU.
 PROCESSOR, PINNED = 1, 3
 
@@ -39,7 +42,8 @@ def plain_array(found: Any) -> np.ndarray:
     if isinstance(found, np.ndarray):
         return found
     if is_on_device(found):
-        return np.asarray(_as_warp(found).numpy())
+        array = _as_warp(found)
+        return to_host(array.contiguous().flatten()).reshape(array.shape)
     if hasattr(found, "__dlpack__") and not hasattr(found, "__array__") and not hasattr(found, "__array_interface__"):
         return np.from_dlpack(found)
     return np.asarray(found.detach() if getattr(found, "requires_grad", False) else found)
@@ -87,4 +91,5 @@ def _as_warp(found: Any) -> Any:
         found = found.detach()
     if isinstance(found, warp.array) and found.dtype in (warp.float32, warp.float64):
         return found
-    return warp.from_dlpack(found) if hasattr(found, "__dlpack__") else warp.array(found, copy=False)
+    with OPENED.lock:  # it may open a device: see `quiet_warp.open_device`
+        return warp.from_dlpack(found) if hasattr(found, "__dlpack__") else warp.array(found, copy=False)

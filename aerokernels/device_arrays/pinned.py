@@ -32,18 +32,25 @@ def _pinned(size: int) -> Any:
 def to_host(buffer: Any) -> np.ndarray:
     """Return a warp.array as a NumPy array: of the CPU device itself, of a GPU a copy (through pinned memory if large).
 
-    Waits for everything launched before.
+    Waits for everything launched before. Warp's own `numpy()` makes another stream the device's current one meanwhile:
+    threads that call it at the same time leave the wrong one behind, and what others launch is not waited for.
+
+    Args:
+        buffer: Array of one dimension, of numbers or vectors.
     """
     import warp
 
+    if not buffer.device.is_cuda or not len(buffer):
+        return np.asarray(buffer)
     size = buffer.size * warp.types.type_size_in_bytes(buffer.dtype)
-    if not buffer.device.is_cuda or size < LEAST:
-        return np.asarray(buffer.numpy())
-    taken = pinned_memory().take(size)
+    taken = None if size < LEAST else pinned_memory().take(size)
     if taken is None:
-        return np.asarray(buffer.numpy())
-    array = np.asarray(Lent(pinned_memory(), taken, *layout_of(buffer)))
-    warp.copy(as_kind(taken, buffer.dtype, len(buffer)), buffer)
+        array = np.empty(*layout_of(buffer))
+        there = warp.array(ptr=array.ctypes.data, dtype=buffer.dtype, shape=(len(buffer),), device="cpu")
+    else:
+        array = np.asarray(Lent(pinned_memory(), taken, *layout_of(buffer)))
+        there = as_kind(taken, buffer.dtype, len(buffer))
+    warp.copy(there, buffer.contiguous())
     warp.synchronize_stream(buffer.device)
     return array
 
@@ -70,6 +77,8 @@ def bring(arrays: list[np.ndarray], buffers: list[Any], rows: int = ROWS) -> Ite
     """
     import warp
 
+    from .launching import lent_stream
+
     device, count = buffers[0].device, len(arrays[0])
     chunks = [slice(first, min(first + rows, count)) for first in range(0, count, rows)]
     slots = _slots(arrays, min(rows, count), min(SLOTS, len(chunks))) if device.is_cuda else []
@@ -80,12 +89,12 @@ def bring(arrays: list[np.ndarray], buffers: list[Any], rows: int = ROWS) -> Ite
                 warp.copy(buffer, some, dest_offset=chunk.start)
             yield chunk
         return
-    stream = warp.Stream(device)
-    stream.wait_stream(device.stream)  # the buffers were allocated in the order of the device's stream
     events: list[Any] = []
     jobs: list[list[Any]] = []
     try:
         with ThreadPoolExecutor(min(THREADS, core_count())) as pool:
+            stream = lent_stream(pool, device)
+            stream.wait_stream(device.stream)  # the buffers were allocated in the order of the device's stream
 
             def stage_next() -> None:
                 chunk, slot = chunks[len(jobs)], slots[len(jobs) % len(slots)]
@@ -136,7 +145,7 @@ def _pieces(arrays: list[np.ndarray], slot: list[Any], chunk: slice) -> Iterator
     """Return the pinned memory and the numbers of each piece of a chunk, array by array."""
     for array, taken in zip(arrays, slot, strict=True):
         some = array[chunk].reshape(-1)
-        there = np.asarray(taken.numpy()[: some.nbytes]).view(some.dtype)
+        there = np.asarray(taken)[: some.nbytes].view(some.dtype)
         size = max(1, PIECE // some.itemsize)
         for first in range(0, len(some), size):
             yield there[first : first + size], some[first : first + size]

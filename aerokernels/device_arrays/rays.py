@@ -10,6 +10,7 @@ from ..inputs.checks import check_count
 from ..pupils.square_map import SquareMap
 from ..sobol import sobol_numbers
 from .array import DeviceArray
+from .pinned import to_host
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +50,7 @@ def checked_rays(position: Any, direction: Any) -> tuple[DeviceArray, DeviceArra
     import warp as wp
 
     from .kernels import FAULTS, PLACE, WAY, ZERO, check_rays
+    from .launching import launch
 
     device = next(each.device for each in (position, direction) if isinstance(each, wp.array))
     both = [_numbers(each, device) for each in (position, direction)]
@@ -64,8 +66,8 @@ def checked_rays(position: Any, direction: Any) -> tuple[DeviceArray, DeviceArra
         raise ValueError(f"{count} ray positions but {len(both[1])} directions: give one for each")
     faults = wp.array([0] * FAULTS + [count] * FAULTS, dtype=wp.int32, device=device)
     place, way = (wp.empty(count, dtype=wp.vec3d, device=device) for _ in range(2))
-    wp.launch(check_rays, dim=count, inputs=[*both, faults, place, way], device=device)
-    found = faults.numpy()
+    launch(check_rays, count, [*both, faults, place, way], device)
+    found = to_host(faults)
     words = {PLACE: "positions are not finite", WAY: "directions are not finite", ZERO: "directions are zero"}
     for kind, what in words.items():
         if found[kind]:
@@ -124,12 +126,12 @@ def made_rays(
     """
     import warp as wp
 
-    from ..process.quiet_warp import start_warp
+    from ..process.quiet_warp import open_device
     from .kernels import make_rays
+    from .launching import launch
 
-    start_warp()
     try:
-        found = wp.get_device(device)
+        found = open_device(device)
     except (ValueError, RuntimeError) as error:
         names = ", ".join(each.alias for each in wp.get_devices())
         raise ValueError(f"device {device!r} does not exist: rays can be made on {names}") from error
@@ -144,7 +146,7 @@ def made_rays(
     place, way = (wp.empty(count, dtype=wp.vec3d, device=found) for _ in range(2))
     given = [KINDS.index(made.kind), flat, _put(start, wp.uint32, found), _put(directions, wp.uint32, found), *numbers]
     given += [wp.vec3d(*each) for each in (made.center, made.first, made.second, made.axis)]
-    wp.launch(make_rays, dim=count, inputs=[*given, float(made.scale), place, way], device=found)
+    launch(make_rays, count, [*given, float(made.scale), place, way], found)
     return DeviceArray(place), DeviceArray(way)
 
 

@@ -7,6 +7,8 @@ import numpy as np
 import warp as wp
 
 from .kernels import find_extremes, select
+from .launching import launch, sort_rows
+from .pinned import to_host
 
 # Capacity of the first list of rows, and threads that search for extremes.
 ROOM, THREADS = 1 << 12, 1 << 14
@@ -15,7 +17,7 @@ ROOM, THREADS = 1 << 12, 1 << 14
 def selected_rows(status: Any, code: int, error: Any, limit: float) -> np.ndarray:
     """Return the rows of `array.rows_where`; `status` and `error` are Warp arrays, `error` may be None."""
     rows, found = _begun(status, code, error, limit, 1)()
-    return np.sort(rows[:found].numpy()) if found else np.zeros(0, np.int32)
+    return np.sort(to_host(rows[:found])) if found else np.zeros(0, np.int32)
 
 
 def rows_begun(status: Any, code: int) -> Callable[[], Any]:
@@ -27,7 +29,7 @@ def rows_begun(status: Any, code: int) -> Callable[[], Any]:
         if not found:
             return wp.empty(0, dtype=wp.int32, device=status.device)
         if found > 1:
-            wp.utils.radix_sort_pairs(rows, wp.empty(2 * found, dtype=wp.int32, device=status.device), found)
+            sort_rows(rows, found)
         return rows[:found]
 
     return wait
@@ -43,12 +45,12 @@ def _begun(status: Any, code: int, error: Any, limit: float, copies: int) -> Cal
     def launched(room: int) -> tuple[Any, Any]:
         rows, count = wp.empty(room, dtype=wp.int32, device=device), wp.zeros(1, dtype=wp.int32, device=device)
         given = [status, code, int(error is not None), error, limit, rows, count]
-        wp.launch(select, dim=len(status), inputs=given, device=device)
+        launch(select, len(status), given, device)
         return rows, count
 
     def wait() -> tuple[Any, int]:
         rows, count = first
-        while copies * (found := int(count.numpy()[0])) > len(rows):
+        while copies * (found := int(to_host(count)[0])) > len(rows):
             rows, count = launched(copies * found)
         return rows, found
 
@@ -61,9 +63,9 @@ def extremes(values: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     device, threads = values.device, min(THREADS, len(values))
     low, high = (wp.empty(threads, dtype=wp.vec3d, device=device) for _ in range(2))
     low_row, high_row = (wp.empty(threads, dtype=wp.vec3i, device=device) for _ in range(2))
-    wp.launch(find_extremes, dim=threads, inputs=[values, threads, low, high, low_row, high_row], device=device)
-    lows, highs = low.numpy(), high.numpy()
+    launch(find_extremes, threads, [values, threads, low, high, low_row, high_row], device)
+    lows, highs = to_host(low), to_host(high)
     axes = np.arange(3)
     least, greatest = lows.argmin(axis=0), highs.argmax(axis=0)
-    rows = np.stack([low_row.numpy()[least, axes], high_row.numpy()[greatest, axes]], axis=1)
+    rows = np.stack([to_host(low_row)[least, axes], to_host(high_row)[greatest, axes]], axis=1)
     return lows[least, axes], highs[greatest, axes], rows.ravel()

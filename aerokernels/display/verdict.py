@@ -47,10 +47,10 @@ def judge(numbers: Mapping[str, Quantity], main_cause: str = "") -> Verdict:
         numbers: The numbers by what they are called, such as "Strehl ratio".
         main_cause: The main cause of the errors, with the remedy, in words.
     """
+    found = [(*_judged(number), name) for name, number in numbers.items()]
+    level, why, name = max(found, key=lambda one: LEVELS.index(one[0]))
     cause = f"; {main_cause}" if main_cause else ""
-    found = [Verdict(level, f"the {name}{why}{cause}") for name, one in numbers.items() for level, why in [_judged(one)]]
-    worst = max(found, key=lambda one: LEVELS.index(one.level), default=Verdict())
-    return worst if worst else Verdict()
+    return Verdict() if level == FINE else Verdict(level, f"the {name}{why}{cause}")
 
 
 def _judged(number: Quantity) -> tuple[str, str]:

@@ -8,7 +8,7 @@ r"""Compute the errors of an echo's numbers.
                    open share if a body blocks a part of the pupil; the error of the beam's lost share if a body cuts
                    the beam (cut_beam.py); and the greatest error of the peak over positions of the samples on the
                    pulse, against the pulse between them
-    peak voltage   as for the power; and the standard deviation of the noise at the peak, and half a digitiser code
+    peak voltage   as for the power; and two standard deviations of the noise at the peak, and half a digitiser code
     range          systematic: the change of the reading with the error of the peak, read off the waveform scaled by
                    1 +- the relative error (range walk of a fixed threshold; every method if the peak is cut off); the
                    change of the reading with the position of the samples; the change by rounding this waveform to the
@@ -16,8 +16,8 @@ r"""Compute the errors of an echo's numbers.
                    uncertainty of the group path, as a mean over the beam.
                    random: the standard deviation of the range over noisy records
 
-The error of a number is the root sum of squares of its parts. The return factors "bucket" and "none" do not depend on
-phases.
+The error of a number is the root sum of squares of its parts, of the random one twice. The return factors "bucket" and
+"none" do not depend on phases.
 """
 
 import math
@@ -37,7 +37,7 @@ from .pupil_errors import OPEN, is_blocked, open_share_error, own_phase_error, p
 from .rangefinder import Rangefinder
 from .ranging import AMPLITUDE_METHODS, RANGING_METHODS
 from .result import EchoResult
-from .uncertainty import EchoErrors, RangeUncertainty
+from .uncertainty import SPREADS, EchoErrors, RangeUncertainty
 from .vacuum import VacuumEcho
 from .waveform import SPEED_OF_LIGHT
 
@@ -184,7 +184,7 @@ def echo_errors(result: EchoResult, probe: EchoProbe) -> EchoErrors:
     noise, peak_noise = float(result.noise_rms), 0.0
     if noise > 0.0:  # the signal's own shot noise may be many times the noise between echoes
         peak_noise = probe.vacuum.chain.noise_rms(result.peak_power, probe.scene.detector.sample_rate)
-    voltage = root_sum_square((voltage, peak_noise, 0.5 * probe.code_step))
+    voltage = root_sum_square((voltage, SPREADS * peak_noise, 0.5 * probe.code_step))
     random = probe.random_errors(TRIAL_COUNT) if noise > 0.0 else {}
     scaled = probe.read_scaled(*(1.0 + sign * share for sign in (0.0, 1.0, -1.0))) if 0.0 < share < 1.0 else []
     codes = probe.read_digitised() if noise < DITHER * probe.code_step else {}

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from ..process.fault_text import FileFault
+from ..process.own_files import check_folder
 
 MOST = 1 << 26  # [bytes] of a file of metadata
 TEXTS = ("vlen-utf8", "vlen-bytes")
@@ -24,15 +25,14 @@ CODECS = (
 
 
 def check_codecs(store: Path) -> None:
-    """Check the metadata of every array in a Zarr store, format 2 or 3, without opening it.
+    """Check the metadata of every array in a Zarr store, format 2 or 3, and that its links stay in it.
 
     Raises:
-        ValueError: A codec or an object type that is not allowed, metadata that are no JSON, or a linked folder.
+        ValueError: A codec or an object type that is not allowed, metadata that are no JSON, or a link that leaves the
+            store.
     """
-    for folder, inner, files in os.walk(store):
-        for name in inner:
-            if os.path.islink(os.path.join(folder, name)):
-                raise FileFault(f"{store}: {name} in it is a link to another folder: copy that folder into the store")
+    check_folder(store)
+    for folder, _, files in os.walk(store):
         for name in {".zarray", ".zmetadata", "zarr.json"}.intersection(files):
             path = Path(folder, name)
             try:

@@ -185,6 +185,11 @@ class RefractivityModel:
 
 
 @checked
+def default_relation(has_constant: bool, is_mixture: bool) -> str:
+    """Return the relation where none is given: Ciddor's for air, unless the constant or the gas is another."""
+    return "gladstone-dale" if has_constant or is_mixture else "ciddor"
+
+
 def refractivity_model(
     relation: str | None = None, *, constant: float | None = None, composition=None
 ) -> RefractivityModel:
@@ -204,8 +209,7 @@ def refractivity_model(
         ValueError: An unknown relation, a constant that is not positive, unknown species, fractions that do not add up
             to 1, or a constant or composition that the relation does not take.
     """
-    if relation is None:
-        relation = "ciddor" if constant is None and composition is None else "gladstone-dale"
+    relation = relation or default_relation(constant is not None, composition is not None)
     check_choice(relation, "relation", MODELS)
     if constant is not None and composition is not None:
         raise ValueError("give either a constant or a composition: a composition has a constant of its own")

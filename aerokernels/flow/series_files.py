@@ -15,7 +15,6 @@ from ..inputs.listed import listed
 from ..inputs.written_units import unit_of
 from ..medium.labelled_grid import GEOMETRIES
 from ..process.fault_text import FileFault, fault_text
-from ..process.own_files import check_folder
 from ..process.room import check_file, check_room
 from .reading.array_names import known_names
 from .reading.array_units import ambient_attribute, stated_unit
@@ -54,7 +53,6 @@ def _zarr(path: Path, what: str, most_axes: float) -> Any:
         raise ImportError(f"{path}: a Zarr store needs zarr: pip install 'aerokernels[dask]'") from None
     import xarray
 
-    check_folder(path)
     check_codecs(path)
     check_file(path, what, most_axes)
     try:

@@ -1,9 +1,9 @@
 """Find the pixels of a camera that look through disturbed air that was cut off the field.
 
 Straight rays from the points of the aperture are tested, as for a pupil (tracing/pupil/air.py): a ray counts if it
-loses more of its optical path than the tolerance. A field whose box is its whole flow costs nothing. The rule is the one
-of a pupil, applied to the light of the whole picture: more than a thousandth of it is rejected unless the caller allows
-it. Fewer pixels, at a rim, cause a warning only, since a picture, unlike a Strehl ratio, can mark them.
+loses more of its optical path than the tolerance. A field whose box is its whole flow costs nothing. The rule is the
+one of a pupil, applied to the light of the whole picture: more than a thousandth of it is rejected unless the caller
+allows it. Fewer pixels, at a rim, cause a warning only, since a picture, unlike a Strehl ratio, can mark them.
 """
 
 from dataclasses import dataclass
@@ -66,9 +66,7 @@ class KnownView:
         concerned = 100.0 * float(np.mean(share > GREATEST_SHARE))
         if concerned == 0.0:
             return
-        text = (
-            f"{concerned:.3g} % of the picture looks through disturbed air that was cut off the field"
-        )
+        text = f"{concerned:.3g} % of the picture looks through disturbed air that was cut off the field"
         if float(np.mean(share)) <= GREATEST_SHARE:
             warn_caller(f"{text}; those pixels are marked in `known`", RuntimeWarning)
             return

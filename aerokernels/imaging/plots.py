@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 
+from ..display.flatness import is_flat, say_flat
 from ..display.shown import drawn_on
 
 
@@ -11,6 +12,9 @@ def plot_displacement(found: Any, axes: Any = None) -> Any:
     """Draw the size of a displacement [pixels] over the picture."""
     axes = drawn_on(axes)
     size = np.hypot(found.displacement[..., 0], found.displacement[..., 1])
+    if is_flat([0.0, *size.ravel()], "pixel"):
+        say_flat(axes, "no displacement, but for rounding")
+        return axes
     drawn = axes.imshow(size, origin="lower", cmap="viridis")
     axes.figure.colorbar(drawn, ax=axes, label="displacement [pixels]")
     axes.set(xlabel="column [pixels]", ylabel="row [pixels]")

@@ -21,7 +21,7 @@ from aerokernels.inputs.checks import check_path
 from aerokernels.jobs.alignment import measured_offset, overlap, simulated_on
 from aerokernels.jobs.averages import AverageEcho, average
 from aerokernels.jobs.comparison_options import EACH, NO_ALIGNMENT, CompareOptions
-from aerokernels.jobs.mean_errors import MeanErrors, mean_errors
+from aerokernels.jobs.mean_errors import MeanErrors, covering, mean_errors
 from aerokernels.jobs.range_errors import RangeErrors, range_errors
 from aerokernels.jobs.record_faults import RecordFaults, record_faults
 from aerokernels.jobs.recorded import Label, RecordedEcho, label_text, random_subset, recorded_echoes, recorded_labels
@@ -76,6 +76,11 @@ class LabelComparison:
     def peak_standard_error(self) -> float:
         """Error of the mean waveform's peak [V]; NaN for a single echo."""
         return self.errors.peak
+
+    @property
+    def covering(self) -> float:
+        """What the mean echo's errors are multiplied by to cover the truth in 95 of 100 cases; NaN for one echo."""
+        return covering(self.recorded.count)
 
     @property
     def warnings(self) -> list[str]:

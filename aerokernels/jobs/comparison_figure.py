@@ -74,7 +74,7 @@ def ranges_figure(found: BenchComparison) -> "Figure":
     with styled_figure(10.6, 3.8) as figure:
         peaks, correlation, ranges = figure.subplots(1, 3)
         recorded, simulated = ([getattr(wave, f"{kind}_peak") for wave in waves] for kind in ("recorded", "simulated"))
-        errors = [one.peak_standard_error for one in found.labels]
+        errors = [one.covering * one.peak_standard_error for one in found.labels]
         peaks.errorbar(place, recorded, yerr=errors, fmt="o", color=RAY_COLOUR, label="recorded")
         errors = [abs(one.run.error_of("echo_peak_v")) for one in found.labels]
         errors = [error if math.isfinite(error) else 0.0 for error in errors]

@@ -8,6 +8,7 @@ from typing import Any
 
 from aerokernels import __version__
 from aerokernels.compare import DEGREES
+from aerokernels.display.error_budget import two_digits
 from aerokernels.display.quantities import Quantity
 from aerokernels.echo.waveform import SPEED_OF_LIGHT
 from aerokernels.hardware.csv_cells import csv_cell
@@ -15,6 +16,7 @@ from aerokernels.jobs.comparison import BenchComparison, LabelComparison
 from aerokernels.jobs.comparison_figure import ranges_figure, waveforms_figure
 from aerokernels.jobs.comparison_options import EACH, NO_ALIGNMENT
 from aerokernels.jobs.figure_layout import house_style, png
+from aerokernels.jobs.mean_errors import TOLD, covering, spread_factor
 from aerokernels.jobs.page import bullets, page, picture, remarks, section, table
 from aerokernels.jobs.recorded import LEAST_SAMPLES, label_text
 from aerokernels.jobs.store import REPORT_FILE, SUMMARY_FILE, to_json, write_folder, write_result, write_summary
@@ -37,8 +39,8 @@ def peak_table(found: BenchComparison) -> Table:
         (
             label_text(one.label),
             str(one.recorded.count),
-            str(Quantity(one.waveform.recorded_peak, one.peak_standard_error)),
-            str(Quantity(one.recorded.peak_mean, one.recorded.peak_spread)),
+            str(Quantity(one.waveform.recorded_peak, one.covering * one.peak_standard_error)),
+            f"{one.recorded.peak_mean:.4g}, spread {two_digits(one.recorded.peak_spread)}",
             str(Quantity(one.waveform.simulated_peak, one.run.error_of("echo_peak_v"))),
         )
         for one in found.labels
@@ -47,7 +49,7 @@ def peak_table(found: BenchComparison) -> Table:
         "label",
         "echoes",
         "recorded peak of the mean [V]",
-        "peak of one echo, its spread [V]",
+        "peak of one echo [V]",
         "simulated peak [V]",
     )
     return "Peak voltages (Table 3)", columns, rows
@@ -62,7 +64,8 @@ def error_table(found: BenchComparison) -> Table:
     for one in found.labels:
         wave = one.waveform
         share = math.hypot(
-            one.peak_standard_error / wave.recorded_peak, one.run.error_of("echo_peak_v") / wave.simulated_peak
+            one.covering * one.peak_standard_error / wave.recorded_peak,
+            one.run.error_of("echo_peak_v") / wave.simulated_peak,
         )
         ratio = wave.recorded_peak / wave.simulated_peak
         rows.append(
@@ -71,8 +74,8 @@ def error_table(found: BenchComparison) -> Table:
                 Quantity(100.0 * wave.peak_error, 100.0 * share * ratio, "%").text(signed=True),
                 Quantity(100.0 * wave.peak_error_of_recorded, 100.0 * share / ratio, "%").text(signed=True),
                 f"{wave.edge_level:.3f} V",
-                Quantity(1e12 * wave.edge_shift, 1e12 * one.errors.edge_shift).text(signed=True),
-                _millimetres(wave.range_difference, 0.5 * SPEED_OF_LIGHT * one.errors.edge_shift),
+                Quantity(1e12 * wave.edge_shift, 1e12 * one.covering * one.errors.edge_shift).text(signed=True),
+                _millimetres(wave.range_difference, 0.5 * SPEED_OF_LIGHT * one.covering * one.errors.edge_shift),
             )
         )
     columns = ("label", "of the simulated peak", "of the recorded peak", "edge at", "edge shift [ps]", "as range [mm]")
@@ -87,7 +90,7 @@ def correlation_table(found: BenchComparison) -> Table:
             f"{wave.correlation:.4f}",
             wave.degree + _caveat(one),
             f"{wave.best_correlation:.4f}",
-            Quantity(1e12 * wave.lag, 1e12 * one.errors.lag).text(signed=True),
+            Quantity(1e12 * wave.lag, 1e12 * one.covering * one.errors.lag).text(signed=True),
             _number(one.echo_correlation, ".4f"),
             f"{_number(1e9 * wave.recorded_width, '.3f')} / {_number(1e9 * wave.simulated_width, '.3f')}",
         )
@@ -112,9 +115,9 @@ def range_table(found: BenchComparison) -> Table:
             label_text(one.label),
             method,
             # The error of the run's range is also in its reading, so it cancels (range_errors.py).
-            _millimetres(errors.systematic_error_m, errors.systematic_standard_error_m)
+            _millimetres(errors.systematic_error_m, covering(errors.ranged_count) * errors.systematic_standard_error_m)
             + (_caveat(one) if method in EDGE_METHODS else ""),
-            Quantity(1e3 * errors.random_error_m, 1e3 * errors.random_standard_error_m).text(),
+            str(Quantity(spread := 1e3 * errors.random_error_m, spread * spread_factor(errors.ranged_count, TOLD))),
             _millimetres(errors.simulated_error_m, one.run.error_of("ranges_m", method)),
             f"{errors.ranged_count} of {errors.ranged_count + errors.missed_count}",
         )
@@ -165,9 +168,9 @@ def notes(found: BenchComparison) -> list[str]:
         alignment,
         "Trigger offsets: "
         + ", ".join(
-            f"{label_text(one.label)} "
-            + str(Quantity(1e9 * one.trigger_offset, 1e9 * one.trigger_offset_error if is_measured else None, "ns"))
+            f"{label_text(one.label)} {Quantity(one.trigger_offset, error, 's').scaled(1e9, 'ns')}"
             for one in found.labels
+            for error in [one.covering * one.trigger_offset_error if is_measured else None]
         ),
         "The simulation is interpolated at the recorded times by a spline, because it is smooth and finely sampled; "
         "recorded samples are unchanged.",

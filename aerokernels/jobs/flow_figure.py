@@ -9,7 +9,7 @@ from aerokernels.files.drafts import replacing
 from aerokernels.flow import DensityField
 from aerokernels.jobs.dataset import density_cells
 from aerokernels.jobs.figure_layout import house_style, styled_figure
-from aerokernels.jobs.plots import BODY_COLOUR
+from aerokernels.jobs.plots import BODY_COLOUR, density_limits
 from aerokernels.medium import SolidBody
 
 if TYPE_CHECKING:
@@ -22,7 +22,10 @@ def flow_figure(flow: DensityField, title: str = "") -> "Figure":
     ratio = float(np.clip(np.ptp(y) / np.ptp(z), 0.15, 1.5))
     with styled_figure(7.2, 1.6 + 5.2 * ratio) as figure:
         axes = figure.subplots()
-        shown = axes.pcolormesh(1e3 * z, 1e3 * y, density, cmap="viridis", shading="flat", rasterized=True)
+        low, high = density_limits(density)
+        shown = axes.pcolormesh(
+            1e3 * z, 1e3 * y, density, cmap="viridis", vmin=low, vmax=high, shading="flat", rasterized=True
+        )
         figure.colorbar(shown, ax=axes, label="density [kg/m3]").outline.set_visible(False)
         if flow.body is not None:
             lines = flow.body.outlines() if isinstance(flow.body, SolidBody) else [flow.body.profile]

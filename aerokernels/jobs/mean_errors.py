@@ -1,8 +1,10 @@
 """Errors of numbers that are read from the mean of recorded echoes, and of means and spreads of a few numbers.
 
-All errors hold the exact value in 68 % of cases. For n echoes the standard error of a mean is multiplied by Student's t
-of n - 1 degrees of freedom (1.84 for two echoes, 1.03 for twenty). A spread s holds the exact one within s (1 +- k),
-with k from the distribution of chi squared (2.05 / sqrt(2 n - 2) for two echoes, 1 / sqrt(2 n - 2) for many).
+All errors are standard errors: they hold the exact value in 68 % of cases. "+-" covers the truth in at least 95 of 100
+cases: what is printed after it is `covering` times a standard error. For n echoes the standard error of a mean is
+multiplied by Student's t of n - 1 degrees of freedom (1.84 for two echoes, 1.03 for twenty). A spread s holds the exact
+one within s (1 +- k), with k from the distribution of chi squared (2.05 / sqrt(2 n - 2) for two echoes, 1 / sqrt(2 n -
+2) for many).
 
 What noise leaves of a digitiser's rounding is added to the errors of samples: averages.py.
 """
@@ -15,18 +17,24 @@ import numpy as np
 from aerokernels.jobs.averages import AverageEcho
 
 COVERAGE = 0.6827  # probability of one standard deviation of a normal distribution
+TOLD = 0.95  # least share of the cases in which value and error contain the truth
 # Draws for the mean excess of a greatest sample, and errors below the peak within which a sample may be the greatest.
 DRAWS, NEAR = 200, 6.0
 
 
-def mean_factor(count: int) -> float:
+def mean_factor(count: int, coverage: float = COVERAGE) -> float:
     """Return the factor by which the standard error of a mean of `count` numbers is multiplied; NaN below two."""
     from scipy.special import stdtrit
 
-    return float(stdtrit(count - 1, 0.5 * (1.0 + COVERAGE))) if count > 1 else math.nan
+    return float(stdtrit(count - 1, 0.5 * (1.0 + coverage))) if count > 1 else math.nan
 
 
-def spread_factor(count: int) -> float:
+def covering(count: int) -> float:
+    """Return what the error of a mean of `count` numbers is multiplied by to cover 95 of 100 cases; NaN below two."""
+    return mean_factor(count, TOLD) / mean_factor(count)
+
+
+def spread_factor(count: int, coverage: float = COVERAGE) -> float:
     """Return the error of a standard deviation of `count` numbers as a share of it; NaN below two."""
     from scipy.optimize import brentq
     from scipy.special import gammainc
@@ -37,7 +45,7 @@ def spread_factor(count: int) -> float:
 
     def missing(share: float) -> float:
         upper = gammainc(half, half / (1.0 - share) ** 2) if share < 1.0 else 1.0
-        return float(upper - gammainc(half, half / (1.0 + share) ** 2)) - COVERAGE
+        return float(upper - gammainc(half, half / (1.0 + share) ** 2)) - coverage
 
     return float(brentq(missing, 1e-9, 1e3))
 

@@ -5,6 +5,7 @@ import html
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
+from aerokernels.display.flatness import NOTHING
 from aerokernels.display.plain_text import plain
 from aerokernels.jobs.figure_layout import png_or_fault
 
@@ -108,11 +109,15 @@ def named_values(rows: Iterable[tuple[str, str]]) -> str:
 
 
 def cards(rows: Iterable[tuple[str, str]]) -> str:
-    """Return the most important numbers as a grid of cards."""
+    """Return the most important numbers as a grid of cards, and in a sentence those that are below rounding."""
+    rows = list(rows)
     found = "".join(
-        f'<div class="card"><b>{_escaped(value)}</b><span>{_escaped(words)}</span></div>' for words, value in rows
+        f'<div class="card"><b>{_escaped(value)}</b><span>{_escaped(words)}</span></div>'
+        for words, value in rows
+        if value != NOTHING
     )
-    return f"<div class='cards'>{found}</div>"
+    left = [words for words, value in rows if value == NOTHING]
+    return f"<div class='cards'>{found}</div>" + (paragraph(f"Below rounding: {'; '.join(left)}.") if left else "")
 
 
 def remarks(rows: Iterable[tuple[str, Any]], kind: str = "note") -> str:

@@ -57,7 +57,7 @@ def pictures_figure(pictures: Mapping[str, Any], shock: ShockAngle | None = None
 def _draw_shock(axes: "Axes", shock: ShockAngle) -> None:
     along = np.unique(shock.points[:, 0])
     height = np.polynomial.polynomial.polyval(along - shock.place, shock.curve)
-    angle, error = np.degrees(shock.angle), np.degrees(shock.standard_error)
+    angle, error = np.degrees(shock.angle), 2.0 * np.degrees(shock.standard_error)
     label = f"shock {Quantity(float(angle), float(error))}° at {1e3 * shock.place:.1f} mm"
     for sign, words in ((1.0, label), (-1.0, None)):
         if (sign * shock.points[:, 1] > 0.0).any():

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from aerokernels.display.flatness import is_flat, say_flat
 from aerokernels.display.quantities import Quantity
 from aerokernels.display.shown import extent_of
 from aerokernels.jobs.figure_layout import Panel, fitted_panel, panelled_figure
@@ -65,14 +66,18 @@ def _draw_body(axes: "Axes", dataset: "xarray.Dataset") -> None:
         axes.fill(1e3 * line[:, 1], 1e3 * line[:, 0], facecolor=BODY_COLOUR, linewidth=0.0, zorder=3)
 
 
+def density_limits(density: np.ndarray) -> tuple[float, float]:
+    """Return the ends of a density's colour scale; those of uniform air are far from its value."""
+    low, high = float(density.min()), float(density.max())
+    return (0.9 * low, 1.1 * high) if is_flat(density) else (low, high)
+
+
 def _draw_density(axes: "Axes", dataset: "xarray.Dataset") -> Any:
     from matplotlib import colormaps
 
     z, y = 1e3 * dataset["density_z"].values, 1e3 * dataset["density_y"].values
     density = dataset["density"].values
-    low, high = float(density.min()), float(density.max())
-    if high - low <= 1e-9 * abs(high):  # for a uniform field, put its value in the middle of the scale
-        low, high = 0.9 * low, 1.1 * high
+    low, high = density_limits(density)
     ambient = (float(dataset.attrs.get("ambient_density", density.flat[-1])) - low) / (high - low)
     axes.set_facecolor(colormaps["viridis"](min(max(ambient, 0.0), 1.0)))  # the free stream goes on beyond the mesh
     mesh = None
@@ -119,6 +124,10 @@ def rays_figure(dataset: "xarray.Dataset") -> "Figure":
     _colour_bar(figure, mesh, bar_axes, "density [kg/m³]")
 
     deviation = 1e6 * dataset["ray_deviation"].values  # (ray, plane)
+    _title(stray, "Displacement from the straight line (red: upper rays)")
+    if is_flat([0.0, *dataset["ray_deviation"].values.ravel()], "m"):
+        say_flat(stray, "straight: the displacement is below rounding")
+        return figure
     start_y = dataset["ray_position"].values[:, 0, 1]
     scale = max(np.nanmax(np.abs(start_y)), 1e-12)
     for y0, along, off in zip(start_y, z, deviation, strict=True):
@@ -126,7 +135,6 @@ def rays_figure(dataset: "xarray.Dataset") -> "Figure":
     stray.axhline(0.0, color=MUTED, linewidth=0.6)
     stray.grid(True, color="#e3e7eb")
     stray.set(xlabel="z [mm]", ylabel=f"along {axes_of(dataset)[1]} [µm]")
-    _title(stray, "Displacement from the straight line (red: upper rays)")
     return figure
 
 
@@ -140,8 +148,13 @@ def opd_figure(dataset: "xarray.Dataset") -> "Figure":
     for (axes, bar_axes), (name, title) in zip(panels, shown.items(), strict=True):
         opd = 1e9 * dataset[name].values
         x, y = 1e3 * dataset["pupil_x"].values, 1e3 * dataset["pupil_y"].values
-        limit = float(np.nanmax(np.abs(opd))) if np.isfinite(opd).any() else 0.0
-        limit = limit or 1.0
+        error = dataset[name].attrs.get("rms_error_m", float("nan"))
+        if is_flat(dataset[name].values, "m", error):
+            _title(axes, title)
+            say_flat(axes)
+            bar_axes.set_visible(False)
+            continue
+        limit = float(np.nanmax(np.abs(opd)))
         image = axes.imshow(
             opd,
             origin="lower",
@@ -151,10 +164,10 @@ def opd_figure(dataset: "xarray.Dataset") -> "Figure":
             vmax=limit,
             interpolation="nearest",  # show the samples unchanged
         )
-        rms = float(np.sqrt(np.nanmean(opd**2))) if np.isfinite(opd).any() else float("nan")
+        rms = float(np.sqrt(np.nanmean(opd**2)))
         across, up = axes_of(dataset)
         axes.set(xlabel=f"{across} [mm]", ylabel=f"{up} [mm]")
-        measured = Quantity(rms, 1e9 * dataset[name].attrs.get("rms_error_m", float("nan")), "nm")
+        measured = Quantity(rms, 1e9 * error, "nm")
         _title(axes, f"{title}: {measured if np.isfinite(measured.error or 0.0) else f'{rms:.3g} nm'} rms")
         _colour_bar(figure, image, bar_axes, "OPD [nm]")
     return figure

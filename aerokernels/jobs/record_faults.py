@@ -12,6 +12,7 @@ import numpy as np
 
 from aerokernels.display.quantities import Quantity
 from aerokernels.jobs.averages import AverageEcho
+from aerokernels.jobs.mean_errors import covering
 
 # Equal greatest samples beyond those that rounding explains from which they are a cut, and the least share of echoes
 # that are cut off, or repeated.
@@ -79,7 +80,7 @@ class RecordFaults:
                 "constant fraction are not the echo's; attenuate the signal, or raise the digitiser's range"
             )
         if self.has_offset:
-            size = Quantity(1e3 * self.offset, 1e3 * self.offset_error, "mV")
+            size = Quantity(1e3 * self.offset, 1e3 * covering(self.count) * self.offset_error, "mV")
             found.append(
                 f"the recorded voltage has an offset, {size.text(signed=True)} where there is no pulse: it adds to "
                 "every peak, and moves leading edge and constant fraction; set the instrument's offset to zero, or "

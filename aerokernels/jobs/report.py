@@ -10,6 +10,8 @@ from collections.abc import Iterable, Mapping
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
+from aerokernels.display.error_budget import two_digits
+from aerokernels.display.flatness import NOTHING, told
 from aerokernels.display.quantities import Quantity, listed
 from aerokernels.display.verdict import WORTHLESS
 from aerokernels.jobs import plots
@@ -46,13 +48,14 @@ STAGE_WORDS = {
 CAUSES = {
     "step": "step size of the rays",
     "interpolation": "interpolation between the flow's own samples",
+    "jumps": "jumps of the flow between its samples",
     "resampling": "resampling of the flow to a uniform grid",
     "precision": "precision of the kernels",
-    "sampling": "number of rays, three standard errors",
+    "sampling": "number of rays",
     "bundle": "interpolation between traced rays of a bundle",
     "truncation": "rays that leave the field by a cut through disturbed air",
-    "refractivity": "relation between density and index; not part of the total",
-    "total": "root sum of squares of the entries above, without refractivity",
+    "refractivity": "relation between density and index",
+    "total": "root sum of squares of the entries above",
 }
 
 # Groups of numbers in summary.json.
@@ -82,14 +85,15 @@ def headline_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
     """Return the main quantities of a run's summary as rows of name and text with error and unit."""
     rows = []
     for key, words, unit, factor, signed in HEADLINES:
-        rows.append((words, quantity_of(summary, key).scaled(factor, unit).text(signed)))
-    boresight = [quantity_of(summary, f"boresight_{axis}_rad").scaled(1e6, "µrad") for axis in "xy"]
+        rows.append((words, told(quantity_of(summary, key), factor, unit, signed)))
+    angles = [quantity_of(summary, f"boresight_{axis}_rad") for axis in "xy"]
+    boresight = [angle.scaled(1e6, "µrad") for angle in angles]
     if not any(math.isnan(angle.value) for angle in boresight):
         look = (summary.get("scene_values") or {}).get("pupil") or {}
         ahead = not (look.get("azimuth") or look.get("elevation"))
-        rows.append(
-            (f"Boresight error {'x, y' if ahead else 'along the pupil’s axes 1, 2'}", listed(boresight, signed=True))
-        )
+        nothing = all(told(angle, 1e6, "µrad") == NOTHING for angle in angles)
+        text = NOTHING if nothing else listed(boresight, signed=True)
+        rows.append((f"Boresight error {'x, y' if ahead else 'along the pupil’s axes 1, 2'}", text))
     return rows
 
 
@@ -162,8 +166,7 @@ def _budget(error: Mapping[str, Any]) -> list[tuple[str, str]]:
     """Return the rows of the error budget; each entry is an error, for which two digits suffice."""
     rows = []
     for cause, value in error.items():
-        value = to_json(value)
-        words = "not known" if value is None else f"{value:.2g}"
+        words = two_digits(number_or_nan(to_json(value)))
         rows.append((cause, f"{words} ({CAUSES[cause]})" if cause in CAUSES else words))
     return rows
 

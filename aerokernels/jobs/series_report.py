@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from aerokernels.display.flatness import is_flat, say_flat, told
 from aerokernels.display.quantities import Quantity
 from aerokernels.jobs.figure_layout import Panel, panelled_figure, plain_decades
 from aerokernels.jobs.page import (
@@ -31,7 +32,7 @@ if TYPE_CHECKING:
     import xarray
     from matplotlib.figure import Figure
 
-STANDARD_ERRORS = 2.0  # of which an error consists: it contains the truth in 95 of 100 cases
+STANDARD_ERRORS = 2.0  # of which an error consists: it covers the truth in at least 95 of 100 cases
 MOST_FRAMES, FRAME_SIDE = 60, 320  # most frames of the film, and least pixels along a side
 HEADLINES = (
     ("opd_rms", "OPD, rms, tilt removed", "nm", 1e9),
@@ -54,9 +55,9 @@ show(0);
 def headline_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
     """Return the main statistics of a series' summary as rows of name and text with error and unit."""
     return [
-        (words, quantity_of(summary, name).scaled(factor, unit).text())
+        (words, told(quantity_of(summary, name), factor, unit))
         for name, words, unit, factor in HEADLINES
-        if name in summary
+        if summary.get(name) is not None
     ]
 
 
@@ -70,12 +71,13 @@ def series_report(scene: Scene, maps: "xarray.Dataset", found: "xarray.Dataset",
     if summary["known_share"] < 1.0 - GREATEST_SHARE:
         lost = f"{100.0 * (1.0 - summary['known_share']):.3g} % of the pupil has no optical path; no number includes it"
         notes.append(("Known air", lost))
-    numbers = [(name, quantity_of(summary, name).text(), str(found[name].attrs["units"])) for name in summary["errors"]]
+    units = {name: str(found[name].attrs["units"]).removeprefix("1") for name in summary["errors"]}
+    numbers = [(name, told(quantity_of(summary, name), 1.0, unit)) for name, unit in units.items()]
     parts = [
         remarks(notes) + cards(headline_rows(summary)),
         section("Film of the optical path difference", film(maps)),
         section("Pictures", pictures(_pictures(maps, found))),
-        section("Numbers (SI), each with two standard errors", table(("quantity", "value", "unit"), numbers)),
+        section("Numbers (SI), each with its error", table(("quantity", "value"), numbers)),
         section("How the maps were computed", paragraph(str(summary["plan"]))),
         section("Scene as it was run", text_block(scene_toml(scene))),
     ]
@@ -87,8 +89,9 @@ def film(maps: "xarray.Dataset") -> str:
     count = maps.sizes["time"]
     chosen = np.unique(np.linspace(0, count - 1, min(count, MOST_FRAMES)).round().astype(int))
     values = np.stack([maps["opd"].isel(time=int(number)).values for number in chosen])
-    limit = float(np.nanpercentile(np.abs(values), 99.5)) if np.isfinite(values).any() else 0.0
-    limit = limit or 1e-12
+    if is_flat(values, "m", _greatest(maps["error"])):
+        return paragraph("The optical path difference is the same in all pixels and snapshots, but for rounding.")
+    limit = float(np.nanpercentile(np.abs(values), 99.5))
     frames = [embedded(_frame(one, limit)) for one in values]
     times = [f"snapshot {number}, {float(maps.time[int(number)]):.6g} s" for number in chosen]
     script = SLIDER.replace("FRAMES", json.dumps(frames)).replace("TIMES", json.dumps(times))
@@ -120,17 +123,24 @@ def _pictures(maps: "xarray.Dataset", found: "xarray.Dataset") -> list[Picture]:
         ("maps", "Steady map, and the rms in time about it", lambda: _maps_figure(found)),
         ("time", "OPD rms and Strehl ratio of each snapshot", lambda: _time_figure(maps)),
     ]
-    if "spectrum_opd" in found:
-        shown.append(("spectra", "Power spectra, with their standard errors", lambda: _spectra_figure(found)))
-    shown.append(("aperture", "OPD rms over round parts of the pupil", lambda: _aperture_figure(found)))
-    if "pod_mode" in found and found.pod_energy.values[0] > 0.0:
+    if "spectrum_opd" in found and not is_flat([0.0, *found.opd_std.values.ravel()], "m"):
+        shown.append(("spectra", "Power spectra, with their errors", lambda: _spectra_figure(found)))
+    if not is_flat([0.0, *found.opd_rms_aperture.values], "m"):
+        shown.append(("aperture", "OPD rms over round parts of the pupil", lambda: _aperture_figure(found)))
+    if "pod_mode" in found and not is_flat([0.0, *found.opd_std.values.ravel()], "m"):
         shown.append(("modes", "The first proper orthogonal modes", lambda: _modes_figure(found)))
     return shown
 
 
+def _greatest(values: Any) -> float:
+    """Return the greatest finite value; NaN without one."""
+    known = np.asarray(values, float)
+    return float(np.nanmax(known)) if np.isfinite(known).any() else float("nan")
+
+
 def _map(figure: "Figure", axes: Any, bar: Any, found: "xarray.Dataset", values: Any, label: str, even: bool) -> None:
     """Draw a map over the pupil, whose axes are in mm."""
-    limit = float(np.nanmax(np.abs(values))) or 1.0
+    limit = float(np.nanmax(np.abs(values)))
     scale = {"vmin": -limit, "vmax": limit, "cmap": "RdBu_r"} if even else {"cmap": "viridis"}
     mesh = axes.pcolormesh(1e3 * found.x.values, 1e3 * found.y.values, values, shading="nearest", **scale)
     across, up = axes_of(found)
@@ -140,18 +150,34 @@ def _map(figure: "Figure", axes: Any, bar: Any, found: "xarray.Dataset", values:
 
 def _maps_figure(found: "xarray.Dataset") -> "Figure":
     figure, [(steady, first), (spread, second)] = panelled_figure(Panel(3.4, 3.4, bar=True), Panel(3.4, 3.4, bar=True))
-    _map(figure, steady, first, found, 1e9 * found.opd_mean.values, "steady OPD [nm]", True)
-    _map(figure, spread, second, found, 1e9 * found.opd_std.values, "rms in time [nm]", False)
+    for axes, bar, name, words, even in (
+        (steady, first, "opd_mean", "steady OPD", True),
+        (spread, second, "opd_std", "rms in time", False),
+    ):
+        values = found[name].values
+        if not is_flat(values, "m", STANDARD_ERRORS * _greatest(found[f"{name}_error"])):
+            _map(figure, axes, bar, found, 1e9 * values, f"{words} [nm]", even)
+            continue
+        bar.set_visible(False)
+        middle = 0.0 if even else 1e9 * float(np.nanmedian(values)) if np.isfinite(values).any() else float("nan")
+        say_flat(axes, f"{words}: {middle:.3g} nm everywhere,\nbut for rounding")
     return figure
 
 
 def _time_figure(maps: "xarray.Dataset") -> "Figure":
     figure, [(rms, _), (ratio, _)] = panelled_figure(Panel(4.4, 2.8), Panel(4.4, 2.8))
     time = 1e3 * maps.time.values
-    rms.plot(time, 1e9 * maps.opd_rms.values, color="#0b6e99", linewidth=1.0)
-    ratio.plot(time, maps.strehl.values, color="#c2410c", linewidth=1.0)
-    rms.set(xlabel="time [ms]", ylabel="OPD rms, tilt removed [nm]")
-    ratio.set(xlabel="time [ms]", ylabel="Strehl ratio")
+    for axes, name, words, colour, unit, factor in (
+        (rms, "opd_rms", "OPD rms, tilt removed", "#0b6e99", "m", 1e9),
+        (ratio, "strehl", "Strehl ratio", "#c2410c", "1", 1.0),
+    ):
+        values = maps[name].values
+        label = f"{words} [nm]" if factor != 1.0 else words
+        if is_flat(values, unit, _greatest(maps[f"{name}_error"])):
+            say_flat(axes, f"{label}: {factor * _greatest(values):.3g} at all times,\nbut for rounding")
+            continue
+        axes.plot(time, factor * values, color=colour, linewidth=1.0)
+        axes.set(xlabel="time [ms]", ylabel=label)
     return figure
 
 
@@ -166,6 +192,7 @@ def _spectra_figure(found: "xarray.Dataset") -> "Figure":
     ]
     for axes, name, words, colour, factor in rows:
         values, error = (factor * found[one].values[1:] for one in (name, f"{name}_error"))
+        error *= STANDARD_ERRORS
         if not (values > 0.0).any():
             continue
         axes.loglog(places[1:], values, color=colour, linewidth=1.2, label=words)
@@ -182,7 +209,7 @@ def _spectra_figure(found: "xarray.Dataset") -> "Figure":
 
 def _aperture_figure(found: "xarray.Dataset") -> "Figure":
     figure, [(axes, _)] = panelled_figure(Panel(6.0, 3.0))
-    error = 1e9 * np.nan_to_num(found.opd_rms_aperture_error.values)
+    error = 1e9 * STANDARD_ERRORS * np.nan_to_num(found.opd_rms_aperture_error.values)
     axes.errorbar(
         1e3 * found.aperture.values, 1e9 * found.opd_rms_aperture.values, error, marker="o", capsize=3, color="#0b6e99"
     )

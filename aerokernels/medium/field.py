@@ -154,7 +154,8 @@ class IndexField(Derived):
         )
         warn_of_index(*grid.extremes)
         if cell_averages:
-            grid = replace(grid, samples=node_values(grid.samples.astype(np.float64), interpolation, axisymmetric))
+            at_nodes = node_values(grid.samples.astype(np.float64), interpolation, axisymmetric)
+            grid = replace(grid, samples=at_nodes, keeps_averages=True)
         return cls(grid, geometry, ambient_index, body, wavelength=wavelength, upstream=upstream)
 
     @classmethod

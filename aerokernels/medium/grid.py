@@ -134,6 +134,7 @@ class UniformGrid(Derived):
         interpolation: "cubic", "linear" or "monotone".
         even_first_axis: Mirror symmetry at the first node of axis 0.
         ambient_index: Index where the contrast is zero.
+        keeps_averages: Whether the samples were made so that the interpolant has given averages of cells.
     """
 
     samples: np.ndarray
@@ -142,6 +143,7 @@ class UniformGrid(Derived):
     interpolation: str
     even_first_axis: bool
     ambient_index: float
+    keeps_averages: bool = False
 
     def __post_init__(self):
         """Check shapes and numbers."""

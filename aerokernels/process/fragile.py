@@ -28,6 +28,8 @@ from .own_files import LISTS, check_own_files
 MEMORY_SHARE = 0.8
 LEAST_MEMORY, MEMORY_FOR_BYTE = 2.0e9, 200.0  # [bytes], and bytes per byte of the file
 LEAST_TIME, TIME_FOR_BYTE = 20.0, 1e-6  # [s], and s per byte: a twentieth of a slow disk's speed
+# A child that computed for this share of its time is given as much again: on a busy machine it waits for a core.
+WORKING = 0.01
 # A library in an endless loop on a damaged file is ended by its computing time; a small file takes 2 s.
 LEAST_COMPUTING = 6.0  # [s], and TIME_FOR_BYTE per byte
 TIME_FOR_LISTS = 600.0  # [s]
@@ -59,9 +61,14 @@ def bounds_of(path: Path) -> Bounds:
 
 
 class _Child:
-    """One child process and the pipes to it."""
+    """One child process and the pipes to it.
+
+    Attributes:
+        is_late: Whether it was ended because it did not answer in time.
+    """
 
     def __init__(self):
+        self.is_late = False
         self.process = subprocess.Popen(
             **python_child(["-m", __name__], ONE_THREAD),
             stdin=subprocess.PIPE,
@@ -72,8 +79,19 @@ class _Child:
     def ask(self, request: Any, time_limit: float) -> Any:
         """Send a request and return the answer; raises EOFError if the child ends, or is ended, before it answers."""
         assert self.process.stdin is not None and self.process.stdout is not None
-        watch = threading.Timer(time_limit, self.process.kill)
-        watch.start()
+        answered = threading.Event()
+
+        def watch() -> None:
+            before = _computed(self.process.pid)
+            while not answered.wait(time_limit):
+                now = _computed(self.process.pid)
+                if not now >= before + WORKING * time_limit:
+                    self.is_late = True
+                    self.process.kill()
+                    return
+                before = now
+
+        threading.Thread(target=watch, daemon=True).start()
         try:
             pickle.dump(request, self.process.stdin, protocol=5)
             self.process.stdin.flush()
@@ -81,7 +99,7 @@ class _Child:
         except (BrokenPipeError, pickle.UnpicklingError) as fault:
             raise EOFError from fault
         finally:
-            watch.cancel()
+            answered.set()
 
     def end(self) -> int:
         """End the child, and return its exit status, negative for a signal."""
@@ -93,6 +111,14 @@ class _Child:
         except subprocess.TimeoutExpired:
             self.process.kill()
             return self.process.wait()
+
+
+def _computed(process: int) -> float:
+    """Computing time of a process so far [s]; NaN if the system does not tell."""
+    with suppress(OSError, ValueError, IndexError):
+        numbers = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
+        return (int(numbers[11]) + int(numbers[12])) / float(os.sysconf("SC_CLK_TCK"))
+    return math.nan
 
 
 def _idle() -> list[_Child]:
@@ -135,6 +161,9 @@ def in_child(path: Path, function: str, *arguments: Any) -> Any:
             child.end()
             raise
     else:
+        if child.is_late:
+            why = "the machine or its disk is busy, or the file is damaged"
+            raise LibraryEndedError(f"{path}: it was not read within {bounds.time:.0f} s: {why}: try again")
         cause = f"signal {-status}" if status < 0 else f"status {status}"
         raise LibraryEndedError(f"{path}: the library that reads it ended with {cause}: {DAMAGED}")
     if open_still:  # HDF5 keeps a lock on it, so that nobody could write the file again

@@ -27,6 +27,22 @@ def start_warp() -> None:
     OPENED.once("Warp", _start)
 
 
+def open_device(name: str) -> wp.Device:
+    """Start Warp, and return its device of this name after one thread has made its context and streams.
+
+    Warp makes them when they are first asked for, without a lock: threads that ask at the same time each make their
+    own, and destroy streams on which others have launched.
+
+    Raises:
+        NoCacheError: As `start_warp`.
+        ValueError: The device does not exist.
+    """
+    start_warp()
+    device = wp.get_device(name)
+    OPENED.once(("context", device.alias), lambda: device.context)
+    return device
+
+
 def _start() -> None:
     wp.config.quiet = True
     wp.config.log_level = wp.LOG_WARNING

@@ -13,6 +13,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from ..flow import gladstone_dale_constant, refractivity_model, shipped_names
 from ..flow.gas import check_density
+from ..flow.models import default_relation
 from ..flow.refractivity import RELATIONS, refractivity
 from ..inputs.units import quantity
 from .file_table import FileTable
@@ -113,9 +114,9 @@ class FlowTable(Table):
         if not isinstance(data, dict):
             return data
         relation, given = data.get("relation"), data.get("gladstone_dale") is not None
-        if (given and relation in (None, "paper")) or (relation is None and data.get("species") not in (None, False)):
-            return {**data, "relation": "gladstone-dale"}
-        return data
+        chosen = default_relation(given, data.get("species") not in (None, False))
+        is_open = relation is None or (given and relation == "paper")
+        return {**data, "relation": chosen} if is_open and chosen != cls.model_fields["relation"].default else data
 
     @model_validator(mode="after")
     def _relation_fits_the_rest(self) -> "FlowTable":

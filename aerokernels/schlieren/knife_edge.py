@@ -22,6 +22,7 @@ import numpy as np
 
 from aerokernels.medium import IndexField
 
+from ..display.flatness import ROUNDING
 from ..display.shown import shown
 from ..inputs.arguments import checked
 from .bench import Bench
@@ -239,7 +240,10 @@ def check_knife_edge(knife_edge: str | float, cut_off: float, sensitivity: float
 
 
 def _full_range_sensitivity(cut: np.ndarray, cut_off: float) -> float:
-    """Return the sensitivity at which all but the largest deflections are within the edge's range; 0 if none."""
+    """Return the sensitivity at which all but the largest deflections are within the edge's range; 0 if all are 0.
+
+    Deflections below rounding count as 0, lest rounding fill the picture with stripes.
+    """
     largest = float(np.quantile(np.abs(cut), 0.995)) if cut.size else 0.0
     room = min(cut_off, 1.0 - cut_off) or 1.0
-    return room / largest if largest > 0.0 else 0.0
+    return room / largest if largest > ROUNDING["rad"] else 0.0

@@ -63,13 +63,12 @@ class Copies:
         Args:
             device: By its name in Warp.
         """
-        import warp as wp
+        from ..device_arrays.launching import lent_stream
+        from ..process.quiet_warp import open_device
 
-        from ..process.quiet_warp import start_warp
-
-        start_warp()
+        open_device(device)
         self.device = device
-        self._stream = None if device == "cpu" else wp.Stream(device)
+        self._stream = None if device == "cpu" else lent_stream(self, device)
         self._threads = min(MOST_THREADS, max(2, core_count()))
         self._pool = ThreadPoolExecutor(self._threads)
         self._there: list[Any] = []
@@ -124,7 +123,7 @@ class Copies:
 
         cuda = self._stream is not None
         memory = wp.empty(size, dtype=real, device="cpu", pinned=cuda)
-        return memory, memory.numpy(), wp.Event(self.device) if cuda else None
+        return memory, np.asarray(memory), wp.Event(self.device) if cuda else None
 
     def _piece(self, target: Any, samples: np.ndarray, first: int, memory: Any, here: np.ndarray, done: Any) -> None:
         """Copy one piece through a slot."""

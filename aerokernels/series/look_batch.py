@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from ..device_arrays.pinned import to_host
 from ..medium import IndexField
 from ..process.opened import OPENED
 from ..pupils.vectors import transverse_frames
@@ -163,10 +164,10 @@ class _Traced:
         """Copy the field and the points of the pupil to the device."""
         import warp as wp
 
-        from ..process.quiet_warp import start_warp
+        from ..process.quiet_warp import open_device
         from .look_kernels import build_kernels
 
-        start_warp()
+        open_device(device)
         self.device, self.remove, self.each, self.points = device, remove, per_replicate, points
         self.field, self.center, self.wavelength = field, pupil.center, wavelength
         self.wavenumber = 2.0 * np.pi / wavelength
@@ -211,7 +212,7 @@ class _Traced:
         groups = total // self.each
         sums = wp.empty(some * groups, dtype=wp.vec4d, device=device)
         launch(moments, some * groups, [opd, self.before[-1], self.each], [sums], device)
-        by_group = sums.numpy().reshape(some, groups, 4) / self.each
+        by_group = to_host(sums).reshape(some, groups, 4) / self.each
         moment = by_group.mean(axis=1)
         basis = np.c_[np.ones(total), self.points.astype(np.float32)]
         square = basis.T @ basis / total
@@ -224,7 +225,7 @@ class _Traced:
         turned = wp.empty(some * groups, dtype=wp.vec2d, device=device)
         given = [opd, self.before[-1], self.each, groups, self._put(removed, wp.vec3d), self.wavenumber]
         launch(phasors, some * groups, given, [turned], device)
-        found = turned.numpy().reshape(some, groups, 2) / self.each
+        found = to_host(turned).reshape(some, groups, 2) / self.each
         ratio = (found**2).sum(axis=2)
         apart = basis.reshape(groups, self.each, 3)
         squares = np.einsum("gek,gel->gkl", apart, apart) / self.each

@@ -24,10 +24,10 @@ class DeviceLattice:
         """
         import warp as wp
 
-        from ..process.quiet_warp import start_warp
+        from ..process.quiet_warp import open_device
         from .shear_kernels import build_kernels
 
-        start_warp()
+        open_device(device)
         self._device = device
         real: Any = {"float32": wp.float32, "float64": wp.float64}[precision]
         taps = [one.shape[1] for one in lattice.blends]
@@ -77,21 +77,23 @@ class DeviceLattice:
         """Return sums of samples, a flat array on the device, minus a constant: shape (n,), float64."""
         import warp as wp
 
+        from ..device_arrays.launching import launch as warp_launch
+
         shear, gather, rows, take = self._kernels
         device = self._device
         launch(shear, self._groups * self._parts, [samples, offset, *self._before], [self._partial], device)
         if self._parts > 1:
-            wp.launch(gather, dim=self._lines, inputs=[self._partial, self._total], device=device)
+            warp_launch(gather, self._lines, [self._partial, self._total], device)
         values = self._total
         for matrix, strides, size, out in self._maps:
-            wp.launch(rows, dim=size, inputs=[values, *matrix, strides, out], device=device)
+            warp_launch(rows, size, [values, *matrix, strides, out], device)
             values = out
         if self._rows is None:
-            wp.launch(take, dim=self._found.size, inputs=[values, self._index, self._found], device=device)
+            warp_launch(take, self._found.size, [values, self._index, self._found], device)
         else:
             once = wp.vec4i(1, 0, 1, 0)
-            wp.launch(rows, dim=(self._found.size, 1), inputs=[values, *self._rows, once, self._found], device=device)
+            warp_launch(rows, (self._found.size, 1), [values, *self._rows, once, self._found], device)
         wp.copy(self._host, self._found)
         if device != "cpu":
             wp.synchronize_stream(wp.get_stream(device))
-        return self._host.numpy().astype(np.float64)
+        return np.asarray(self._host).astype(np.float64)

@@ -10,15 +10,14 @@ CHUNKS = 4  # for each thread
 
 def launch(kernel: Any, count: int, before: list, after: list, device: str) -> None:
     """Run a kernel for `count` items; its arguments: `before`, the number of the launch's first item, `after`."""
-    import warp as wp
+    from ..device_arrays.launching import launch as warp_launch
 
     if device != "cpu":
-        wp.launch(kernel, dim=count, inputs=[*before, 0, *after], device=device)
+        warp_launch(kernel, count, [*before, 0, *after], device)
         return
     chunk = max(1, -(-count // (CHUNKS * core_count())))
 
     def run(first: int) -> None:
-        wp.launch(kernel, dim=min(chunk, count - first), inputs=[*before, first, *after], device="cpu")
+        warp_launch(kernel, min(chunk, count - first), [*before, first, *after], "cpu")
 
-    wp.load_module(kernel.module, device="cpu", block_dim=1)  # once, not in every thread
     in_threads(run, range(0, count, chunk))

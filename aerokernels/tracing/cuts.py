@@ -42,18 +42,22 @@ Ends = tuple[np.ndarray, np.ndarray]  # where rays ended [m] and their direction
 Parts = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
 
+def _axis_of(field: IndexField, face: int) -> tuple[int, bool] | None:
+    """The axis of the samples that a face is across, and whether it is at the upper end; None where there is none."""
+    if face == SIDE:
+        return (0, True) if field.geometry == "axisymmetric" else None
+    axis = face // 2 - (3 - len(field.samples.low))
+    return (axis, face % 2 == 1) if axis >= (field.geometry == "axisymmetric") else None
+
+
 def is_cut(field: IndexField, face: int) -> bool:
     """Whether a face of a field's box, by its number in FACES, is a cut through the air of the field's source."""
-    source = field.source
-    if source is None or source is field:
+    source, place = field.source, _axis_of(field, face)
+    if source is None or source is field or place is None:
         return False
-    own, whole = (one.box[0 if face % 2 == 0 and face != SIDE else 1] for one in (field, source))
-    if field.geometry == "axisymmetric" and face < 4:
-        return False  # its side is SIDE
-    axis = 0 if face == SIDE else face // 2
-    if (face == SIDE and field.geometry != "axisymmetric") or not np.isfinite(own[axis]):
-        return False
-    beyond = whole[axis] - own[axis] if face % 2 or face == SIDE else own[axis] - whole[axis]
+    axis, upper = place
+    own, whole = field.samples, source.samples
+    beyond = whole.high[axis] - own.high[axis] if upper else own.low[axis] - whole.low[axis]
     return bool(beyond > ROUNDING * box_size(source))
 
 
@@ -65,9 +69,9 @@ def air_beyond(field: IndexField) -> np.ndarray:
 
 def _greatest_beyond(field: IndexField, face: int) -> float:
     """The greatest |value| of the source in the cells that lie beyond a face, at least partly."""
-    samples = field.source.samples
-    axis = 0 if face == SIDE else face // 2 - (3 - len(samples.low))
-    upper = face == SIDE or face % 2 == 1
+    found = _axis_of(field, face)
+    assert field.source is not None and found is not None
+    samples, (axis, upper) = field.source.samples, found
     place = (field.samples.high if upper else field.samples.low)[axis]
     if isinstance(samples, UniformGrid):
         node = (place - samples.origin[axis]) / samples.spacing[axis]

@@ -10,6 +10,7 @@ import numpy as np
 from ..derived import cached_on
 from ..medium import IndexField
 from ..medium.grid import UniformGrid
+from ..medium.mesh_samples import MeshSamples
 from ..rays import RayBundle
 from .cuts import is_cut
 from .lines import FACES, SIDE, box_size, bundle_span, face_text
@@ -106,10 +107,10 @@ def _at_rim(field: IndexField, rays: RayBundle, until) -> dict[str, float]:
     share = (np.arange(MESH_PLACES) + 0.5) / MESH_PLACES
     along = span.enter[rows, None] + share * (last - span.enter)[rows, None]
     point = some.position[rows, None] + along[..., None] * some.direction[rows, None]
-    local = field.local_coordinates(point.reshape(-1, 3))
-    shape = along.shape
-    contrast = np.abs(field.samples.evaluate(local, None, False)[0]).reshape(shape)
-    outside = (field.mesh.locate(local) < 0).reshape(shape)
+    local, shape, samples = field.local_coordinates(point.reshape(-1, 3)), along.shape, field.samples
+    assert isinstance(samples, MeshSamples)
+    contrast = np.abs(samples.evaluate(local, None, False)[0]).reshape(shape)
+    outside = (samples.mesh.locate(local) < 0).reshape(shape)
     solid = np.zeros(shape, bool) if field.body is None else field.body.contains(local).reshape(shape)
     changes = (outside[:, 1:] != outside[:, :-1]) & ~solid[:, 1:] & ~solid[:, :-1]
     greatest = float(np.maximum(contrast[:, 1:], contrast[:, :-1])[changes].max(initial=0.0))

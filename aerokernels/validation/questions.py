@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from aerokernels.display.quantities import Quantity
 from aerokernels.jobs.sweeps.run import sweep
 from aerokernels.pupils import Disc
 from aerokernels.scene import Scene
@@ -119,12 +120,8 @@ def standard_density(altitude: float) -> float:
 
 
 def with_error(value: float, error: float, scale: float = 1.0) -> str:
-    """A number and its error, to two digits of the error."""
-    value, error = scale * value, scale * error
-    if not np.isfinite(error) or error <= 0.0:
-        return f"{value:.4g} (error unknown)" if not np.isfinite(error) else f"{value:.6g} ± 0"
-    digits = int(np.clip(1 - np.floor(np.log10(error)), 0, 9))
-    return f"{value:.{digits}f} ± {error:.{digits}f}"
+    """Return a number with its error as text."""
+    return str(Quantity(float(value), float(error)).scaled(scale, "")).replace("+-", "±")
 
 
 def first_lasting(good: np.ndarray) -> int:
@@ -234,7 +231,9 @@ def look_angle(
         for name in ("strehl", "strehl_standard_error", "boresight", "known")
     )
     phase = 2.0 * np.pi * tolerance
-    error = np.hypot(sampling, np.vectorize(lambda value: strehl_error(float(np.clip(value, 0, 1)), phase))(strehl))
+    error = np.hypot(
+        2.0 * sampling, np.vectorize(lambda value: strehl_error(float(np.clip(value, 0, 1)), phase))(strehl)
+    )
     # A tilt of t over a disc of diameter D is t D / 4 of OPD, rms.
     tilt_error = 4.0 * tolerance * float(maps[0].attrs["wavelength"]) / scene.receiver.diameter
     sentences = []

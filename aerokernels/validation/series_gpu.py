@@ -55,7 +55,7 @@ def measure_gpu(shape: tuple[int, int, int], pixels: int, device: str) -> Iterat
     volume = field.on_grid(mesh.origin, SPACING, shape, 0.0, np.float32)
     cuda = device != "cpu"
     pinned = wp.empty(volume.shape, dtype=wp.float32, device="cpu", pinned=cuda)
-    pinned.numpy()[:] = volume
+    np.asarray(pinned)[:] = volume
     there = wp.empty(volume.shape, dtype=wp.float32, device=device)
 
     def copied() -> None:

@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 
+from ..display.flatness import is_flat, say_flat
 from ..display.shown import drawn_on, extent_of
 from .data import WavefrontMap
 
@@ -11,9 +12,12 @@ from .data import WavefrontMap
 def plot_opd(wavefront: WavefrontMap, axes: Any = None) -> Any:
     """Draw the OPD map [nm] over the pupil [mm]."""
     axes = drawn_on(axes)
+    if is_flat(wavefront.opd, "m"):
+        say_flat(axes)
+        return axes
     half = 0.5e3 * len(wavefront.opd) * wavefront.pixel
     extent = (-half, half, -half, half)
-    greatest = float(np.nanmax(np.abs(wavefront.opd))) * 1e9 or 1.0
+    greatest = float(np.nanmax(np.abs(wavefront.opd))) * 1e9
     picture = axes.imshow(
         wavefront.opd * 1e9, origin="lower", extent=extent, cmap="RdBu_r", vmin=-greatest, vmax=greatest
     )

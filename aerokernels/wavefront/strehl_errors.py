@@ -13,8 +13,8 @@ a flat wavefront change S in second order only. So the error E of each cause cor
     e = max(b, 2 b / (sqrt(1 - S) + sqrt(1 - S + 2 b sqrt(S)))),    b = sqrt(S + E) - sqrt(S)
 
 and all causes but the sampling together to the root sum of squares of these. The errors of the other quantities follow
-from this phase error, and, for means over rays, from the spread of the replicates (three standard errors, as in the
-budget: 99 of 100 cases, with 16 replicates):
+from this phase error, and, for means over rays, from the spread of the replicates (three standard errors, so that
+"+-" covers the truth in at least 95 of 100 cases):
 
     S               the budget's total
     OPD rms s       s changes by at most e / k: the rms of a sum lies between the difference and the sum of the rms
@@ -33,7 +33,7 @@ from ..display.quantities import Quantity, root_sum_square
 from ..tracing.pupil.fit import fit_moments, rms_about
 
 # The reported error of a mean over replicates is so many standard errors: two would be too few in one estimate of
-# sixteen, three are in one of a hundred (Student's t of 15 degrees of freedom).
+# sixteen (Student's t of 15 degrees of freedom).
 STANDARD_ERRORS = 3.0
 # Number of Strehl ratios searched for the one that a phase error changes most.
 RATIOS = 201

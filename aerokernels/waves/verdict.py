@@ -4,6 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..display.quantities import Quantity
+
 # Default limit: the greatest change of the Strehl ratio for which rays are good.
 GOOD = 1e-2
 # Fewest pixels across a map from which the finest phase is known.
@@ -72,8 +74,8 @@ class Validity:
                 f"{self.limit:g}), according to bounds of the field's derivatives"
             )
         source = "the traced wavefront" if self.answered_by == "rays" else "a wave through the field"
-        error = f" +- {self.error:.1g}" if np.isfinite(self.error) else ""
-        change = f"diffraction changes the Strehl ratio by {self.strehl_change:+.2g}{error} (limit {self.limit:g})"
+        size = Quantity(self.strehl_change, self.error if np.isfinite(self.error) else None).text(signed=True)
+        change = f"diffraction changes the Strehl ratio by {size} (limit {self.limit:g})"
         change += f", according to {source}"
         if np.isfinite(self.rim_fresnel_number):
             change += (

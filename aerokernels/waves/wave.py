@@ -4,6 +4,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from ..display.quantities import Quantity
 from ..display.shown import drawn_on, shown
 from ..inputs.arguments import Numbers, checked
 from ..inputs.checks import check_positive
@@ -152,8 +153,8 @@ class Wave:
         rows, columns = self.amplitude.shape
         return (
             f"Wave of {rows} x {columns} pixels of {self.pixel:.4g} m at {self.wavelength * 1e9:.6g} nm: Strehl ratio "
-            f"{self.strehl():.6g} +- {self.strehl_error:.2g} after {self.step_count} steps, amplitude error "
-            f"{self.error:.2g}"
+            f"{Quantity(self.strehl(), self.strehl_error, is_ratio=True)} after {self.step_count} steps, amplitude "
+            f"error {self.error:.2g}"
         )
 
 

@@ -47,7 +47,7 @@ def check(scene: Scene, backend: str, device: str | None = None) -> list[Finding
     found = []
     if len(rows):
         coarse, truth = (
-            true_opd(scene.air, start, scene.rays.direction[rows], scene.stop, h)
+            true_opd(scene.air, start, scene.rays.direction[rows], scene.stop, h, scene.field)
             for h in (scene.step, 0.5 * scene.step)
         )
         own = np.abs(truth - coarse) / 15.0  # for a method of fourth order

@@ -6,7 +6,8 @@ round body; volume, planar or axisymmetric. Rays are collimated, slanted, diverg
 is a pupil.
 
 Truth: the formula instead of the grid: rays of the exact medium by the fourth-order Runge-Kutta method in small fixed
-steps, from where they leave the body (an exact circle) to the stop, including the air beyond the box.
+steps, from where they leave the body (an exact circle) to the stop. The box is the whole flow: the formula counts
+between the places where the straight ray enters and leaves it, which a bent ray misses by a part in 1e5 of a step.
 """
 
 from dataclasses import dataclass
@@ -18,6 +19,7 @@ from aerokernels.medium import Body, IndexField
 from aerokernels.rays import Disc, RayBundle
 from aerokernels.tracing import Plane
 from aerokernels.tracing.beyond import plane_beyond
+from aerokernels.tracing.lines import box_span
 
 RAYS = 5000
 WAVELENGTH = 905e-9
@@ -73,13 +75,22 @@ class Air:
         return value, slope
 
 
-def true_opd(air: Air, start: np.ndarray, direction: np.ndarray, stop: Plane, step: float) -> np.ndarray:
+def true_opd(
+    air: Air, start: np.ndarray, direction: np.ndarray, stop: Plane, step: float, field: IndexField | None = None
+) -> np.ndarray:
     """OPD [m] at the plane of rays of the exact medium, ambient index 1, shape (n,).
 
     In deviation form along the straight ray: t is the distance along it, `turn` and `place` are the deviations of
-    momentum and position.
+    momentum and position. Outside the box of the field, if one is given, the air is ambient.
     """
-    reach = ((stop.point - start) @ stop.normal) / (direction @ stop.normal)
+    whole = ((stop.point - start) @ stop.normal) / (direction @ stop.normal)
+    begin, end = np.zeros(len(start)), whole
+    if field is not None:
+        span = box_span(field, start, direction)
+        begin = np.where(span.meets, np.minimum(span.enter, whole), 0.0)
+        end = np.where(span.meets, np.minimum(span.leave, whole), 0.0)
+    start = start + begin[:, None] * direction
+    reach, whole = end - begin, whole - begin
     count = max(8, int(np.ceil(float(reach.max()) / step)))
     h = (reach / count)[:, None]
     place = np.zeros_like(start)  # deviation from the straight ray
@@ -110,7 +121,13 @@ def true_opd(air: Air, start: np.ndarray, direction: np.ndarray, stop: Plane, st
     heading = direction + turn
     m, _ = air.contrast(start + t * direction + place)
     rest = -(place @ stop.normal) / (heading @ stop.normal)
-    return path + rest * np.linalg.norm(heading, axis=1) * (1.0 + m)
+    near = path + rest * np.linalg.norm(heading, axis=1) * (1.0 + m)
+    if field is None:
+        return near
+    unit = heading / np.linalg.norm(heading, axis=1)[:, None]
+    ahead = (stop.point - start - t * direction - place) @ stop.normal / (unit @ stop.normal)
+    beyond = np.where(reach > 0.0, path + ahead - (whole - reach), 0.0)
+    return np.where(reach < whole, beyond, near)
 
 
 @dataclass(frozen=True)
@@ -161,7 +178,7 @@ class Scene:
         start, blocked = self.leave_body(position, direction)
         if blocked.all():
             return None
-        opd = true_opd(self.air, start[~blocked], direction[~blocked], self.far, self.step)
+        opd = true_opd(self.air, start[~blocked], direction[~blocked], self.far, self.step, self.field)
         phasor = np.exp(2j * np.pi / WAVELENGTH * opd)
         halves = [float(np.abs(phasor[k::2].mean()) ** 2) for k in (0, 1)]
         # Estimated sampling error, with twice as many points as either half.

@@ -51,7 +51,7 @@ def test_errors_are_root_sums_of_squares(kind: str, changes: dict):
     noise = probe.vacuum.chain.noise_rms(result.peak_power, scene.detector.sample_rate) if result.noise_rms else 0.0
     step = 0.0 if probe.vacuum.chain.digitiser is None else probe.vacuum.chain.digitiser.step
     assert probe.code_step == step
-    expected = math.hypot(result.peak_voltage * math.hypot(share, volts), noise, 0.5 * step)
+    expected = math.hypot(result.peak_voltage * math.hypot(share, volts), 2.0 * noise, 0.5 * step)
     assert found.peak_voltage == pytest.approx(expected, rel=1e-9, abs=0.0)
     scaled = probe.read_scaled(1.0, 1.0 + share, 1.0 - share)
     codes = probe.read_digitised() if result.noise_rms < 0.5 * step else {}

@@ -114,7 +114,8 @@ def test_the_error_of_a_single_echo_is_not_known(tmp_path: Path, runs):
     echoes = [RecordedEcho(LABELS[mach], TIME, pulse(TIME, peak)) for mach, peak in PEAKS.items()]
     found = compare_recording(write_store(tmp_path / "e.sqlite", echoes), runs)
     assert all(math.isnan(one.peak_standard_error) and np.isnan(one.spread).all() for one in found.labels)
-    assert all(row[column].endswith("error not known") for row in peak_table(found)[2] for column in (2, 3))
+    assert all(row[2].endswith("error not known") for row in peak_table(found)[2])
+    assert all(row[3].endswith("spread not known") for row in peak_table(found)[2])
     assert all("error not known" in row[1] for row in error_table(found)[2])
     write_comparison(found, tmp_path / "out")
     row = json.loads((tmp_path / "out" / "summary.json").read_text())["labels"][0]

@@ -61,7 +61,7 @@ def test_density_is_the_standard_atmospheres():
 def test_errors_have_two_digits():
     assert with_error(0.86764, 0.00051) == "0.86764 ± 0.00051"
     assert with_error(0.2768, 0.0123, 1e3) == "277 ± 12"
-    assert "unknown" in with_error(1.0, np.nan)
+    assert "not known" in with_error(1.0, np.nan)
 
 
 @pytest.mark.parametrize("name", QUESTIONS)

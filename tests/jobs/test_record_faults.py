@@ -78,7 +78,7 @@ def test_an_offset_is_measured_and_can_be_subtracted(tmp_path: Path, run, offset
     (one,) = compare_recording(path, [run]).labels
     assert abs(one.faults.offset - offset) < 4.0 * one.faults.offset_error < 4.0 * 0.001
     (text,) = one.warnings
-    assert f"mach=0: the recorded voltage has an offset, {1e3 * one.faults.offset:+.1f} +- 0." in text
+    assert f"mach=0: the recorded voltage has an offset, {1e3 * one.faults.offset:+.2f} +- 0." in text
     assert "as voltage offset" in text
     found = compare_recording(path, [run], CompareOptions(voltage_offset=offset))
     assert not found.warnings

@@ -79,9 +79,9 @@ def test_a_number_is_written_with_its_error():
     errors = {"strehl": 0.0042, "opd_rms_m": None, "boresight_x_rad": 3e-8, "boresight_y_rad": 3e-8}
     reported = SUMMARY | {"errors": errors}
     rows = dict(headline_rows(reported))
-    assert rows["Strehl ratio"] == "0.912 +- 0.004"
+    assert rows["Strehl ratio"] == "0.9123 +- 0.0042"
     assert rows["OPD, rms"] == "12.3 nm, error not known"
-    assert rows["Boresight error x, y"] == "+1.00 +- 0.03, -2.00 +- 0.03 µrad"
+    assert rows["Boresight error x, y"] == "+1.000 +- 0.030, -2.000 +- 0.030 µrad"
 
 
 def test_a_ratio_with_an_error_beyond_its_bounds_is_told_not_to_be_meaningful():

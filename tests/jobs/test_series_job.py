@@ -94,6 +94,20 @@ def test_a_series_gives_maps_statistics_and_a_report(folder: Path, command_line)
     assert (out / ".series.zarr.journal").read_bytes() == before
 
 
+def test_still_air_is_said_in_words(folder: Path, command_line):
+    """Set-up: the same air in all snapshots and pixels. Expected: no film, no maps, no cards but the Strehl ratio."""
+    with xarray.open_dataset(folder / "layer.nc", engine="h5netcdf") as data:
+        still = data.load().isel(time=slice(6))
+    (still.assign(rho=0.0 * still.rho + 0.5)).to_netcdf(folder / "still.nc", engine="h5netcdf")
+    (folder / "still.toml").write_text(SCENE.replace("layer.nc", "still.nc"))
+    done = command_line("series", folder / "still.toml", "--out", folder / "still")
+    assert done.returncode == 0, done.stderr
+    page = (folder / "still" / "report.html").read_text()
+    assert "the same in all pixels and snapshots" in page and "Below rounding: OPD, rms, tilt removed; OPD, rms" in page
+    assert re.findall(r'<figure id="([\w-]+)">', page) == ["maps", "time"]
+    assert page.count('class="card"') == 2 and "No picture" not in page
+
+
 @pytest.mark.parametrize(
     ("text", "arguments", "words"),
     [

@@ -93,7 +93,8 @@ def test_traces_are_marked_and_what_they_lack_is_told(geometry):
     found, truth = (trace(field, rays, until=until) for field in (cut, whole))
     assert (found.status == RayStatus.LEFT_DISTURBED_AIR).all() and found.ok.all()
     change = truth.opd - found.opd
-    np.testing.assert_allclose(found.truncation, change, atol=0.04 * np.abs(change).max())  # a cell at the cut is smoothed
+    # A cell at the cut is smoothed.
+    np.testing.assert_allclose(found.truncation, change, atol=0.04 * np.abs(change).max())
     assert np.abs(change).max() / 3.0 < found.error["truncation"] < 3.0 * np.abs(change).max()
     assert found.error["resampling"] < 0.3 * found.error["truncation"]  # it is no resampling error as well
     assert (truth.status == RayStatus.OK).all() and truth.error["truncation"] == 0.0

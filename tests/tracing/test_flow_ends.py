@@ -98,8 +98,7 @@ def test_an_open_box_goes_through_look_maps_pictures_and_series(air, recwarn):
     options = {"geometry": "volume", "origin": (0.0,) * 3, "spacing": (CELL,) * 3, "ambient_density": 1.2}
     series = optical_series(open_series(density, time_step=1e-5, **options), PUPIL, pixel_count=16)
     assert float(series.known.min()) > 1.0 - 1e-9 and "z = 0 mm and z = 98.4375 mm" in series.attrs["ends"]
-    told = [str(one.message) for one in recwarn if "cut off" in str(one.message) or "past the field" in str(one.message)]
-    assert not told
+    assert not [one for one in recwarn if issubclass(one.category, TruncationWarning)]
 
 
 @pytest.mark.parametrize("on_mesh", [False, True])
@@ -145,7 +144,7 @@ def test_a_pupil_that_looks_past_the_box_is_told_so(air, center, share):
         if truth > 50.0:
             with pytest.raises(ValueError, match=r"5\d(\.\d+)? % of the pupil looks past the field's box"):
                 wavefront(air, pupil, pixel_count=32)
-            with pytest.raises(ValueError, match="looks past the field's box.*allow_truncation"):
+            with pytest.raises(ValueError, match=r"looks past the field's box.*allow_truncation"):
                 estimate_strehl(air, pupil, ray_count=1024)
             return
         plans = [wavefront(air, pupil, pixel_count=32).plan, estimate_strehl(air, pupil, ray_count=1024).plan]

@@ -179,7 +179,7 @@ def test_verdicts_are_good_up_to_their_limit():
         assert Validity(strehl_change=change, limit=0.01).good is good
     assert not Validity(answered_by="nobody").decided
     told = Validity(strehl_change=0.02, crossed_share=0.034, error=1e-3, blocked=0.12, rim_fresnel_number=33.0)
-    for part in ("not good", "+0.02 +- 0.001", "cross over 3.4 %", "12 % of the light", "Fresnel number of 33"):
+    for part in ("not good", "+0.0200 +- 0.0010", "cross over 3.4 %", "12 % of the light", "Fresnel number of 33"):
         assert part in told.reason
     assert "finest phase is 2.5" in Validity(strehl_change=0.02, crossed_share=0.0, fresnel_number=2.5).reason
     assert "+-" not in Validity(strehl_change=0.02, crossed_share=0.0, fresnel_number=2.5).reason

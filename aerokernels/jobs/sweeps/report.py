@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from aerokernels.display.flatness import is_flat, told
 from aerokernels.display.quantities import Quantity
 from aerokernels.jobs.figure_layout import Panel, panelled_figure
 from aerokernels.jobs.page import Picture, bullets, named_values, page, pictures, section, table, text_block
@@ -71,6 +72,9 @@ class _Column:
         label: The same with its unit.
         factor: From SI to that unit.
         texts: The number of each case with its error and unit; NO_VALUE where the case failed.
+        values: The number of each case in SI; NaN where the case failed.
+        error: Greatest error of these numbers; NaN if none is known.
+        unit: Their SI unit.
     """
 
     name: str
@@ -78,6 +82,9 @@ class _Column:
     label: str
     factor: float
     texts: np.ndarray
+    values: np.ndarray
+    error: float
+    unit: str
 
     @classmethod
     def of(cls, dataset: "xarray.Dataset", name: str, words: str, unit: str, factor: float) -> "_Column":
@@ -87,8 +94,11 @@ class _Column:
             texts[place] = NO_VALUE
             if math.isfinite(value):  # if all cases failed, the dataset has no variables for errors
                 error = float(dataset[f"{name}_error"].values[place])
-                texts[place] = Quantity(value, error, is_ratio=name in RATIO_KEYS).scaled(factor, unit).text()
-        return cls(name, words, f"{words} [{unit}]" if unit else words, factor, texts)
+                texts[place] = told(Quantity(value, error, is_ratio=name in RATIO_KEYS), factor, unit)
+        errors = dataset[f"{name}_error"].values if f"{name}_error" in dataset else np.array([math.nan])
+        error = float(np.fmax.reduce(errors, axis=None))
+        label = f"{words} [{unit}]" if unit else words
+        return cls(name, words, label, factor, texts, dataset[name].values, error, dataset[name].attrs["units"])
 
     @property
     def is_there(self) -> bool:
@@ -97,13 +107,20 @@ class _Column:
 
     @property
     def is_same(self) -> bool:
-        """Whether no key changes the number as it is printed, with its error."""
+        """Whether no key changes the number, but for rounding."""
         return self.texts.size > 1 and not any(self.changes)
 
     @property
     def changes(self) -> list[bool]:
-        """Whether the number changes along each axis."""
-        return [bool((self.texts != self.texts.take([0], axis)).any()) for axis in range(self.texts.ndim)]
+        """Whether the number changes along each axis; a case that failed is a change."""
+        return [self._changes_along(axis) for axis in range(self.values.ndim)]
+
+    def _changes_along(self, axis: int) -> bool:
+        first = self.values.take([0], axis)
+        size = float(np.fmax.reduce(np.abs(self.values), axis=None))
+        change = float(np.fmax.reduce(np.abs(self.values - first), axis=None, initial=0.0))
+        failures = np.isnan(self.values) != np.isnan(first)
+        return bool(failures.any()) or not is_flat([size, size + change], self.unit, self.error)
 
 
 def _axis(dataset: "xarray.Dataset", key: str) -> tuple[np.ndarray, str]:
@@ -160,13 +177,16 @@ def _line_figure(
     places, texts = _places(axis)
     figure, axes = _labelled_figure(places, texts, words, label)
     lines, bars = (each.transpose(..., dims[0]).values.reshape(-1, len(places)) for each in (values, error))
+    bars = np.stack([np.nan_to_num(bars, posinf=0.0)] * 2, axis=1)
+    if values.name in RATIO_KEYS:  # within 0 and 1
+        bars = np.clip(bars, 0.0, np.stack([lines, 1.0 - lines], axis=1).clip(0.0))
     keys, meaning = _axis(dataset, dims[1]) if len(dims) > 1 else (np.array([""]), "")
     colours = ["#0b6e99"] if len(lines) == 1 else colormaps["viridis"](np.linspace(0.0, 0.85, len(lines)))
     for line, bar, key, colour in zip(lines, bars, keys, colours, strict=True):
         axes.errorbar(
             places,
             line,
-            np.where(np.isfinite(bar), bar, 0.0),
+            bar,
             marker="o",
             capsize=3,
             color=colour,

@@ -11,7 +11,6 @@ parameters define.
 """
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
@@ -105,14 +104,6 @@ class Family:
         starts |= position @ self.axes[2] <= self.ahead
         return np.asarray(good & starts)
 
-    @cached_property
-    def key(self) -> bytes:
-        """Bytes that identify the family."""
-        start = b"" if self.start_point is None else self.start_point.tobytes()
-        numbers = (self.origin, self.axes, self.start_normal, self.low, self.high)
-        kind = f"{self.converges} {self.ahead!r} {self.close!r} ".encode()
-        return b"".join([kind, start, *(array.tobytes() for array in numbers)])
-
 
 def some_rows(ray_count: int, most: int) -> np.ndarray:
     """Row numbers of up to `most` rays, spread over the bundle's order without following any of its periods."""
@@ -186,7 +177,7 @@ def find_family(field: IndexField, rays: RayBundle, until, limit: float = np.inf
     extent = _extent(low, high)
     if extent is None:
         return "they are one ray"
-    first, last, _ = _rounded_range(low, high, extent)
+    first, last = _rounded_range(low, high, extent)
     return replace(family, low=first, high=last)
 
 
@@ -205,10 +196,10 @@ def _extent(low: np.ndarray, high: np.ndarray) -> np.ndarray | None:
     return np.maximum(extent, 1e-3 * extent.max()) if extent.max() > 0.0 else None
 
 
-def _rounded_range(low: np.ndarray, high: np.ndarray, extent: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """A range of parameters with a margin, rounded to parts; and the size of the parts."""
+def _rounded_range(low: np.ndarray, high: np.ndarray, extent: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """A range of parameters with a margin, rounded to parts."""
     part, room = 2.0 ** np.ceil(np.log2(extent / PARTS)), ROOM * extent
-    return np.floor((low - room) / part) * part, np.ceil((high + room) / part) * part, part
+    return np.floor((low - room) / part) * part, np.ceil((high + room) / part) * part
 
 
 def _apex(position: np.ndarray, direction: np.ndarray, close: float) -> np.ndarray | None:

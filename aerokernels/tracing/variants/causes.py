@@ -28,12 +28,11 @@ from ...rays import RayBundle
 from ..allowance import step_allowance
 from ..plan import TracePlan
 from ..status import reached
+from . import planes, surfaces
 from .jumps import jumps, patterns
 from .meshes import lacking, next_order
 from .paths import Paths, paths_of, shortest_cell
-from .planes import volume_changes
 from .rays import Cause, Rays
-from .surfaces import surface_changes
 
 # Rays whose changes are integrated, of a volume and of a field of two axes; how many of them are traced again.
 SAMPLE, SAMPLE_OF_TWO_AXES, TRACED = 512, 256, 128
@@ -164,9 +163,10 @@ def _moved(base: Rays, rays: RayBundle) -> np.ndarray:
 def _by_index(field: IndexField, paths: Paths, traced: "_Traced") -> dict[str, Cause]:
     """Return the changes by the order of interpolation and by jumps of a field that was not resampled."""
     if isinstance(field.samples, UniformGrid):
-        find = volume_changes if field.geometry == "volume" else surface_changes
-        order, sums, size = find(field, paths, ORDERS[field.interpolation])
-        return {"interpolation": Cause(like=(order,)), "jumps": jumps(field, paths, sums, size)}
+        orders = ORDERS[field.interpolation]
+        order = (planes if field.geometry == "volume" else surfaces).order_change(field, paths, orders)
+        sums = (planes.thinned_sums(field, paths, orders[0]), surfaces.thinned_along_r(field, paths, orders[0]))
+        return {"interpolation": Cause(like=(order,)), "jumps": jumps(field, paths, sums)}
     finer = field.derive("refined", lambda: refined(field)) if field.interpolation == "bilinear" else None
     if finer is None:
         order = paths.integral(next_order(field), shortest_cell(field, paths))

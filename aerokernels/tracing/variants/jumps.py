@@ -13,47 +13,60 @@ from .rays import Cause, Rays
 
 # Draws of the jumps' place.
 DRAWS = 8
-# Greatest disagreement of two decays, as a logarithm, with those of a shock tanh(x / w).
+# Disagreement of two decays, as a logarithm, with those of a shock tanh(x / w), from which they count less; at twice
+# of it they do not count.
 ONE_LAW = 0.25
 # Widths of shocks [cells] whose decays are compared.
 WIDTHS = np.linspace(1e-3, 8.0, 4000)
-# Rays about a ray from which its size is taken, and rays and steps in distance by which their likeness is found.
-NEAR, COMPARED, BINS = 12, 512, 25
+# Rays about a ray from which its size is taken, and its decay; rays and steps in distance by which likeness is found.
+NEAR, NEAR_DECAY, COMPARED, BINS = 12, 64, 512, 25
 
 
-def left_over(size: dict[int, float]) -> float:
+def left_over(size: dict[int, np.ndarray]) -> np.ndarray:
     """Return the change of sums over all nodes over that of sums thinned by two, from the rms changes by 2, 3 and 4.
 
-    It is 1 where these three are not of one shock: kinks, or several structures.
+    They are over those of a step, each of shape (n,). The result rises to 1 where the three are not of one shock: kinks,
+    or several structures.
     """
-    if not size or size[2] == 0.0:
-        return 1.0
 
     def decay(thin: int) -> np.ndarray:
         q = np.pi**2 * WIDTHS / thin
         return np.asarray(q / np.sinh(q))
 
-    def at(thin: int, wanted: np.ndarray) -> float:
-        ratio = min(1.0, size[2] / max(size[thin], 1e-300))
-        return float(np.interp(-ratio, -decay(2) / decay(thin), wanted))
+    two, three, four = (np.maximum(size[thin], 1e-300) for thin in (2, 3, 4))
 
-    expected = at(4, decay(3) / decay(4))
-    off = abs(np.log(max(size[3], 1e-300) / max(size[4], 1e-300) / expected))
-    share = max(at(thin, decay(1) / decay(2)) for thin in (3, 4))
-    return min(1.0, float(np.sqrt(3.0) * share)) if off < ONE_LAW else 1.0
+    def at(thin: int, wanted: np.ndarray) -> np.ndarray:
+        ratio = np.minimum(1.0, two / (three if thin == 3 else four))
+        return np.interp(-ratio, -decay(2) / decay(thin), wanted)
+
+    off = np.abs(np.log(three / four / at(4, decay(3) / decay(4))))
+    share = np.maximum(at(3, decay(1) / decay(2)), at(4, decay(1) / decay(2)))
+    return np.asarray(np.minimum(1.0, np.sqrt(3.0) * share) ** np.clip(2.0 - off / ONE_LAW, 0.0, 1.0))
 
 
-def jumps(field: IndexField, paths: Paths, sums: Rays, size: dict[int, float]) -> Cause:
-    """Return the change by the place of jumps, and draws of it, from sums over every second node."""
-    sums = sums * (left_over(size) / np.sqrt(3.0))
-    if not np.any(sums.opd):
-        return Cause()
+def jumps(field: IndexField, paths: Paths, thinned: tuple[tuple[Rays, dict[int, np.ndarray]], ...]) -> Cause:
+    """Return the change by the place of jumps, and draws of it.
+
+    Args:
+        field: The refractive index.
+        paths: The rays' paths.
+        thinned: Changes of sums over every second node, and the sizes of those by two, three and four.
+    """
     from scipy.spatial import cKDTree
 
     place = _across(paths)
-    _, near = cKDTree(place).query(place, min(NEAR, len(place)))
-    size = np.sqrt((sums.opd[near.reshape(len(place), -1)] ** 2).mean(axis=1))
-    return Cause(like=(sums,), draws=patterns(field, paths, size, _alike(sums.opd, place)))
+    _, near = cKDTree(place).query(place, min(NEAR_DECAY, len(place)))
+    near = near.reshape(len(place), -1)
+
+    def about(values: np.ndarray, count: int = NEAR_DECAY) -> np.ndarray:
+        return np.asarray(np.sqrt(np.square(values)[near[:, :count]].mean(axis=1)))
+
+    sums = Rays.still(len(place))
+    for change, size in thinned:
+        sums = sums + change * (left_over({thin: about(one) for thin, one in size.items()}) / np.sqrt(3.0))
+    if not np.any(sums.opd):
+        return Cause()
+    return Cause(like=(sums,), draws=patterns(field, paths, about(sums.opd, NEAR), _alike(sums.opd, place)))
 
 
 def patterns(field: IndexField, paths: Paths, size: np.ndarray, alike: float) -> tuple[Rays, ...]:

@@ -17,7 +17,7 @@ from ...medium.mesh_columns import mesh_columns
 from ...medium.mesh_samples import MeshSamples
 from .paths import Contrast, Paths
 from .rays import Rays
-from .surfaces import in_space
+from .splines import in_space
 
 # Lines along which averages are compared.
 COLUMNS = 64

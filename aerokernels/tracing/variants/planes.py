@@ -1,4 +1,4 @@
-"""The next order's change and thinned sums of a volume's samples, on each ray's crossings with planes of nodes.
+"""The next order's change and thinned sums of a grid's samples, on each ray's crossings with planes of nodes.
 
 Along the axis that a ray follows most, each order of interpolation has nearly the sum over the planes of nodes. What the
 next order changes is the interpolation within the planes, so that a path's integral is a sum over the planes that it
@@ -12,9 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...medium import IndexField
+from ...medium.grid import UniformGrid
 from .paths import Paths
 from .rays import Rays
-from .splines import Surface
+from .splines import Surface, in_space
 
 THINNED = (2, 3, 4)
 # Order of the polynomials that a thinned sum's ends leave out.
@@ -28,11 +29,12 @@ class Crossings:
     Attributes:
         rows: The rays, shape (n,).
         paths: Their paths.
-        axis: The axis across the planes.
+        axis: The grid's axis across the planes.
         plane: Numbers of the planes, shape (k,).
         share: Where the paths cross them, as shares of their lengths, shape (n, k).
         weight: Length of the path that each crossing stands for [m], shape (n, k); 0 where a path ends before.
-        place: Places within the planes [nodes], shape (n, k, 2).
+        points: The crossings [m], shape (n, k, 3).
+        place: Places within the planes [nodes], shape (n, k, 2), 0 along a second axis that the grid has not.
     """
 
     rows: np.ndarray
@@ -41,33 +43,23 @@ class Crossings:
     plane: np.ndarray
     share: np.ndarray
     weight: np.ndarray
+    points: np.ndarray
     place: np.ndarray
-
-    @property
-    def others(self) -> list[int]:
-        """The axes in the planes."""
-        return [axis for axis in range(3) if axis != self.axis]
-
-    def in_space(self, slope: np.ndarray, spacing: np.ndarray) -> np.ndarray:
-        """Return how sums over planes change as their rays are shifted across themselves [1/m], shape (n, k, 3).
-
-        `slope` are slopes per node in the planes, shape (n, k, 2). A shift along the axis of the planes moves the
-        crossing within its plane.
-        """
-        found = np.zeros((*slope.shape[:2], 3))
-        found[..., self.others] = slope / spacing[self.others]
-        chord = self.paths.last - self.paths.first
-        along = np.einsum("nki,ni->nk", found, chord / chord[:, self.axis, None])
-        found[..., self.axis] = -along
-        return found
 
 
 def crossings(field: IndexField, paths: Paths) -> Iterator[Crossings]:
-    """Yield the crossings of rays with planes of nodes, for each axis those of the rays that follow it most."""
+    """Yield the crossings of rays with planes of nodes, for each axis those of the rays that follow it most.
+
+    Rays that mostly run along r have none.
+    """
     grid = field.samples
-    begin, end = ((points - grid.origin) / grid.spacing for points in (paths.first, paths.last))
-    follows = np.where(paths.length > 0.0, np.argmax(np.abs(end - begin), axis=1), -1)
-    for axis in range(3):
+    begin, end = ((field.local_coordinates(points) - grid.origin) / grid.spacing for points in (paths.first, paths.last))
+    way = np.abs(end - begin)
+    if field.geometry == "axisymmetric":
+        chord = (paths.last - paths.first) / grid.spacing[0]
+        way[:, 0] = np.hypot(chord[:, 0], chord[:, 1])
+    follows = np.where(paths.length > 0.0, np.argmax(way, axis=1), -1)
+    for axis in range(1 if field.geometry == "axisymmetric" else 0, grid.samples.ndim):
         rows = np.flatnonzero(follows == axis)
         if not len(rows):
             continue
@@ -77,47 +69,77 @@ def crossings(field: IndexField, paths: Paths) -> Iterator[Crossings]:
         share = np.clip((plane - a[:, None]) / (b - a)[:, None], 0.0, 1.0)
         cells = np.clip(np.minimum(plane + 0.5, high) - np.maximum(plane - 0.5, low), 0.0, None)
         weight = cells * (one.length[:, None] / (high - low))
-        others = [k for k in range(3) if k != axis]
-        place = ((one.at(share) - grid.origin) / grid.spacing)[..., others]
-        place = np.clip(place, 0.0, np.array(grid.shape)[others] - 1.0)
-        yield Crossings(rows, one, axis, plane, share, weight, place)
+        points = one.at(share)
+        local = (field.local_coordinates(points.reshape(-1, 3)) - grid.origin) / grid.spacing
+        others = _others(grid, axis)
+        place = np.zeros((*share.shape, 2))
+        place[..., : len(others)] = np.clip(local[:, others], 0.0, np.array(grid.shape)[others] - 1.0).reshape(*share.shape, -1)
+        yield Crossings(rows, one, axis, plane, share, weight, points, place)
+
+
+def _others(grid: UniformGrid, axis: int) -> list[int]:
+    return [k for k in range(grid.samples.ndim) if k != axis]
 
 
 def values_at(field: IndexField, found: Crossings, order: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return the contrast of a spline within planes, (n, k), and its slopes per node, (n, k, 2), at crossings."""
-    samples = np.moveaxis(field.samples.samples, found.axis, 0)[found.plane[0] : found.plane[-1] + 1]
+    """Return the contrast of a spline within planes at crossings, (n, k), and how sums change with a shift of the ray.
+
+    The second is a gradient [1/m], shape (n, k, 3): a shift along the axis of the planes moves a crossing in its plane.
+    """
+    grid = field.samples
+    samples = np.moveaxis(grid.samples, found.axis, 0)[found.plane[0] : found.plane[-1] + 1]
+    if samples.ndim == 2:
+        samples = samples[..., None]
     low, high = found.place.min(axis=(0, 1)), found.place.max(axis=(0, 1))
-    surface = Surface(samples, low, high, order, even=False)
+    surface = Surface(samples, low, high, order, grid.even_first_axis and found.axis > 0)
     plane = np.broadcast_to(found.plane - found.plane[0], found.share.shape)
     value, slope = surface(plane.reshape(-1), found.place.reshape(-1, 2))
-    return value.reshape(plane.shape), slope.reshape(*plane.shape, 2)
+    along = np.zeros((len(value), grid.samples.ndim))
+    for k, axis in enumerate(_others(grid, found.axis)):
+        along[:, axis] = slope[:, k] / grid.spacing[axis]
+    gradient = in_space(field, found.points.reshape(-1, 3), along).reshape(*plane.shape, 3)
+    chord, space = found.paths.last - found.paths.first, found.axis + 3 - grid.samples.ndim
+    gradient[..., space] = -np.einsum("nki,ni->nk", gradient, chord / chord[:, space, None])
+    return value.reshape(plane.shape), gradient
 
 
-def volume_changes(field: IndexField, paths: Paths, orders: tuple[int, int]) -> tuple[Rays, Rays, dict[int, float]]:
-    """Return the change by the next order, the thinned sum's change by two, and the rms changes by two, three and four.
-
-    Args:
-        field: A volume on a uniform grid.
-        paths: The rays' paths.
-        orders: The interpolant's order, and the next.
-    """
-    order, sums = Rays.still(len(paths.length)), Rays.still(len(paths.length))
-    square = dict.fromkeys(THINNED, 0.0)
+def order_change(field: IndexField, paths: Paths, orders: tuple[int, int]) -> Rays:
+    """Return the change by the next order of interpolation in a volume: `orders` are the interpolant's and the next."""
+    change = Rays.still(len(paths.length))
     for found in crossings(field, paths):
-        value, slope = values_at(field, found, orders[0])
-        next_value, next_slope = values_at(field, found, orders[1])
-        spacing = field.samples.spacing
-        _put(order, found, next_value - value, found.in_space(next_slope - slope, spacing), found.weight)
+        (value, slope), (after, slope_after) = (values_at(field, found, order) for order in orders)
+        _put(change, found, after - value, slope_after - slope, found.weight)
+    return change
+
+
+def thinned_sums(field: IndexField, paths: Paths, order: int) -> tuple[Rays, dict[int, np.ndarray]]:
+    """Return the change of sums over every second plane, and the sizes of those over every second, third and fourth.
+
+    A size is the rms change of each ray's sums over every j-th plane, over that of a step at a random place, shape (n,).
+    Pairs of averages of cells have the sum of their mean: thinned by two, they change by half of what their slopes
+    within the planes change from one to the next, times the ray's way along the planes.
+    """
+    sums, square = Rays.still(len(paths.length)), {thin: np.zeros(len(paths.length)) for thin in THINNED}
+    for found in crossings(field, paths):
+        value, slope = values_at(field, found, order)
+        if field.samples.keeps_averages:
+            spacing = field.samples.spacing[found.axis]
+            value = 0.5 * spacing * slope[..., found.axis + 3 - field.samples.samples.ndim]
+            slope = np.zeros(slope.shape)
         weight = found.weight.max(axis=1, keepdims=True)
         for thin in THINNED:
-            taper = _taper(found, thin)
+            taper = weight * _taper(found, thin)
             for first in range(thin):
                 pattern = np.where(found.plane % thin == first, thin - 1.0, -1.0)
-                square[thin] += float(np.sum(np.sum(weight * taper * pattern * value, axis=1) ** 2)) / thin
+                square[thin][found.rows] += np.sum(taper * pattern * value, axis=1) ** 2 / thin
         pattern = np.where(found.plane % 2 == 0, 1.0, -1.0)
-        _put(sums, found, value, found.in_space(slope, spacing), weight * _taper(found, 2) * pattern)
-    count = max(np.count_nonzero(paths.length > 0.0), 1)
-    return order, sums, {thin: float(np.sqrt(total / count)) for thin, total in square.items()}
+        _put(sums, found, value, slope, weight * _taper(found, 2) * pattern)
+    return sums, {thin: np.sqrt(total) / step_size(thin) for thin, total in square.items()}
+
+
+def step_size(thin: int) -> float:
+    """Return the rms change of a sum over every `thin`-th plane by a step of 1 at a random place [cells]."""
+    return float(np.sqrt((thin**2 - 1.0) / 12.0))
 
 
 def _put(whole: Rays, found: Crossings, value: np.ndarray, slope: np.ndarray, weight: np.ndarray) -> None:

@@ -11,6 +11,8 @@ from math import comb
 
 import numpy as np
 
+from ...medium import IndexField
+
 # Nodes beyond the points whose samples matter, and nodes that are solved for together.
 MARGIN, BLOCK = 16, 256
 # Least number of nodes for the fifth order.
@@ -19,12 +21,14 @@ LEAST_NODES = 8
 
 def tap_weights(order: int, u: np.ndarray) -> tuple[list[np.ndarray], list[np.ndarray]]:
     """Return the weights of order + 1 B-splines at places u in a cell, and their slopes per cell."""
-    weights, before = [np.ones_like(u)], [np.zeros_like(u)]
+    weights, before = [np.ones_like(u)], list[np.ndarray]()
     for p in range(1, order + 1):
         before, none = weights, np.zeros_like(u)
         low, high = [none, *weights], [*weights, none]
         weights = [((u + p - j) * low[j] + (j + 1 - u) * high[j]) / p for j in range(p + 1)]
     none = np.zeros_like(u)
+    if order == 0:
+        return weights, [none]
     return weights, [low - high for low, high in zip([none, *before], [*before, none], strict=True)]
 
 
@@ -47,14 +51,14 @@ def _solved(count: int, order: int) -> np.ndarray:
 
 def order_for(order: int, count: int) -> int:
     """Return the order that so many nodes allow."""
-    return order if count >= LEAST_NODES else min(order, 3) if count >= 4 else 1
+    return order if count >= LEAST_NODES else min(order, 3) if count >= 4 else min(count - 1, 1)
 
 
 def coefficients(samples: np.ndarray, order: int, axis: int) -> np.ndarray:
     """Return the spline's coefficients along an axis, of which there are order_for(order, n) - 1 more than samples."""
     count = samples.shape[axis]
     order = order_for(order, count)
-    if order == 1:
+    if order < 2:
         return samples
     moved = np.moveaxis(samples, axis, 0)
     flat, extra = moved.reshape(count, -1), order // 2
@@ -111,7 +115,7 @@ class Surface:
         weights, slopes = [], []
         for axis, pitch in ((0, columns), (1, 1)):
             u = place[:, axis] - self.first[axis]
-            cell = np.clip(np.floor(u).astype(np.int64), 0, self.cells[axis] - 1)
+            cell = np.clip(np.floor(u).astype(np.int64), 0, max(self.cells[axis] - 1, 0))
             weight, slope = tap_weights(self.order[axis], u - cell)
             weights.append(weight)
             slopes.append(slope)
@@ -128,3 +132,14 @@ class Surface:
             along += slopes[0][i] * inner
             across += weights[0][i] * inner_slope
         return value, np.stack([along, across], axis=1)
+
+
+def in_space(field: IndexField, points: np.ndarray, slope: np.ndarray) -> np.ndarray:
+    """Return gradients along a grid's own axes, (m, d), as vectors in space at points, both (m, 3)."""
+    if field.geometry == "volume":
+        return slope
+    if field.geometry == "planar":
+        return np.concatenate([np.zeros((len(points), 1)), slope], axis=1)
+    radius = np.hypot(points[:, 0], points[:, 1])
+    outward = points[:, :2] / np.where(radius > 0.0, radius, 1.0)[:, None]
+    return np.concatenate([outward * slope[:, :1], slope[:, 1:]], axis=1)

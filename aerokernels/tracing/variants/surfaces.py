@@ -1,27 +1,18 @@
-"""The next order's change and thinned sums of samples on planar and axisymmetric grids."""
+"""The next order's change of samples on planar and axisymmetric grids, and thinned sums of rays along r."""
 
 import numpy as np
 
 from ...medium import IndexField
 from ...medium.grid import UniformGrid
 from .paths import Contrast, Paths, shortest_cell
-from .planes import THINNED
+from .planes import THINNED, step_size
 from .rays import Rays
-from .splines import Surface
+from .splines import Surface, in_space
 
 # Pieces of a path for each cell of the grid.
 PIECES = 1.5
 # Least number of nodes that are left along an axis of which every fourth is taken.
 LEAST_LEFT = 5
-
-
-def in_space(field: IndexField, points: np.ndarray, slope: np.ndarray) -> np.ndarray:
-    """Return gradients along the grid's two axes, (m, 2), as vectors in space, (m, 3)."""
-    if field.geometry == "planar":
-        return np.concatenate([np.zeros((len(points), 1)), slope], axis=1)
-    radius = np.hypot(points[:, 0], points[:, 1])
-    outward = points[:, :2] / np.where(radius > 0.0, radius, 1.0)[:, None]
-    return np.concatenate([outward * slope[:, :1], slope[:, 1:]], axis=1)
 
 
 def spline_of(field: IndexField, local: np.ndarray, order: int, axis: int = 0, step: int = 1) -> Contrast:
@@ -40,51 +31,53 @@ def spline_of(field: IndexField, local: np.ndarray, order: int, axis: int = 0, s
     return contrast
 
 
-def surface_changes(field: IndexField, paths: Paths, orders: tuple[int, int]) -> tuple[Rays, Rays, dict[int, float]]:
-    """Return the change by the next order, the thinned sum's change by two, and the rms changes by two, three and four.
-
-    Args:
-        field: A planar or axisymmetric field on a uniform grid.
-        paths: The rays' paths.
-        orders: The interpolant's order, and the next.
-    """
-    grid, cell = field.samples, shortest_cell(field, paths) / PIECES
-    count = len(paths.length)
+def order_change(field: IndexField, paths: Paths, orders: tuple[int, int]) -> Rays:
+    """Return the change by the next order of interpolation: `orders` are the interpolant's and the next."""
     if not (paths.length > 0.0).any():
-        return Rays.still(count), Rays.still(count), dict.fromkeys(THINNED, 0.0)
-    local = field.local_coordinates(paths.at(np.linspace(0.0, 1.0, 33))[paths.length > 0.0].reshape(-1, 3))
-    local = np.clip(
-        np.concatenate([local, local.min(axis=0)[None] - grid.spacing, local.max(axis=0)[None] + grid.spacing]),
-        grid.low,
-        grid.high,
-    )
-    base, after = (spline_of(field, local, order) for order in orders)
+        return Rays.still(len(paths.length))
+    local = _about(field, paths)
+    before, after = (spline_of(field, local, order) for order in orders)
+    return paths.integral(_change(field, before, after, np.full(2, np.inf)), shortest_cell(field, paths) / PIECES)
 
-    def change(one: Contrast, other: Contrast, high: np.ndarray) -> Contrast:
-        def contrast(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-            (value, slope), (before, slope_before) = other(points), one(points)
-            there = (field.local_coordinates(points) <= high).all(axis=1)
-            return np.where(there, value - before, 0.0), np.where(there[:, None], slope - slope_before, 0.0)
 
-        return contrast
-
-    order = paths.integral(change(base, after, np.full(2, np.inf)), cell)
-    axis = _followed(field, paths)
-    shape = np.array(grid.shape)
-    if (shape[axis] - 1) // max(THINNED) + 1 < LEAST_LEFT:
-        return order, Rays.still(count), {}
-    last = np.min([(shape[axis] - 1) // thin * thin for thin in THINNED])
-    high = np.where(np.arange(2) == axis, grid.origin + last * grid.spacing, np.inf)
+def thinned_along_r(field: IndexField, paths: Paths, order: int) -> tuple[Rays, dict[int, np.ndarray]]:
+    """As `planes.thinned_sums`, of rays that mostly run along r: through every second, third and fourth row of nodes."""
+    grid, count = field.samples, len(paths.length)
+    chord = np.abs(paths.last - paths.first)
+    along = (np.hypot(chord[:, 0], chord[:, 1]) / grid.spacing[0] > chord[:, 2] / grid.spacing[1]) & (paths.length > 0.0)
+    rows = np.flatnonzero(along)
+    if field.geometry != "axisymmetric" or not len(rows) or (grid.shape[0] - 1) // max(THINNED) + 1 < LEAST_LEFT:
+        return Rays.still(count), {thin: np.zeros(count) for thin in THINNED}
+    some = paths.rows(rows)
+    local, cell = _about(field, some), shortest_cell(field, some) / PIECES
+    base = spline_of(field, local, order)
+    last = np.min([(grid.shape[0] - 1) // thin * thin for thin in THINNED])
+    high = np.array([last * grid.spacing[0], np.inf])
     thinned = {
-        thin: paths.integral(change(base, spline_of(field, local, orders[0], axis, thin), high), cell)
-        for thin in THINNED
+        thin: some.integral(_change(field, base, spline_of(field, local, order, 0, thin), high), cell) for thin in THINNED
     }
-    # A step is half a cell off by two, a whole one by three to either side: sizes as those of sums by two.
-    return order, thinned[2], {thin: float(np.sqrt(np.mean(one.opd**2))) * 2.0 / thin for thin, one in thinned.items()}
+    sums = Rays.still(count)
+    sums.opd[rows], sums.direction[rows], sums.position[rows] = thinned[2].opd, thinned[2].direction, thinned[2].position
+    size = {thin: np.zeros(count) for thin in THINNED}
+    for thin, one in thinned.items():
+        size[thin][rows] = np.abs(one.opd) / step_size(thin)
+    return sums, size
 
 
-def _followed(field: IndexField, paths: Paths) -> int:
-    """Return the grid's axis along which the paths run most of their way."""
-    points = paths.at(np.linspace(0.02, 0.98, 25))[paths.length > 0.0]
-    local = field.local_coordinates(points.reshape(-1, 3)).reshape(*points.shape[:2], 2)
-    return int(np.argmax(np.abs(np.diff(local, axis=1)).sum(axis=(0, 1)) / field.samples.spacing))
+def _change(field: IndexField, one: Contrast, other: Contrast, high: np.ndarray) -> Contrast:
+    """Return the change from one contrast to another, below some local coordinates [m]."""
+
+    def contrast(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        (value, slope), (before, slope_before) = other(points), one(points)
+        there = (field.local_coordinates(points) <= high).all(axis=1)
+        return np.where(there, value - before, 0.0), np.where(there[:, None], slope - slope_before, 0.0)
+
+    return contrast
+
+
+def _about(field: IndexField, paths: Paths) -> np.ndarray:
+    """Return local coordinates [m] whose extremes have all paths between them, shape (m, 2)."""
+    grid = field.samples
+    local = field.local_coordinates(paths.at(np.linspace(0.0, 1.0, 33))[paths.length > 0.0].reshape(-1, 3))
+    ends = np.stack([local.min(axis=0) - grid.spacing, local.max(axis=0) + grid.spacing])
+    return np.asarray(np.clip(ends, grid.low, grid.high))

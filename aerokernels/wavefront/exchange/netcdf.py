@@ -7,6 +7,7 @@ from typing import Any, cast
 
 import numpy as np
 
+from ...display.error_budget import ErrorBudget
 from ...pupils import Annulus, Disc, Mask, Polygon, Pupil, Rectangle
 from ..data import SIGN_CONVENTION, WavefrontMap
 
@@ -90,7 +91,7 @@ def from_xarray(dataset) -> dict[str, Any]:
         "removed": tuple(str(attributes.get("removed", "")).split()),
         "direction": _numbers(attributes, "direction", (3,)) if "direction" in attributes else None,
         "pupil": _pupil(dataset),
-        "budget": partial(dict, total=error) if np.isfinite(error) else None,
+        "budget": partial(ErrorBudget, total=error) if np.isfinite(error) else None,
     }
 
 

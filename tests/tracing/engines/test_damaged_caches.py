@@ -221,7 +221,7 @@ def test_a_full_disk_gives_the_process_a_cache_of_its_own(tmp_path, monkeypatch)
 
 def test_what_warp_keeps_is_built_anew_where_it_does_not_load():
     """Warp's own module stands for a kernel: it loads at the second attempt only."""
-    from aerokernels.tracing.engines.warp import loading
+    from aerokernels.device_arrays import launching
 
     class Module:
         loads = 0
@@ -235,16 +235,16 @@ def test_what_warp_keeps_is_built_anew_where_it_does_not_load():
             return "wp_stand"
 
     with pytest.raises(Exception, match="Failed to load"):  # nothing in the cache: no fault of the cache
-        loading.load_module(Module(), "cpu", 1)
-    folder = Path(loading.wp.config.kernel_cache_dir or loading.wp.init() or loading.wp.config.kernel_cache_dir)
+        launching.load_module(Module(), "cpu", 1)
+    folder = Path(launching.wp.config.kernel_cache_dir or launching.wp.init() or launching.wp.config.kernel_cache_dir)
     (folder / "wp_stand").mkdir(parents=True)
     module = Module()
     with pytest.warns(RuntimeWarning, match="does not load"):
-        loading.load_module(module, "cpu", 1)
+        launching.load_module(module, "cpu", 1)
     assert module.loads == 2 and not (folder / "wp_stand").exists()
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        loading.load_module(module, "cpu", 1)
+        launching.load_module(module, "cpu", 1)
 
 
 def test_what_a_crash_left_of_warps_kernels_is_compiled_again(tmp_path: Path):

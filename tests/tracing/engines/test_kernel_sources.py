@@ -211,11 +211,11 @@ def test_launches_of_the_pupil_take_one_work_item_a_sum():
 def test_warp_compiles_each_tracer_once_for_a_processor(kernel: str):
     """Its C++ calls the loop over rays once. Two calls would be two variants, for arrays with gaps and without."""
     pytest.importorskip("warp")
+    from aerokernels.device_arrays.launching import _cached, load_module
     from aerokernels.process.quiet_warp import start_warp
     from aerokernels.tracing.engines.warp.kernels.leapfrog import build_leapfrog_kernel
     from aerokernels.tracing.engines.warp.kernels.trace import build_kernel
     from aerokernels.tracing.engines.warp.library import library_of
-    from aerokernels.tracing.engines.warp.loading import _cached, load_module
 
     start_warp()
     library = library_of("float32")

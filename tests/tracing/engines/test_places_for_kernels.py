@@ -134,14 +134,14 @@ def test_kernels_are_not_loaded_from_a_folder_that_others_may_write(backend, tmp
 
 def test_a_kernel_that_cannot_be_written_names_the_cache_and_the_remedy():
     """As with `ulimit -f`, or a disk that fills while the process runs: only "[Errno 27] File too large" before."""
+    from aerokernels.device_arrays import launching
     from aerokernels.process.quiet_warp import start_warp
     from aerokernels.process.spare_cache import NoCacheError
-    from aerokernels.tracing.engines.warp import loading
 
     class Module:
         def load(self, device, block_size):
-            raise OSError(loading.errno.EFBIG, "File too large")
+            raise OSError(launching.errno.EFBIG, "File too large")
 
     start_warp()
     with pytest.raises(NoCacheError, match=r"File too large.*ulimit -f.*WARP_CACHE_PATH"):
-        loading.load_module(Module(), "cpu", 1)
+        launching.load_module(Module(), "cpu", 1)

@@ -6,6 +6,7 @@ They run in chunks over host threads: Warp's CPU device runs a launch in one thr
 import numpy as np
 import warp as wp
 
+from ....device_arrays.launching import launch as warp_launch
 from ....process.machine import core_count
 from ....process.quiet_warp import start_warp
 from ....process.threads import in_threads
@@ -176,11 +177,10 @@ def launch(kernel, count: int, *arguments) -> None:
     """Run a kernel over `count` items on all cores; arrays are used in place, (n, 3) arrays as vectors."""
     start_warp()
     given = [_shared(argument) for argument in arguments]
-    kernel.module.load("cpu", 1)  # once, before several threads need it
     size = max(LEAST_CHUNK, min(CHUNK, -(-count // (4 * core_count()))))
 
     def run(first: int) -> None:
-        wp.launch(kernel, dim=min(size, count - first), inputs=[first, *given], device="cpu")
+        warp_launch(kernel, min(size, count - first), [first, *given], "cpu")
 
     in_threads(run, range(0, count, size))
 

@@ -9,13 +9,14 @@ import warp as wp
 
 from ....device_arrays import DeviceArray, in_reach, is_one_row
 from ....device_arrays.fetching import Fetching
-from ....device_arrays.pinned import bring, pinned_memory
+from ....device_arrays.launching import launch, load_module
+from ....device_arrays.pinned import bring, pinned_memory, to_host
 from ....medium import IndexField
 from ....process.clock import stage
 from ....process.large_arrays import thread_count
 from ....process.machine import core_count, host_memory
 from ....process.opened import OPENED
-from ....process.quiet_warp import start_warp
+from ....process.quiet_warp import open_device
 from ....process.threads import in_threads
 from ...bundle.table import BundleTable
 from ...plan import TracePlan
@@ -30,7 +31,6 @@ from .kernels.leapfrog import build_leapfrog_kernel
 from .kernels.team import WARP
 from .kernels.trace import build_kernel
 from .library import library_of
-from .loading import load_module
 from .transfers import Fetched, Recorded, Sent, Shared
 from .types import types
 
@@ -76,10 +76,9 @@ class Engine(Uploads):
     """Warp on one device; see interface.py."""
 
     def __init__(self, device: str):
-        """Start Warp."""
-        start_warp()
+        """Open a device."""
         self.device = device
-        found = wp.get_device(device)
+        found = open_device(device)
         # Read once: on a CPU from some twenty files of the system.
         memory = OPENED.once(("memory", device), lambda: float(found.total_memory if found.is_cuda else host_memory()))
         self.memory = memory, memory
@@ -220,7 +219,7 @@ class Engine(Uploads):
 
     def get(self, buffer: wp.array, array: np.ndarray) -> None:
         """Wait for the launched kernels, and copy the first rows of a buffer into the array."""
-        array[...] = buffer[: len(array)].numpy() if len(array) < len(buffer) else buffer.numpy()
+        array[...] = to_host(buffer[: len(array)] if len(array) < len(buffer) else buffer)
 
     def sent(self, array: np.ndarray) -> Sent:
         """See interface.py."""
@@ -245,12 +244,12 @@ class Engine(Uploads):
         if self.device != "cpu":
             dim = self.threads.get(kernel, 1) * count
             block = self.blocks.get(kernel)
-            wp.launch(kernel, dim=dim, inputs=[*before, first, *after], device=self.device, block_dim=block)
+            launch(kernel, dim, [*before, first, *after], self.device, block)
             return
 
         def run(begin: int) -> None:
             some = min(chunk, first + count - begin)
-            wp.launch(kernel, dim=some, inputs=[*before, begin, *after], device=self.device)
+            launch(kernel, some, [*before, begin, *after], self.device)
 
         chunk = max(1, min(CHUNK, -(-count // core_count())))
         if kernel in SHARED or kernel in SHORT:

@@ -31,7 +31,7 @@ class Sent:
         self._others: dict[int, wp.array] = {}
         if buffer.device.is_cuda:
             self._there = _beside(buffer, self)
-            self.array = self._there.numpy().reshape(array.shape)
+            self.array = np.asarray(self._there).reshape(array.shape)
 
     def send(self, values: np.ndarray | None = None) -> None:
         """Start the upload; a stream is in order, so later launches see it."""
@@ -66,7 +66,7 @@ class Fetched:
         self._whole = wp.empty(end // 8, dtype=wp.float64, device=device)
         self._there = _beside(self._whole, self)
         parts: list[wp.array] = []
-        bytes_there = self._there.numpy().view(np.uint8)
+        bytes_there = np.asarray(self._there).view(np.uint8)
         arrays_there: list[np.ndarray] = []
         for array, start, (kind, count) in zip(arrays, starts, kinds, strict=True):
             part = wp.array(

@@ -1,0 +1,133 @@
+"""Load and launch Warp's kernels from any thread, and build them again if their files in Warp's cache are damaged.
+
+Warp does not guard what it does at the first launch of a kernel. Two threads that load one module at once both load it,
+and the copy that is replaced is unloaded while its kernels may run; the table of CUDA functions, and the memory for
+sorting, have no lock either. So one thread at a time does these things. Later launches take no lock.
+"""
+
+import errno
+import shutil
+import warnings
+import weakref
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import warp as wp
+
+from ..files.drafts import FULL
+from ..process.opened import OPENED, Locked
+from ..process.spare_cache import NoCacheError
+
+NO_WRITING = (*FULL, errno.EACCES, errno.EPERM, errno.EROFS)
+
+
+class _Turn(Locked):
+    """The lock of what one thread does at a time, and what is done.
+
+    Attributes:
+        done: The modules that were loaded and the kernels that were launched, each with its device and threads per
+            block.
+        streams: Streams that are not in use, by device. None is destroyed, for the table of streams has no lock.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.done: set[tuple] = set()
+        self.streams: dict[str, list] = {}
+
+
+def _turn() -> _Turn:
+    turn: _Turn = OPENED.get("turn at Warp") or OPENED.once("turn at Warp", _Turn)
+    return turn
+
+
+def launch(kernel: Any, dim: Any, inputs: Sequence[Any], device: Any, block_size: int | None = None) -> None:
+    """Launch a kernel as `wp.launch` does, in any thread.
+
+    Args:
+        kernel: A wp.Kernel.
+        dim: Number of threads, or several for an array of threads.
+        inputs: The kernel's arguments.
+        device: A wp.Device, or its name.
+        block_size: Threads per block; None for Warp's default, which is 1 on a CPU.
+    """
+    turn, key = _turn(), (kernel, str(device), block_size)
+    options: dict[str, Any] = {} if block_size is None else {"block_dim": block_size}
+    if key in turn.done:
+        wp.launch(kernel, dim=dim, inputs=inputs, device=device, **options)
+        return
+    with turn.lock:
+        load_module(kernel.module, str(device), 1 if str(device) == "cpu" else block_size)
+        wp.launch(kernel, dim=dim, inputs=inputs, device=device, **options)
+    turn.done.add(key)
+
+
+def sort_rows(rows: Any, count: int) -> None:
+    """Start to sort the first `count` numbers of an int32 array, which has room for twice as many."""
+    spare = wp.empty(2 * count, dtype=wp.int32, device=rows.device)
+    with _turn().lock:  # everything that is sorted on a stream uses the same memory
+        wp.utils.radix_sort_pairs(rows, spare, count)
+
+
+def lent_stream(owner: Any, device: Any) -> Any:
+    """Return a stream of a GPU that nothing else uses as long as `owner` lives."""
+    turn = _turn()
+    with turn.lock:
+        free = turn.streams.setdefault(str(device), [])
+        stream = free.pop() if free else wp.Stream(device)
+    weakref.finalize(owner, free.append, stream).atexit = False
+    return stream
+
+
+def load_module(module: Any, device: str, block_size: int | None) -> None:
+    """Load a Warp module for a device from the cache, or compile it, once.
+
+    If the cached files do not load, they are removed, with a RuntimeWarning, and the module is compiled again, once.
+
+    Args:
+        module: A warp.Module.
+        device: Warp's name of the device.
+        block_size: Threads per block; None for Warp's default.
+
+    Raises:
+        NoCacheError: The module is not in the cache and cannot be written there.
+        Exception: Warp's own, if the module does not compile.
+    """
+    turn, key = _turn(), (module, device, block_size)
+    if key in turn.done:
+        return
+    with turn.lock:
+        if key not in turn.done:
+            _load(module, device, block_size)
+            turn.done.add(key)
+
+
+def _load(module: Any, device: str, block_size: int | None) -> None:
+    try:
+        module.load(device, block_size)
+    except Exception as error:  # Warp raises bare Exceptions, and for damaged files those of JSON and NumPy
+        if isinstance(error, OSError) and error.errno in NO_WRITING:
+            raise NoCacheError(
+                f"Warp cannot write a kernel to {wp.config.kernel_cache_dir} ({error.strerror}): make room there, "
+                "raise the limit of files (ulimit -f), or set WARP_CACHE_PATH to another folder"
+            ) from error
+        folder = _cached(module, block_size)
+        if folder is None:
+            raise
+        shutil.rmtree(folder, ignore_errors=True)
+        why = " ".join(str(error).split())
+        warnings.warn(
+            f"Warp's kernel cache in {folder} does not load ({why}): it is built again", RuntimeWarning, stacklevel=2
+        )
+        module.load(device, block_size)
+
+
+def _cached(module, block_size: int | None) -> Path | None:
+    """Return the folder of this module in Warp's cache; None if there is none, so that the cache is not the cause."""
+    with suppress(Exception):  # another version of Warp may not have these names
+        folder = Path(wp.config.kernel_cache_dir) / module.get_module_identifier(block_size)
+        if folder.name.startswith("wp_") and folder.is_dir():
+            return folder
+    return None
