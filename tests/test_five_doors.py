@@ -28,7 +28,7 @@ from aerokernels.pupils import direction_of
 from aerokernels.tracing.beyond import plane_beyond
 
 WAVELENGTH = 905e-9
-SIDE, FINER, RAYS = 0.0613, 3, 65536  # boxes [m]; cells of the truth's grid in one; rays
+SIDE, FINER, RAYS = 0.0613, 3, 32768  # boxes [m]; cells of the truth's grid in one; rays
 AMBIENT, RATIO = 1.0, 1.3
 Density = Callable[..., np.ndarray]
 
@@ -178,10 +178,10 @@ SCENES = [
     Scene("small blobs", "volume", blobs(1, 1.2)),
     Scene("blobs", "volume", blobs(2, 1.6)),
     Scene("blobs from aslant", "volume", blobs(3, 1.4), azimuth=0.25, elevation=-0.15),
-    Scene("planar blobs", "planar", blobs(15, 1.1, 2, 0.02)),
+    Scene("planar blobs", "planar", blobs(14, 1.1, 2, 0.02)),
     Scene("planar blobs from aslant", "planar", blobs(5, 1.3, 2, 0.02), azimuth=0.2, elevation=0.15),
-    Scene("a planar front", "planar", front(1.0, 0.2), 65),
-    Scene("a planar front from aslant", "planar", front(1.0, 0.4), 65, elevation=0.2),
+    Scene("a planar front", "planar", front(0.8, 0.2), 65),
+    Scene("a planar front from aslant", "planar", front(0.8, 0.4), 65, elevation=0.2),
     Scene("rings", "axisymmetric", rings(1.6)),
     Scene("rings beside the axis", "axisymmetric", rings(1.4), center=(0.004, 0.002, 0.0), radius=0.008),
     Scene("rings from aslant", "axisymmetric", rings(1.4), azimuth=0.15, elevation=0.1, radius=0.008),
@@ -201,7 +201,7 @@ class Told:
 
 def doors(field: IndexField, series: flow.Series, scene: Scene) -> Iterator[Told]:
     pupil = scene.pupil
-    own = {"tolerance": 1e-3}
+    own = {"tolerance": 1e-4}
     found = estimate_strehl(field, pupil, ray_count=RAYS, **own).quantities
     yield Told("estimate_strehl", *np.transpose([(one.value, one.error) for one in (found["value"], found["opd_rms"])]))
     rays = RayBundle.collimated(pupil, 4096, direction=pupil.normal)
@@ -221,7 +221,7 @@ def doors(field: IndexField, series: flow.Series, scene: Scene) -> Iterator[Told
 
 def true_numbers(scene: Scene | Shipped) -> np.ndarray:
     field, pupil = scene.truth(), scene.pupil
-    rays = RayBundle.collimated(pupil, RAYS, direction=pupil.normal)
+    rays = RayBundle.collimated(pupil, 8192, direction=pupil.normal)
     stop = plane_beyond(field, pupil, pupil.normal)
     opd = trace(field, rays, until=stop, outputs="opd", precision="float64", tolerance=1e-4).opd
     return np.array([strehl(opd, WAVELENGTH), opd.std()])
