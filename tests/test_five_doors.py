@@ -160,7 +160,7 @@ def front(width: float, slant: float) -> Density:
     """A resolved front across y and z, width in cells of 65 nodes a side, which fades toward the faces."""
     return lambda y, z: (
         AMBIENT
-        + 0.08
+        + 0.03
         * np.exp(-(((z - 0.5 * SIDE) / (0.15 * SIDE)) ** 2))
         * np.tanh((y - slant * (z - 0.5 * SIDE)) / (width * SIDE / 64.0))
     )
@@ -201,7 +201,7 @@ class Told:
 
 def doors(field: IndexField, series: flow.Series, scene: Scene) -> Iterator[Told]:
     pupil = scene.pupil
-    own = {"tolerance": 1e-4}
+    own = {"tolerance": 2e-5}
     found = estimate_strehl(field, pupil, ray_count=RAYS, **own).quantities
     yield Told("estimate_strehl", *np.transpose([(one.value, one.error) for one in (found["value"], found["opd_rms"])]))
     rays = RayBundle.collimated(pupil, 4096, direction=pupil.normal)
