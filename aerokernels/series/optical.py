@@ -95,7 +95,7 @@ def optical_series(
         given.
         Pixels whose rays end on a body, and with method="linear" those whose rays leave the grid sideways or miss it,
         are not valid, and in no number. Errors are computed on some snapshots (nearest_errors.py), the part of the
-        pixels on each (half_density.py).
+        pixels on each (finer_pixels.py).
 
     Warns:
         TruncationWarning: More than a thousandth of the pupil is not valid, or more than a hundredth of it looks past

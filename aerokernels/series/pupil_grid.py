@@ -9,7 +9,8 @@ import numpy as np
 from ..inputs.checks import check_count
 from ..pupils import Projected, Pupil, seen_along
 from ..wavefront import remove_terms, weighted_mean
-from .half_density import LEAST, half_density, pixel_errors
+from ..wavefront.stencils import three_in_a_row
+from .finer_pixels import FACTOR, FinerPixels
 
 # Share of a pixel below which a remainder is rounding.
 ROUNDING = 1e-9
@@ -52,10 +53,10 @@ class PupilGrid:
         """Return a reader of maps of some of the pixels with a weight, `good` of shape (n,)."""
         there = self.spread(good, False)
         found = MapReader(self.coordinates[good], self.weight[there], remove, wavelength)
-        coarse = half_density(self.x, self.y, self.pixel, self.aperture.coverage)
-        for weight in (one[there] for one in coarse):
-            rows = np.flatnonzero(weight)
-            found.coarse.append((rows, MapReader(self.coordinates[good][rows], weight[rows], remove, wavelength)))
+        if three_in_a_row(there):
+            weight = np.where(there, self.weight, 0.0)
+            parts = FinerPixels(self.x, self.y, self.pixel, weight, self.aperture.coverage)
+            found.finer = parts, MapReader(parts.points, parts.weight, remove, wavelength)
         return found
 
     def spread(self, values: np.ndarray, fill: Any = np.nan) -> np.ndarray:
@@ -120,7 +121,7 @@ class MapReader:
     """Computes the numbers of maps with the same pixels; the part that depends on the pixels alone is computed once.
 
     Attributes:
-        coarse: Rows of the pixels of maps of every other pixel, and their readers; none if errors are not needed.
+        finer: The parts of the pixels, and the reader of their maps; None where errors are not needed or not known.
     """
 
     def __init__(self, coordinates: np.ndarray, weight: np.ndarray, remove: tuple[str, ...], wavelength: float):
@@ -130,7 +131,7 @@ class MapReader:
         self._centred = coordinates - weighted_mean(self.weight, coordinates)
         # pinv with a relative cutoff, so that neither small units nor a pupil that is a line make it singular.
         self._inverse = np.linalg.pinv((self._centred * self.weight[:, None]).T @ self._centred, rcond=1e-12)
-        self.coarse: list[tuple[np.ndarray, MapReader]] = []
+        self.finer: tuple[FinerPixels, MapReader] | None = None
 
     def __call__(self, opd: np.ndarray) -> Reading:
         """Return the numbers of a map [m], shape (n,)."""
@@ -149,7 +150,8 @@ class MapReader:
         return Reading(left, piston, tilt, rms, rms_without_tilt, abs(phasor) ** 2)
 
     def sampling(self, opd: np.ndarray, reading: Reading) -> np.ndarray:
-        """Return the errors of a map's numbers by its pixels, shape (6,); NaN where there are too few of them."""
-        if not self.coarse or min(len(rows) for rows, _ in self.coarse) < LEAST:
+        """Return the errors of a map's numbers by its pixels, shape (6,); NaN where they are too few to tell."""
+        if self.finer is None:
             return np.full(len(reading.numbers), np.nan)
-        return pixel_errors(reading.numbers, [reader(opd[rows]).numbers for rows, reader in self.coarse])
+        parts, reader = self.finer
+        return np.asarray(FACTOR * np.abs(reader(parts(opd)).numbers - reading.numbers))

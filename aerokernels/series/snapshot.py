@@ -26,7 +26,7 @@ from ..tracing.engines.choice import choose_backend
 from ..tracing.engines.info import cuda_driver_loads
 from ..tracing.pupil.air import PupilAir, pupil_air
 from ..tracing.trace import trace
-from ..tracing.variants.causes import Variants, few_rows, sample_rows
+from ..tracing.variants.causes import Variants, few_rows, sample_size
 from ..tracing.variants.rays import Rays
 from ..wavefront import remove_terms
 from .bending import bending
@@ -263,8 +263,7 @@ class Snapshots:
 
     def _rays(self, chosen: np.ndarray | slice) -> RayBundle:
         points = self.grid.points[chosen]
-        weight = self.grid.weight[self.grid.lit][chosen]
-        return RayBundle(points, np.broadcast_to(self.settings.direction, points.shape), weight)
+        return RayBundle(points, np.broadcast_to(self.settings.direction, points.shape))
 
     @property
     def _is_volume(self) -> bool:
@@ -272,9 +271,18 @@ class Snapshots:
         return isinstance(self.lines, LineIntegrals) and self.lines.mesh.geometry == "volume"
 
     def _sample(self, valid: np.ndarray) -> np.ndarray:
-        """Return rows of some of the rays that came through, as they are chosen for errors."""
+        """Return rows of some of the rays that came through: those nearest to the rays of a Strehl ratio's error."""
+        from scipy.spatial import cKDTree
+
         assert self.lines is not None
-        return sample_rows(self.lines.mesh, self._rays(slice(None)), valid)
+        rows = np.flatnonzero(valid)
+        if not len(rows):
+            return rows
+        count = sample_size(self.lines.mesh)
+        wanted = RayBundle.collimated(self.grid.pupil, count, direction=self.settings.direction).position
+        apart, nearest = cKDTree(self.grid.points[rows]).query(wanted)
+        there = apart <= self.grid.pixel
+        return rows[nearest[there if there.any() else slice(None)]]
 
     def _varied(self, stored: Any, number: int, opd: np.ndarray, valid: np.ndarray, known: Any) -> Variants | None:
         """Return how rays on straight lines change by each cause; None where there are none.
@@ -346,9 +354,10 @@ class Snapshots:
         return float(np.sqrt(np.mean(left**2)))
 
     def _traced(self, field: IndexField) -> SnapshotResult:
+        rays = replace(self._rays(slice(None)), weight=self.grid.weight[self.grid.lit])
         traced = trace(
             field,
-            self._rays(slice(None)),
+            rays,
             until=plane_beyond(field, self.grid.pupil, self.settings.direction),
             tolerance=self.settings.tolerance,
             wavelength=self.settings.wavelength,

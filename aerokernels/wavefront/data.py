@@ -66,7 +66,7 @@ class WavefrontMap:
     plan: Any = None
     seconds: dict[str, float] = field(default_factory=dict)
     varied: Callable[[], Variants | None] | None = None
-    budget: Callable[[], dict[str, float]] | None = None
+    budget: Callable[[], ErrorBudget] | None = None
 
     @property
     def key(self) -> Hashable:

@@ -78,7 +78,7 @@ def sample_size(field: Any) -> int:
 def sample_rows(field: Any, rays: RayBundle, good: np.ndarray) -> np.ndarray:
     """Return rows of some of the rays that arrived, in an order of which every eighth is spread over the whole bundle.
 
-    They follow each other evenly along a curve through the places at which the rays are some way from their starts.
+    They are evenly spread along a curve through the places at which the rays are some way from their starts.
     """
     rows = np.flatnonzero(good)
     if len(rows) > CANDIDATES:
@@ -93,8 +93,11 @@ def sample_rows(field: Any, rays: RayBundle, good: np.ndarray) -> np.ndarray:
     bits = np.arange(int(np.log2(CURVE)))
     key = np.sum(((cell[:, :, None] >> bits) & 1) << (2 * bits + np.arange(2)[:, None]), axis=(1, 2))
     count = min(sample_size(field), len(rows))
-    chosen = rows[np.argsort(key, kind="stable")][np.linspace(0, len(rows) - 1, count).round().astype(int)]
-    return chosen[np.argsort(np.arange(count) % BLOCKS, kind="stable")]
+    # One at random of each part of the curve, and at random to the blocks: the rays may be a grid.
+    rng = np.random.default_rng(0)
+    part = np.floor((np.arange(count) + rng.random(count)) * (len(rows) / count)).astype(int)
+    block = np.concatenate([rng.permutation(BLOCKS) for _ in range(-(-count // BLOCKS))])[:count]
+    return rows[np.argsort(key, kind="stable")][part][np.argsort(block, kind="stable")]
 
 
 def few_rows(count: int) -> np.ndarray:
