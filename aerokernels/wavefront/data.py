@@ -163,7 +163,7 @@ class WavefrontMap:
         """
         with clocked() as spent, stage("error"):
             if self.varied is None:
-                found = ErrorBudget() if self.budget is None else self.budget()
+                found = ErrorBudget() if self.budget is None else ErrorBudget(self.budget())
             else:
                 found = ErrorBudget() if self.changes is None else of_opd(self)
         self.seconds["error"] = spent["total"]

@@ -215,12 +215,10 @@ def _pixels_error(pupil: Pupil, wave: Wave, path: np.ndarray) -> float:
     lit = weight > 0.0
     place = np.argwhere(lit) - np.array(weight.shape) // 2  # from the pixel whose middle is the pupil's centre
     reach = int(np.abs(place).max())
-    maps = []
-    for values in (path, weight):
-        square = np.zeros((2 * reach + 1, 2 * reach + 1))
+    opd, share = np.zeros((2, 2 * reach + 1, 2 * reach + 1))
+    for square, values in ((opd, path), (share, weight)):
         square[tuple((place + reach).T)] = values[lit]
-        maps.append(square)
-    return float(of_pixels(Wavefront(*maps, wave.pixel, wave.wavelength, pupil=pupil), Wavefront.strehl))
+    return float(of_pixels(Wavefront(opd, share, wave.pixel, wave.wavelength, pupil=pupil), Wavefront.strehl))
 
 
 def _changes(light: Wave, path: np.ndarray, other: np.ndarray) -> tuple[float, float]:
