@@ -87,6 +87,7 @@ def variants(
     *,
     weight: np.ndarray | None = None,
     lost: np.ndarray | None = None,
+    group: int = 1,
 ) -> Variants:
     """Return how some rays of a run change by each cause.
 
@@ -99,10 +100,11 @@ def variants(
         run: Traces rays by a plan to the same stop.
         weight: Their shares in means over the bundle, shape (n,); None for equal ones.
         lost: Optical path that the source has beyond the field's cuts [m], shape (n,); None for no cut.
+        group: Number of consecutive rays that belong together, as those of a pixel: few whole groups are traced again.
     """
     paths = paths_of(field, rays.position, rays.direction, until, (base.position, base.direction))
     lost = np.zeros(rays.ray_count) if lost is None else lost
-    traced = _Traced(field, rays, base, plan, run)
+    traced = _Traced(field, rays, base, plan, run, group)
     causes = traced.steps()
     if field.resampling is None:
         causes |= _by_index(field, paths, traced)
@@ -165,11 +167,11 @@ def _by_source(field: IndexField, paths: Paths, traced: "_Traced", until, lost: 
 class _Traced:
     """Traces few of some rays again, by other plans and through other fields; each stands for those nearest to it."""
 
-    def __init__(self, field: IndexField, rays: RayBundle, base: Rays, plan: TracePlan, run: Run):
-        """Take the rays, all of which arrived, and what they brought by a plan."""
+    def __init__(self, field: IndexField, rays: RayBundle, base: Rays, plan: TracePlan, run: Run, group: int):
+        """Take the rays, all of which arrived, in groups of a size, and what they brought by a plan."""
         self.field, self.base, self.plan, self.run = field, base, plan, run
-        self.rays = rays
-        self.few = np.arange(min(TRACED, rays.ray_count))
+        self.rays, self.group = rays, group
+        self.few = np.arange(min(max(TRACED // group, 1) * group, rays.ray_count))
         self.some = rays.rows(self.few)
 
     def tight(self, field: IndexField) -> TracePlan:
@@ -216,14 +218,16 @@ class _Traced:
         """Return the changes from one to the next, for all rays those of the nearest few; NaN where none arrived."""
         from scipy.spatial import cKDTree
 
-        names = list(chain)
-        good = np.logical_and.reduce([reached(status) for _, status in chain.values()])
+        names, group = list(chain), self.group
+        good = np.logical_and.reduce([reached(status) for _, status in chain.values()]).reshape(-1, group).all(axis=1)
         if not good.any():
             return dict.fromkeys(names[1:], self.base * np.nan)
         start, ahead = self.rays.position, self.rays.direction
         places = start + ahead * np.linalg.norm(start - start.mean(axis=0), axis=1).max()
-        _, nearest = cKDTree(places[self.few[good]]).query(places)
+        places, there = places.reshape(-1, group, 3).mean(axis=1), np.flatnonzero(good)
+        _, nearest = cKDTree(places[there]).query(places)
+        rows = (there[nearest][:, None] * group + np.arange(group)).ravel()
         return {
-            name: (chain[name][0] - chain[before][0])[good][nearest]
+            name: (chain[name][0] - chain[before][0])[rows]
             for before, name in zip(names, names[1:], strict=False)
         }
