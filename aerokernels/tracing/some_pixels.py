@@ -12,13 +12,17 @@ import numpy as np
 
 from ..medium import IndexField
 from ..rays import RayBundle
+from .cuts import lost
 from .trace import rerun, trace
 from .variants.causes import Variants, variants
 from .variants.rays import Rays
 from .variants.spread import FACTOR, of_each
 
-# Rays of all pixels, least number of pixels, and pixels about a pixel by which its error is found.
-RAYS, LEAST_PIXELS, NEAR = 1024, 64, 9
+# Least and most rays of all pixels, the share of the map's rays between, and least number of pixels.
+LEAST_RAYS, MOST_RAYS, SHARE, LEAST_PIXELS = 256, 1024, 1.0 / 16.0, 64
+# Pixels about a pixel by which its error is found, and the factor on a root mean square of so many that covers 95 of
+# 100 (Student's t), over FACTOR.
+NEAR, STUDENT = 12, 2.18 / 2.0
 # What the rays bring, those of a pixel one after another -> the number of each pixel, shape (pixels, ...).
 PixelNumber = Callable[[Rays], np.ndarray]
 
@@ -38,7 +42,8 @@ class SomePixels:
     def __init__(self, shape: tuple[int, int], group: int):
         """Choose pixels of a map that have a number of rays each."""
         self.shape, self.group, step = shape, group, 1
-        while np.prod([-(-count // step) for count in shape]) > max(RAYS // group, LEAST_PIXELS):
+        rays = np.clip(SHARE * np.prod(shape) * group, LEAST_RAYS, MOST_RAYS)
+        while np.prod([-(-count // step) for count in shape]) > max(rays // group, LEAST_PIXELS):
             step += 1
         self.rows, self.columns = (np.arange((count - 1) % step // 2, count, step) for count in shape)
         self.place = np.stack(np.meshgrid(self.rows, self.columns, indexing="ij"), axis=-1).reshape(-1, 2)
@@ -55,8 +60,9 @@ class SomePixels:
         rows = (self.kept[:, None] * self.group + np.arange(self.group)).ravel()
         assert traced.opd is not None and traced.direction is not None and traced.position is not None  # requested
         base = Rays(traced.opd[rows], traced.direction[rows], traced.position[rows])
-        run, lost = rerun(until, traced.wavelength), traced.truncation[rows]
-        self.found = variants(field, rays.rows(rows), base, traced.plan, until, run, lost=lost, group=self.group)
+        some, run = rays.rows(rows), rerun(until, traced.wavelength)
+        beyond = lost(field, some, until, (base.position, base.direction))
+        self.found = variants(field, some, base, traced.plan, until, run, lost=beyond, group=self.group)
 
     def errors(self, number: PixelNumber, stored: np.ndarray | None = None) -> dict[str, np.ndarray]:
         """Return the errors of a number by cause, shape (pixels, ...) of all pixels.
@@ -69,7 +75,9 @@ class SomePixels:
         assert self.found is not None
         base = self.found.base
         plain = number(base)
-        errors = of_each(lambda change: number(base + change) - plain, self.found, self._near(np.arange(len(plain))))
+        near = self._near(np.arange(len(plain)))
+        errors = of_each(lambda change: number(base + change) - plain, self.found, near)
+        errors = {name: STUDENT * error for name, error in errors.items()}
         if stored is not None:
             at = self.place[self.kept]
             errors["bundle"] = self.spread(stored[at[:, 0], at[:, 1]] - plain)
@@ -80,7 +88,7 @@ class SomePixels:
         good = np.flatnonzero(np.isfinite(change).reshape(len(change), -1).all(axis=1))
         if not len(good):
             return np.full((len(self.place), *change.shape[1:]), np.nan)
-        return np.asarray(FACTOR * np.sqrt((change[good][self._near(good)] ** 2).mean(axis=1)))
+        return np.asarray(STUDENT * FACTOR * np.sqrt((change[good][self._near(good)] ** 2).mean(axis=1)))
 
     def _near(self, some: np.ndarray) -> np.ndarray:
         """Return for each pixel the numbers of the nearest of some of those kept, shape (pixels, k)."""
