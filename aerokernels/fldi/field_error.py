@@ -30,9 +30,7 @@ PLACES, NEAR, ACROSS = 12, 12, 4
 FIELDS = ("first", "last", "ahead", "onward", "length", "rest")
 
 
-def field_errors(
-    field: IndexField, instrument: FLDI, focus: np.ndarray, ends: np.ndarray
-) -> np.ndarray:
+def field_errors(field: IndexField, instrument: FLDI, focus: np.ndarray, ends: np.ndarray) -> np.ndarray:
     """Return the errors of phases due to the field [rad], shape (n,); NaN where they are not known.
 
     Args:
@@ -72,7 +70,7 @@ def field_errors(
 def _paths(
     field: IndexField, instrument: FLDI, places: np.ndarray, focus: np.ndarray, side: float, ends: tuple[float, float]
 ) -> tuple[Paths, np.ndarray]:
-    """Return the ways of a beam's rays to the plane of the focus and on, one after the other, and what cuts leave out."""
+    """Return the ways of a beam's rays to the plane of the focus and on, in turn, and what cuts leave out."""
     middle = np.clip(0.0, *ends)
     stops = [
         ray_points(instrument, places, focus, side, np.full((1, len(places)), place))[0]

@@ -76,8 +76,6 @@ def test_rays_through_cells_are_columns(geometry):
     assert np.abs(found.position - rays.position - 10.0 * rays.direction).max() < 1e-12
 
 
-
-
 def test_cells_are_traced_by_the_reference_alone():
     field = skewed("planar")
     index = field.index_field(constant=1e-4, interpolation="cells")

@@ -1,17 +1,15 @@
 """Backgrounds, cameras and errors of displacements by hand: pixel by pixel, dot by dot."""
 
 import math
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from aerokernels import Camera, Disc, DotPattern, IndexField, Rectangle
+from aerokernels import Camera, Disc, DotPattern
 from aerokernels.imaging.camera import rows_and_columns
-from aerokernels.imaging.displacement_error import _around, by_points
 from aerokernels.imaging.dots import Background, _box
 from aerokernels.imaging.render import hat
-from aerokernels.imaging.shift import _others, aperture
+from aerokernels.imaging.shift import aperture
 from aerokernels.imaging.through import filled
 
 
@@ -117,12 +115,6 @@ def test_dots_are_gaussians_that_do_not_exceed_white():
     with pytest.raises(ValueError, match="below one pixel"):
         DotPattern(diameter=0.99)
     assert DotPattern(diameter=1.0).diameter == 1.0
-
-
-
-
-
-
 
 
 def test_points_of_an_aperture_have_the_square_of_its_transmission():

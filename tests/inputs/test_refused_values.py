@@ -202,8 +202,6 @@ def test_an_index_that_is_given_as_a_contrast_is_warned_of(index):
         samples(np.full((3, 3), index))
 
 
-
-
 def test_nothing_is_cut_where_nothing_is_above():
     assert outlines(CUBE - [2.0, 0.0, 0.0], np.array([[0, 1, 2], [1, 2, 3]])) == []
 

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from aerokernels.series.strehl_bound import strehl_error
 
 from aerokernels import Disc, IndexField, QuadMesh, RayBundle, Rectangle, flow, trace
 from aerokernels.pupils import direction_of
@@ -14,7 +15,6 @@ from aerokernels.series.look_batch import _agrees, _known, can_batch, side_by_si
 from aerokernels.series.mesh_integrals import MeshIntegrals
 from aerokernels.series.pupil_grid import pupil_grid
 from aerokernels.series.snapshot import Snapshots, SnapshotSettings
-from aerokernels.series.strehl_bound import strehl_error
 from aerokernels.tracing.beyond import plane_beyond
 from aerokernels.wavefront import remove_terms
 

@@ -146,5 +146,3 @@ def test_a_processor_prepares_grids_of_many_nodes_at_their_first_trace(monkeypat
             engine = engine_of(choices["backend"], choices["device"])
             assert (field.samples.held(engine.grid_key) is not None) == (backend == "opencl" and many <= 6 * 9 * 9)
         np.testing.assert_allclose(traced[backend, 487], traced[backend, 486], rtol=1e-6)
-
-

@@ -62,8 +62,6 @@ def test_lines_in_a_cylinder_leave_it_on_its_circle():
     np.testing.assert_allclose(np.abs(cosine), np.abs(along), atol=1e-9)
 
 
-
-
 def test_lever_arms_and_obliquities(changed: Moved):
     """For a slanted plane: a displacement across a ray changes its path as the law of the plane says."""
     position, direction = beams()

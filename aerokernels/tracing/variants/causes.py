@@ -16,6 +16,7 @@ Changes of a uniform grid are integrated along the traced paths, to first order.
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -187,7 +188,7 @@ def _moved(base: Rays, rays: RayBundle) -> np.ndarray:
 def _of_field(
     field: IndexField, paths: Paths, change: Change, to_source: Change, bent: Rays, lost: np.ndarray
 ) -> dict[str, Cause]:
-    """Return the changes by the field's samples, its source and its model; `bent` is what the contrast makes of rays."""
+    """Return the changes by the samples, the source and the model; `bent` is what the contrast makes of rays."""
     if field.resampling is None:
         causes = _by_index(field, paths, change)
     elif field.source is None:
@@ -286,7 +287,4 @@ class _Traced:
         there = np.flatnonzero(good)
         _, nearest = cKDTree(places[self.groups[there]]).query(places)
         rows = (there[nearest][:, None] * group + np.arange(group)).ravel()
-        return {
-            name: (chain[name][0] - chain[before][0])[rows]
-            for before, name in zip(names, names[1:], strict=False)
-        }
+        return {name: (chain[name][0] - chain[before][0])[rows] for before, name in pairwise(names)}

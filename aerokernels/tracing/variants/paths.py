@@ -61,7 +61,7 @@ class Paths:
         return Paths(*(part[rows] for part in parts), self.normal, self.index)
 
     def integral(self, contrast: Contrast, cell: float) -> Rays:
-        """Return what a change of the contrast adds to each ray, by Gauss points of pieces not longer than `cell` [m]."""
+        """Return what a change of the contrast adds to each ray, by Gauss points of pieces of at most `cell` [m]."""
         found = Rays.still(len(self.length))
         rows = np.flatnonzero(self.length > 0.0)
         if not len(rows):
