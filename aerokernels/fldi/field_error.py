@@ -26,8 +26,6 @@ from .rays import ray_points
 # Places of the focus at which the phase is computed again, the nearest of them by which an error is found, and rays
 # along both sides of a beam: Gauss's points for its light.
 PLACES, NEAR, ACROSS = 12, 12, 4
-# Arrays of Paths.
-FIELDS = ("first", "last", "ahead", "onward", "length", "rest")
 
 
 def field_errors(field: IndexField, instrument: FLDI, focus: np.ndarray, ends: np.ndarray) -> np.ndarray:
@@ -43,7 +41,8 @@ def field_errors(field: IndexField, instrument: FLDI, focus: np.ndarray, ends: n
 
     rng = np.random.default_rng(0)
     some = np.resize(rng.permutation(len(focus))[:PLACES], PLACES)
-    sides = np.stack([instrument.direction, instrument.normal])  # type: ignore[arg-type]
+    assert instrument.direction is not None and instrument.normal is not None  # set when it was made
+    sides = np.stack([instrument.direction, instrument.normal])
     moved = focus[some] + (rng.random((PLACES, 2)) - 0.5) * cell_along(field, sides) @ sides
     root, share = np.polynomial.hermite.hermgauss(ACROSS)
     places = np.stack(np.meshgrid(root, root), axis=-1).reshape(-1, 2) / np.sqrt(2.0)
@@ -53,9 +52,7 @@ def field_errors(field: IndexField, instrument: FLDI, focus: np.ndarray, ends: n
         for one, (begin, end) in zip(moved, ends[some], strict=True)
         for side in (0.5, -0.5)
     ]
-    paths = Paths(
-        *(np.concatenate([getattr(part[0], name) for part in parts]) for name in FIELDS), None, field.ambient_index
-    )
+    paths = Paths.joined([part[0] for part in parts])
     missed = np.concatenate([part[1] for part in parts])
     signs = 2.0 * np.pi / instrument.wavelength * np.array([1.0, -1.0])
 
@@ -84,6 +81,4 @@ def _paths(
         found.append(paths_of(field, rays.position, rays.direction, until))
         outward = rays if end is stops[2] else RayBundle(end, -way)
         missed.append(lost(field, outward, None))
-    return Paths(
-        *(np.concatenate([getattr(one, name) for one in found]) for name in FIELDS), None, field.ambient_index
-    ), np.concatenate(missed)
+    return Paths.joined(found), np.concatenate(missed)

@@ -150,7 +150,7 @@ def knife_edge_picture(
     cut = _across(traced.deflection, bright)
     if sensitivity is None:
         sensitivity = _full_range_sensitivity(cut[traced.through], cut_off)
-    edge = {"bright": bright, "cut_off": cut_off, "sensitivity": sensitivity}
+    edge: dict[str, Any] = {"bright": bright, "cut_off": cut_off, "sensitivity": sensitivity}
     light = np.where(traced.through, _open_share(traced.deflection, **edge), 0.0)
     brightness = np.clip(exposure * traced.pixel_mean(light), 0.0, 1.0)
     return SchlierenImage(

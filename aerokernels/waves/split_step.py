@@ -220,7 +220,7 @@ def _pixels_error(pupil: Pupil, wave: Wave, path: np.ndarray) -> float:
         square = np.zeros((2 * reach + 1, 2 * reach + 1))
         square[tuple((place + reach).T)] = values[lit]
         maps.append(square)
-    return float(of_pixels(Wavefront(*maps, wave.pixel, wave.wavelength, pupil=pupil), Wavefront.strehl))
+    return float(of_pixels(Wavefront(maps[0], maps[1], wave.pixel, wave.wavelength, pupil=pupil), Wavefront.strehl))
 
 
 def _changes(light: Wave, path: np.ndarray, other: np.ndarray) -> tuple[float, float]:

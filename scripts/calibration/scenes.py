@@ -1,8 +1,8 @@
 """Random scenes: a contrast at nodes or as averages of cells, its true integrals, a pupil and lines through the box.
 
-A kind is made of words: turb3, turb5, turb8 (share of Nyquist in tenths), blob, shockA, shockB, shockC (tanh(x / w), w
-of 0.1 to 0.5, 0.5 to 1.5 and 1.5 to 4 cells), ramp (in place of tanh), along (nearly in the planes of nodes), faded (along
-z), planar, axi, across (axisymmetric, seen from the side), linear, averages.
+A kind is made of words: turb3, turb5, turb8 (share of Nyquist in tenths), blob, shockA, shockB, shockC (tanh(x / w),
+w of 0.1 to 0.5, 0.5 to 1.5 and 1.5 to 4 cells), ramp (in place of tanh), along (nearly in the planes of nodes), faded
+(along z), planar, axi, across (axisymmetric, seen from the side), linear, averages.
 """
 
 from dataclasses import dataclass

@@ -25,7 +25,8 @@ COLUMNS = 64
 
 def next_order(field: IndexField) -> Contrast:
     """Return the change of the contrast by the next order of a mesh's interpolant."""
-    samples: MeshSamples = field.samples
+    samples = field.samples
+    assert isinstance(samples, MeshSamples)
     bilinear = samples if samples.interpolation == "bilinear" else replace(samples, interpolation="bilinear")
 
     def contrast(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

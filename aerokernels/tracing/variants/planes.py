@@ -13,6 +13,7 @@ import numpy as np
 
 from ...medium import IndexField
 from ...medium.grid import UniformGrid
+from ...medium.mesh_samples import MeshSamples
 from .paths import Paths
 from .rays import Rays
 from .splines import Surface, in_space
@@ -81,8 +82,8 @@ def crossings(field: IndexField, paths: Paths) -> Iterator[Crossings]:
         yield Crossings(rows, one, axis, plane, share, weight, points, place)
 
 
-def _others(grid: UniformGrid, axis: int) -> list[int]:
-    return [k for k in range(grid.samples.ndim) if k != axis]
+def _others(grid: UniformGrid | MeshSamples, axis: int) -> list[int]:
+    return [k for k in range(len(grid.low)) if k != axis]
 
 
 def values_at(field: IndexField, found: Crossings, order: int) -> tuple[np.ndarray, np.ndarray]:
@@ -127,8 +128,8 @@ def thinned_sums(field: IndexField, paths: Paths, order: int) -> tuple[Rays, dic
     for found in crossings(field, paths):
         value, slope = values_at(field, found, order)
         if field.samples.keeps_averages:
-            spacing = field.samples.spacing[found.axis]
-            value = 0.5 * spacing * slope[..., found.axis + 3 - field.samples.samples.ndim]
+            along = slope[..., found.axis + 3 - len(field.samples.low)]
+            value = 0.5 * float(field.samples.spacing[found.axis]) * along
             slope = np.zeros(slope.shape)
         weight = found.weight.max(axis=1, keepdims=True)
         for thin in THINNED:

@@ -1,12 +1,12 @@
 """The error of a number by each cause: the number computed again where rays change, and what it changes by.
 
 One eighth of the rays is changed at a time: eight times the number's change is a sample of its error. Of changes to
-what is right, such as those by the source of a resampled field, the error is their mean and its standard error. Of changes
-that are only like those to what is right, such as those by the next order of interpolation, the mean may vanish by
-chance: the error is the root mean square. What all rays share, the mean change of their paths, is applied by itself. Of
-draws the error is the root mean square of the number's change by each of them, of all rays. What each ray has of its
-own, as the pixels of a picture, has the root mean square over rays, all or those about it. Everything times FACTOR;
-causes add as independent.
+what is right, such as those by the source of a resampled field, the error is their mean and its standard error. Of
+changes that are only like those to what is right, such as those by the next order of interpolation, the mean may
+vanish by chance: the error is the root mean square. What all rays share, the mean change of their paths, is applied
+by itself. Of draws the error is the root mean square of the number's change by each of them, of all rays. What each
+ray has of its own, as the pixels of a picture, has the root mean square over rays, all or those about it. Everything
+times FACTOR; causes add as independent.
 """
 
 from collections.abc import Callable

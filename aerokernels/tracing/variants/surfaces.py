@@ -17,7 +17,8 @@ LEAST_LEFT = 5
 
 def spline_of(field: IndexField, local: np.ndarray, order: int, axis: int = 0, step: int = 1) -> Contrast:
     """Return the spline through a grid's samples, or every `step`-th along an axis, near local points (m, 2)."""
-    grid: UniformGrid = field.samples
+    grid = field.samples
+    assert isinstance(grid, UniformGrid)
     samples = grid.samples[:: step if axis == 0 else 1, :: step if axis == 1 else 1]
     spacing = grid.spacing * np.where(np.arange(2) == axis, step, 1)
     place = (local - grid.origin) / spacing
@@ -76,7 +77,7 @@ def _change(field: IndexField, one: Contrast, other: Contrast, high: np.ndarray)
 
     def contrast(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         (value, slope), (before, slope_before) = other(points), one(points)
-        there = (field.local_coordinates(points) <= high).all(axis=1)
+        there = np.all(field.local_coordinates(points) <= high, axis=1)
         return np.where(there, value - before, 0.0), np.where(there[:, None], slope - slope_before, 0.0)
 
     return contrast
