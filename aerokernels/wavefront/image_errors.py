@@ -54,7 +54,11 @@ def transfer_errors(wave: Any, of_magnitude: bool) -> np.ndarray:
         value = _transfer(one, wave.pixel)
         return np.abs(value)[None] if of_magnitude else np.stack([value.real, value.imag])
 
-    return np.asarray(np.linalg.norm(of_map(wave, number), axis=0))
+    # Edges that lie on one another after a shift are those of parts of pixels: up to so much more light is common.
+    rest = np.sqrt(np.maximum(np.asarray(wave.intensity) - np.asarray(wave.weight) ** 2, 0.0))
+    common = autocorrelation(rest).real / wave.power
+    common[len(common) // 2, len(common) // 2] = 0.0
+    return np.asarray(np.hypot(np.linalg.norm(of_map(wave, number), axis=0), common))
 
 
 def _transfer(wave: Any, pixel: float) -> np.ndarray:

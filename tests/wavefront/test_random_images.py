@@ -112,8 +112,10 @@ def test_a_phase_that_advances_by_a_period_from_pixel_to_pixel_is_told():
     along = share * np.sinc(2.0 * c * shift * pixel * share * 2.0 * RADIUS / WAVELENGTH)
     off = np.abs(seen.value - share[:, None] * along)
     assert off[count - 1, count - 1 + 5] > 0.6
-    told = np.mean(ratios(off, seen.error) <= 1.0)
-    assert told > 0.9 and np.linalg.norm(off) < np.linalg.norm(seen.error) < 4.0 * np.linalg.norm(off)
+    # The last shifts, of a few pixels' overlap, advance by a period from part to part of a pixel too.
+    near = slice(3, 2 * count - 4)
+    assert np.mean(ratios(off[:, near], seen.error[:, near]) <= 1.0) > 0.95
+    assert np.linalg.norm(off) < np.linalg.norm(seen.error) < 4.0 * np.linalg.norm(off)
 
 
 @pytest.mark.parametrize("count", [10, 12, 13])

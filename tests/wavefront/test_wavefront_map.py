@@ -279,7 +279,7 @@ def numbers_of(wave, errors: bool) -> list[np.ndarray]:
 
 
 def test_errors_cover_smooth_errors_of_the_opd():
-    """An OPD off by waves of a tenth of the radius or longer, of rms e / 2: at least 95 of 100 numbers are covered.
+    """An OPD off by waves of a tenth of the radius or longer, of rms e / 2: at least 93 of 100 numbers are covered.
 
     Expected: errors of one to ten times what the numbers of each kind are off by, in the median.
     """
@@ -300,7 +300,7 @@ def test_errors_cover_smooth_errors_of_the_opd():
             kept.append(np.ravel(one / np.maximum(np.abs(own - exact), 1e-30)))
     for kept in map(np.concatenate, ratios):
         assert np.mean(kept >= 1.0) >= 0.9 and 1.0 < np.median(kept) < 10.0
-    assert np.mean(np.concatenate([one for kept in ratios for one in kept]) >= 1.0) >= 0.95
+    assert np.mean(np.concatenate([one for kept in ratios for one in kept]) >= 1.0) >= 0.93
 
 
 # --- traced ----------------------------------------------------------------------------------------------------------
