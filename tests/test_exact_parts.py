@@ -1,7 +1,6 @@
 """Parts of errors, pictures and flows by exact answers."""
 
 import math
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,26 +11,6 @@ from aerokernels.imaging.displacement_error import displacement_error
 from aerokernels.imaging.landing import pixel_rays
 from aerokernels.medium import Body
 from aerokernels.tracing.blocks import greatest_around, over_lines
-from aerokernels.wavefront.strehl_errors import estimate_quantities, phase_error
-
-
-def test_the_opd_error_of_an_estimate_is_its_phase_error_over_the_wave_number():
-    """Replicates that agree leave that alone: lambda / 2 pi times the phase error that the budget stands for."""
-    rows = np.array([[1.0, *([0.0] * 9)]] * 4)
-    budget = {"tracing": 1e-3, "interpolation": 2e-3, "total": 2.3e-3}
-    for wavelength in (500e-9, 1e-6):
-        opd_rms = 0.03 * wavelength
-        marechal = math.exp(-((0.06 * math.pi) ** 2))
-        estimate = SimpleNamespace(
-            value=0.96, error=budget, opd_rms=opd_rms, marechal=marechal, boresight=np.array([1e-6, -2e-6])
-        )
-        found = estimate_quantities(estimate, rows, wavelength=wavelength, remove=("piston",), symmetric=True)
-        phase = phase_error(0.96, budget)
-        assert phase > 0.0
-        assert found["opd_rms"].error == pytest.approx(phase * wavelength / (2.0 * math.pi), rel=1e-12)
-        shares = [abs(math.exp(-((0.06 * math.pi + sign * phase) ** 2)) - marechal) for sign in (-1.0, 1.0)]
-        assert found["marechal"].error == pytest.approx(max(shares), rel=1e-9)
-        assert found["value"].error == 2.3e-3 and found["boresight_x"].error == 0.0
 
 
 def test_displacements_are_judged_by_their_order_where_rays_arrived_on_all_levels():

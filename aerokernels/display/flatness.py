@@ -46,7 +46,9 @@ def told(number: Quantity, factor: float, unit: str, signed: bool = False) -> st
     return number.scaled(factor, unit).text(signed)
 
 
-def say_flat(axes: Any, words: str = "flat: its differences are below rounding") -> None:
-    """Write words in Matplotlib axes in place of what they would draw, and hide ticks and labels."""
+def say_flat(axes: Any, words: str = "flat: its differences are below rounding", bar: Any = None) -> None:
+    """Write words in Matplotlib axes in place of what they would draw, and hide ticks, labels and the colour bar."""
+    if bar is not None:
+        bar.set_visible(False)
     axes.set_axis_off()
     axes.text(0.5, 0.5, words, transform=axes.transAxes, ha="center", va="center", wrap=True)

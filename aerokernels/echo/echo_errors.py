@@ -1,54 +1,57 @@
-r"""Compute the errors of an echo's numbers.
+"""The errors of an echo's numbers by cause: each number computed again where rays over the receiver's pupil change.
 
-    Strehl ratio   the greatest change of S that a phase error of rms e over the pupil can cause (strehl_errors.py; this
-                   bound is concave in S, so its mean over the target points is at most its value at the mean S), the
-                   error of the interpolation over the target, and the change of S with more rays over the pupil
-                   (pupil_errors.py)
-    peak power     P is proportional to the return factor: P x (error of the factor) / factor; the error of the pupil's
-                   open share if a body blocks a part of the pupil; the error of the beam's lost share if a body cuts
-                   the beam (cut_beam.py); and the greatest error of the peak over positions of the samples on the
-                   pulse, against the pulse between them
-    peak voltage   as for the power; and two standard deviations of the noise at the peak, and half a digitiser code
-    range          systematic: the change of the reading with the error of the peak, read off the waveform scaled by
-                   1 +- the relative error (range walk of a fixed threshold; every method if the peak is cut off); the
-                   change of the reading with the position of the samples; the change by rounding this waveform to the
-                   digitiser's codes if there is no noise to dither them; e as a length; and the refractivity model's
-                   uncertainty of the group path, as a mean over the beam.
-                   random: the standard deviation of the range over noisy records
+    return factor   F S(rays) / S(base), with S = |<exp(i k OPD)>|^2, tilt kept; F if it does not depend on phases
+    peaks, ranges   of the echo's waveform without noise times this change of the factor, through the detector chain
+    path            OPD of the rays, and the way to the target's plane along the beam's rays where these are turned as
+                    the rays are, as a mean over the beam; the model's uncertainty changes the air at rest too
 
-The error of a number is the root sum of squares of its parts, of the random one twice. The return factors "bucket" and
-"none" do not depend on phases.
+The rays leave the pupil straight ahead, as to a distant target: their relative change of S stands for that of every
+point of the target. (Group and phase index of air differ by 1.4 %, which is left out of errors.)
+
+"sampling" is what no ray shows, root sum of squares, with two standard deviations of what is random:
+
+    factor      more rays over the pupil, without interpolation over the target, at some points (pupil_errors.py); the
+                share of the beam that is lost (cut_beam.py)
+    peaks       twice the rms error of the echo in vacuum where it arrives fractions of a sample later; of the voltage
+                the noise at the peak and half a code of the digitiser
+    ranges      the changes of the reading with the factor, with the samples' position, and by the rounding to codes if
+                no noise dithers them; the spread over noisy records
 """
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
+from ..display.error_budget import ErrorBudget, combine, unknown
 from ..display.quantities import root_sum_square
 from ..medium import IndexField
+from ..pupils.vectors import lengths
 from ..scene import Scene
 from ..strehl import StrehlEstimate
-from ..wavefront.strehl_errors import strehl_error
+from ..strehl.budget import StrehlVariants
+from ..strehl.estimate import PreparedStrehl
+from ..tracing.variants.causes import Variants
+from ..tracing.variants.rays import Rays
+from ..tracing.variants.spread import FACTOR, errors
+from ..wavefront import mean_phasor
+from .paths import air_error, trace_options
 from .pulse_curve import PulseCurve, peak_height
-from .pupil_errors import OPEN, is_blocked, open_share_error, own_phase_error, pupil_error
+from .pupil_errors import factor_errors
 from .rangefinder import Rangefinder
 from .ranging import AMPLITUDE_METHODS, RANGING_METHODS
 from .result import EchoResult
-from .uncertainty import SPREADS, EchoErrors, RangeUncertainty
 from .vacuum import VacuumEcho
 from .waveform import SPEED_OF_LIGHT
 
-# Relative error of the sum over the beam's points (target_points.py).
-QUADRATURE = 1e-7
+# The numbers, in order, before the ranges by method; and their units.
+NUMBERS = {"strehl": "", "peak_power": "W", "peak_voltage": "V", "group_path": "m"}
 # Fractions of a sample period by which the echo is delayed to measure the effect of the samples' position.
-SHIFTS = tuple(k / 8 for k in range(8))
+SHIFTS = np.arange(8) / 8
 # Noise above this fraction of a code dithers the codes: their errors are then random.
 DITHER = 0.5
-# Target points at which the error of a partly blocked pupil is measured.
-BLOCKED_POINTS = 16
 # Noisy records from which the random error is measured.
 TRIAL_COUNT = 32
 
@@ -59,8 +62,8 @@ class EchoProbe:
 
     Attributes:
         field: The refractive index of the flow.
-        known_phase_error: Rms phase error of rays over the receiver's pupil [rad], or a Strehl estimate that provides
-            it; None: a small estimate is made.
+        estimate: A Strehl estimate of the scene, whose rays are used if they are those of the receiver's pupil; None:
+            rays are traced.
         vacuum: The echo without flow.
         time: Sample times [s].
         fine: Times at which power is computed [s], shape (n,).
@@ -68,11 +71,10 @@ class EchoProbe:
         power: Received power at the times `fine` [W], shape (n,).
         clean: Voltage of the samples without noise [V].
         rangefinder: Reads ranges.
-        air_error: Error of the group path due to the refractivity model, mean over the beam [m].
     """
 
     field: IndexField
-    known_phase_error: float | StrehlEstimate | None
+    estimate: StrehlEstimate | None
     vacuum: VacuumEcho
     time: np.ndarray
     fine: np.ndarray
@@ -80,13 +82,6 @@ class EchoProbe:
     power: np.ndarray
     clean: np.ndarray
     rangefinder: Rangefinder
-    air_error: float = 0.0
-
-    @cached_property
-    def vacuum_peaks(self) -> tuple[float, float]:
-        """Peak power [W] and voltage [V] of the echo in vacuum, between its samples too."""
-        power = self.vacuum.power(self.fine)
-        return peak_height(power), peak_height(self.vacuum.chain.voltage(self.fine, power))
 
     @property
     def scene(self) -> Scene:
@@ -99,61 +94,85 @@ class EchoProbe:
         digitiser = self.vacuum.chain.digitiser
         return 0.0 if digitiser is None else digitiser.step
 
-    def phase_error(self) -> float:
-        """Rms phase error of rays over the receiver's pupil [rad]."""
-        known = self.known_phase_error
-        if isinstance(known, StrehlEstimate):
-            return known.phase_error
-        return own_phase_error(self.scene, self.field) if known is None else float(known)
-
-    def read_scaled(self, *factors: float) -> list[dict[str, float]]:
-        """Return the ranges [m] of the noise-free waveform times each factor, by methods that depend on amplitude.
-
-        If the amplifier or the digitiser cuts one of these waveforms off, that is every method.
-        """
+    @cached_property
+    def linear(self) -> np.ndarray:
+        """Voltage of the samples without noise and limits [V]."""
         chain = self.vacuum.chain
-        linear = self.clean if chain.saturation is None else chain.linear_voltage(self.fine, self.power)[:: self.stride]
-        scaled = [factor * linear for factor in factors]
-        clipped = [chain.clipped(volts) for volts in scaled]
-        is_cut = not all(map(np.array_equal, clipped, scaled))
-        return self._read(clipped, RANGING_METHODS if is_cut else AMPLITUDE_METHODS)
+        return self.clean if chain.saturation is None else chain.linear_voltage(self.fine, self.power)[:: self.stride]
+
+    @cached_property
+    def found(self) -> Variants | None:
+        """Rays over the receiver's pupil, and how they change by cause; None where none gets out."""
+        known = None if self.estimate is None else self.estimate.varied
+        if not (isinstance(known, StrehlVariants) and known.field is self.field and not self.scene.has_own_pupil):
+            options = trace_options(self.scene) | {"allow_truncation": True}
+            try:
+                prepared = PreparedStrehl(self.field, self.scene.receiver.pupil, **options)
+            except ValueError:  # no ray meets the field, or arrives
+                return None
+            known = prepared.varied(prepared.plan)
+        found = known.found
+        if found is None or "refractivity" not in found.causes:
+            return found
+        model = found.causes["refractivity"]
+        air = air_error(self.field, self.scene.target.distance)
+        model = replace(model, known=tuple(one.lifted(air) for one in model.known))
+        return replace(found, causes={**found.causes, "refractivity": model})
+
+    def read(self, share: float) -> tuple[float, dict[str, float]]:
+        """Return peak voltage [V] and ranges by method [m] of the waveform without noise times a share of its power.
+
+        A range that is missing from such a waveform is infinite.
+        """
+        if share in self._known:
+            return self._known[share]
+        chain = self.vacuum.chain
+        volts, whole = share * self.linear, self._known.get(1.0)
+        record = chain.clipped(volts)
+        methods: Sequence[str] = RANGING_METHODS
+        if whole and np.array_equal(record, volts) and np.array_equal(self.clean, self.linear):
+            methods = AMPLITUDE_METHODS
+        curve = PulseCurve.of_each([record])[0]
+        found = self.rangefinder.ranges(self.time, record, methods, curve)[0]
+        found = {name: math.inf if math.isnan(value) else value for name, value in found.items()}
+        self._known[share] = peak_height(record, curve), {**(whole[1] if whole else {}), **found}
+        return self._known[share]
+
+    @cached_property
+    def _known(self) -> dict[float, tuple[float, dict[str, float]]]:
+        return {}
 
     def read_digitised(self) -> dict[str, float]:
         """Return the change of the noise-free waveform's range by the rounding to codes [m], by method."""
         chain = self.vacuum.chain
         if chain.digitiser is None:
             return {}
-        read = self._read([chain.digitise(self.clean), chain.clipped(self.clean)])
-        return {method: abs(value - read[1][method]) for method, value in read[0].items()}
+        record = chain.digitise(self.clean)
+        read = self.rangefinder.ranges(self.time, record, curve=PulseCurve.of_each([record])[0])[0]
+        plain = self.read(1.0)[1]
+        return {method: abs(value - plain[method]) for method, value in read.items()}
 
-    def read_shifted(self, *shares: float) -> list[tuple[tuple[float, float], dict[str, float]]]:
-        """Read the echo in vacuum when it arrives a fraction of a sample later, for each fraction.
+    def read_shifted(self) -> tuple[float, float, dict[str, float]]:
+        """Return the rms errors by the samples' position: of peak power and voltage, relative, and of ranges [m].
 
-        Returns:
-            Relative errors of its peak power and voltage, and the errors of its ranges by method [m].
+        The echo in vacuum arrives fractions of a sample later; the errors are against the pulse between its samples.
         """
-        shifts = [share * (self.time[1] - self.time[0]) for share in shares]
+        chain, stride = self.vacuum.chain, self.stride
+        shifts = SHIFTS * (self.time[1] - self.time[0])
         fine = [self.vacuum.power(self.fine, shift) for shift in shifts]
-        power = [one[:: self.stride] for one in fine]
-        volts = [self.vacuum.chain.voltage(self.fine, one)[:: self.stride] for one in fine]
-        curves = PulseCurve.of_each([*power, *volts])
-        of_power, of_volts = curves[: len(shares)], curves[len(shares) :]
-        found = []
-        for k, shift in enumerate(shifts):
-            weaker = peak_height(power[k], of_power[k]) / self.vacuum_peaks[0] - 1.0
-            lower = peak_height(volts[k], of_volts[k]) / self.vacuum_peaks[1] - 1.0
-            true = self.scene.target.distance + 0.5 * SPEED_OF_LIGHT * shift
-            read = self.rangefinder.ranges(self.time, volts[k], curve=of_volts[k])[0]
-            found.append(((weaker, lower), {name: value - true for name, value in read.items()}))
-        return found
-
-    def _read(self, records: list[np.ndarray], methods: Sequence[str] = RANGING_METHODS) -> list[dict[str, float]]:
-        """Return the ranges of records by method [m]."""
+        volts = [chain.voltage(self.fine, one) for one in fine]
+        records = [one[::stride] for one in (*fine, *volts)]
         curves = PulseCurve.of_each(records)
-        return [
-            self.rangefinder.ranges(self.time, record, methods, curve)[0]
-            for record, curve in zip(records, curves, strict=True)
-        ]
+        heights = np.array([peak_height(*pair) for pair in zip(records, curves, strict=True)]).reshape(2, -1)
+        true = np.array([[peak_height(fine[0])], [peak_height(volts[0])]])
+        power, voltage = np.sqrt(np.mean((true / heights - 1.0) ** 2, axis=1))
+        off: dict[str, list[float]] = {method: [] for method in RANGING_METHODS}
+        for shift, record, curve in zip(shifts, records[len(shifts) :], curves[len(shifts) :], strict=True):
+            at = self.scene.target.distance + 0.5 * SPEED_OF_LIGHT * shift
+            for method, value in self.rangefinder.ranges(self.time, record, curve=curve)[0].items():
+                off[method].append(value - at)
+        ranges = {method: float(np.sqrt(np.mean(np.square(errors)))) for method, errors in off.items()}
+        return float(power), float(voltage), ranges
 
     def random_errors(self, count: int) -> dict[str, float]:
         """Return the standard deviation of the range by method [m] over `count` noisy records."""
@@ -161,58 +180,108 @@ class EchoProbe:
         return {name: one.random_error for name, one in found.items()}
 
 
-def echo_errors(result: EchoResult, probe: EchoProbe) -> EchoErrors:
-    """Compute the errors of an echo's numbers by the rules in this module's docstring."""
-    phase, strehl = probe.phase_error(), math.nan
-    interpolation = float(result.information["strehl_error"])
-    depends_on_phases = probe.scene.receiver.return_factor == "strehl"
-    if depends_on_phases or not math.isnan(result.mean_strehl):
-        causes = strehl_error(result.mean_strehl, phase), pupil_error(probe.scene, probe.field)
-        strehl = root_sum_square((causes[0], interpolation, causes[1]) if depends_on_phases else causes)
-    factor_error = strehl if depends_on_phases else interpolation
-    factor = result.mean_strehl if depends_on_phases else result.beam_mean(result.return_factor)
-    blocked = _blocked_pupil_error(result, probe)
-    left = result.information["lost_share_error"] / result.information["beam_share"]
-    share = root_sum_square((factor_error / factor if factor > 0.0 else math.inf, blocked, left, QUADRATURE))
-    moved = probe.read_shifted(*SHIFTS)
-    # Relative to the height that was read, which may be the lower one.
-    heights = [max(abs(change[kind]) / min(1.0 + change[kind], 1.0) for change, _ in moved) for kind in (0, 1)]
-    power, voltage = (
-        math.hypot(share, height) * peak
-        for height, peak in zip(heights, (result.peak_power, result.peak_voltage), strict=True)
-    )
+@dataclass(frozen=True, eq=False)
+class EchoNumbers:
+    """Computes an echo's NUMBERS and its ranges by method again from rays over the receiver's pupil.
+
+    Attributes:
+        probe: What the echo was computed from.
+        found: The rays and their changes.
+        strehl: The echo's mean Strehl ratio.
+        peak_power: Its peak power [W].
+    """
+
+    probe: EchoProbe
+    found: Variants
+    strehl: float
+    peak_power: float
+
+    @cached_property
+    def ratio(self) -> float:
+        """Strehl ratio of the rays."""
+        return self._strehl(self.found.base)
+
+    def _strehl(self, rays: Rays) -> float:
+        return abs(mean_phasor(rays.opd, self.found.weight, self.probe.scene.flow.wavelength)) ** 2
+
+    @cached_property
+    def path(self) -> float:
+        """Mean path of the rays over the beam [m]."""
+        return self._path(self.found.base)
+
+    @cached_property
+    def beam(self) -> tuple[np.ndarray, np.ndarray]:
+        """Directions of the beam without flow where the rays start, (n, 3), and its shares there, (n,)."""
+        beam, start = self.probe.scene.beam, self.found.start
+        line = np.column_stack([start[:, :2] * (beam.radius / beam.exit_radius - 1.0), self._ahead])
+        square = 2.0 * np.sum(start[:, :2] ** 2, axis=1) / beam.exit_radius**2
+        share = self.found.weight * np.exp(square.min() - square)
+        return line / lengths(line)[:, None], share / share.sum()
+
+    @cached_property
+    def _ahead(self) -> np.ndarray:
+        return np.full(len(self.found.start), self.probe.scene.target.distance)
+
+    def _path(self, rays: Rays) -> float:
+        plane, (straight, share) = self.probe.vacuum.plane, self.beam
+        way = straight + rays.direction - self.found.ahead
+        length = (plane.point - self.found.start) @ plane.normal * lengths(way) / (way @ plane.normal)
+        return float(share @ (rays.opd + length))
+
+    def __call__(self, rays: Rays) -> np.ndarray:
+        """Return the numbers of rays, shape (4 + number of methods,); those without a value are NaN."""
+        change = self._strehl(rays) / self.ratio if self.ratio > 0.0 else math.nan
+        if math.isnan(change):
+            return np.full(len(NUMBERS) + len(RANGING_METHODS), np.nan)
+        share = change if self.probe.scene.receiver.return_factor == "strehl" else 1.0
+        volts, ranges = self.probe.read(share)
+        path = self._path(rays) - self.path
+        numbers = self.strehl * change, share * self.peak_power, volts, path
+        return np.array([*numbers, *(ranges[method] + path for method in RANGING_METHODS)])
+
+
+def echo_errors(result: EchoResult, probe: EchoProbe) -> dict[str, ErrorBudget]:
+    """Return the error budgets of an echo's NUMBERS and of its ranges by method: see above."""
+    units = NUMBERS | dict.fromkeys(RANGING_METHODS, "m")
+    probe.read(1.0)
+    if probe.found is None:
+        return {name: unknown(unit) for name, unit in units.items()}
+    with np.errstate(invalid="ignore"):  # a range that is lost is infinite
+        by_cause = errors(EchoNumbers(probe, probe.found, result.mean_strehl, result.peak_power), probe.found)
+    sampling = _sampling(result, probe)
+    found = {}
+    for k, (name, unit) in enumerate(units.items()):
+        causes = {cause: float(error[k]) for cause, error in by_cause.items()}
+        for cause, error in by_cause.items():
+            if name in RANGING_METHODS and math.isnan(causes[cause]) and not math.isnan(error[1]):
+                causes[cause] = math.inf
+        known = not math.isnan(result.ranges.get(name, 0.0))
+        found[name] = combine(causes | {"sampling": sampling[name]}, unit) if known else unknown(unit)
+    return found
+
+
+def _sampling(result: EchoResult, probe: EchoProbe) -> dict[str, float]:
+    """Return the errors that no ray shows, by number."""
+    strehl, share = factor_errors(result, probe.scene, probe.field, probe.vacuum.plane)
+    share = math.hypot(share, result.information["lost_share_error"] / result.information["beam_share"])
+    power, voltage, place = probe.read_shifted()
     noise, peak_noise = float(result.noise_rms), 0.0
     if noise > 0.0:  # the signal's own shot noise may be many times the noise between echoes
         peak_noise = probe.vacuum.chain.noise_rms(result.peak_power, probe.scene.detector.sample_rate)
-    voltage = root_sum_square((voltage, SPREADS * peak_noise, 0.5 * probe.code_step))
+    found = {
+        "strehl": strehl,
+        "peak_power": result.peak_power * math.hypot(share, FACTOR * power),
+        "peak_voltage": root_sum_square(
+            (result.peak_voltage * math.hypot(share, FACTOR * voltage), FACTOR * peak_noise, 0.5 * probe.code_step)
+        ),
+        "group_path": 0.0,
+    }
     random = probe.random_errors(TRIAL_COUNT) if noise > 0.0 else {}
-    scaled = probe.read_scaled(*(1.0 + sign * share for sign in (0.0, 1.0, -1.0))) if 0.0 < share < 1.0 else []
     codes = probe.read_digitised() if noise < DITHER * probe.code_step else {}
-    ranges = {}
-    for method, value in result.ranges.items():
-        if math.isnan(value):
-            ranges[method] = RangeUncertainty(math.nan, math.nan)
-            continue
-        walk = 0.0 if scaled else math.nan
-        if scaled and method in scaled[0]:
-            walk = max(abs(one[method] - scaled[0][method]) for one in scaled)
-            if any(math.isnan(one[method]) for one in scaled):  # an echo weaker by the error may give no range
-                walk = math.inf
-        place = max(abs(found.get(method, math.nan)) for _, found in moved)
-        path = 0.5 * probe.scene.flow.wavelength * phase / math.pi
-        systematic = root_sum_square((walk, place, path, codes.get(method, 0.0), probe.air_error))
+    steps = [probe.read(1.0 + sign * share)[1] for sign in (-1.0, 1.0)] if 0.0 < share < 1.0 else []
+    for method, value in probe.read(1.0)[1].items():
+        walk = max((abs(one[method] - value) for one in steps), default=0.0 if share == 0.0 else math.nan)
         spread = random.get(method, math.nan) if noise > 0.0 else 0.0
-        ranges[method] = RangeUncertainty(systematic, spread, probe.air_error)
-    return EchoErrors(strehl, power, voltage, ranges)
-
-
-def _blocked_pupil_error(result: EchoResult, probe: EchoProbe) -> float:
-    """Relative error of the power due to the edges of a body in front of the pupil; 0 for an open pupil."""
-    kind, factor = probe.scene.receiver.return_factor, result.return_factor
-    points = np.flatnonzero(np.isfinite(factor) & (result.beam_share > 0.0))
-    # The return factor of an open pupil is the Strehl ratio, or 1.
-    whole = result.strehl[points] if kind == "strehl" else 1.0
-    if kind == "none" or not ((factor[points] < OPEN * whole).any() or is_blocked(probe.scene, probe.field)):
-        return 0.0
-    some = points[np.unique(np.linspace(0, len(points) - 1, BLOCKED_POINTS).astype(int))]
-    return open_share_error(probe.scene, probe.field, result.target_point[some], result.beam_share[some])
+        others = place.get(method, math.nan), codes.get(method, 0.0), spread
+        found[method] = root_sum_square((walk, *(FACTOR * one for one in others)))
+    return found

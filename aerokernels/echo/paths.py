@@ -33,7 +33,6 @@ class TransmitPaths:
         incidence_cosine: Cosine of the angle between ray and target normal, shape (m,).
         arrived: Whether the ray reached the target, shape (m,).
         trace: The trace, or None in vacuum.
-        air_error: Error of each group path due to the refractivity model [m], shape (m,).
     """
 
     intersection: np.ndarray
@@ -44,7 +43,6 @@ class TransmitPaths:
     incidence_cosine: np.ndarray
     arrived: np.ndarray
     trace: TraceResult | None = None
-    air_error: np.ndarray | float = 0.0
 
 
 def target_plane(scene: Scene) -> Plane:
@@ -98,22 +96,19 @@ def transmit_paths(scene: Scene, field: IndexField, points: TargetPoints) -> Tra
         incidence_cosine=direction @ plane.normal,
         arrived=result.ok,
         trace=result,
-        air_error=_uncertainty(field) * np.abs(group_path - result.arc_length),
     )
 
 
-def still_air(field: IndexField, distance: float) -> tuple[float, float]:
-    """Return the excess of the group path over a distance [m] through the ambient air alone, and its error [m].
-
-    The error is NaN, not known, for raw contrast.
-    """
+def still_air(field: IndexField, distance: float) -> float:
+    """Return the excess of the group path over a distance [m] through the ambient air alone."""
     made = field.upstream
     index = field.ambient_index if made is None or made.group is None else made.group.ambient_index
-    excess = (index - 1.0) * distance
-    return excess, math.nan if made is None else _uncertainty(field) * abs(excess)
+    return (index - 1.0) * distance
 
 
-def _uncertainty(field: IndexField) -> float:
-    """Return the relative uncertainty of n_g - 1; 0 for raw contrast, of which none is known."""
+def air_error(field: IndexField, distance: float) -> float:
+    """Return what the refractivity model's uncertainty makes of that excess [m]; NaN, not known, for raw contrast."""
     made = field.upstream
-    return 0.0 if made is None else made.refractivity if made.group is None else made.group.uncertainty
+    if made is None:
+        return math.nan
+    return (made.refractivity if made.group is None else made.group.uncertainty) * abs(still_air(field, distance))

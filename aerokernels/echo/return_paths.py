@@ -7,9 +7,8 @@
 "none"    1, and no ray is traced
 
 Fraction and Strehl ratio vary smoothly over the target. They are computed at Chebyshev-Lobatto points on the target and
-interpolated by the polynomial through them; leaving every other point out gives the error. If field, pupil and target
-are symmetric about the axis, both depend on the distance from the axis alone: the points are then on one radius, and
-half of the pupil represents all of it.
+interpolated by the polynomial through them. If field, pupil and target are symmetric about the axis, both depend on the
+distance from the axis alone: the points are then on one radius, and half of the pupil represents all of it.
 """
 
 import math
@@ -35,8 +34,6 @@ class ReturnPaths:
         factor: The return factor, 0 to 1, shape (m,).
         strehl: Strehl ratio of the open part of the pupil, shape (m,).
         open_share: Fraction of the pupil that the point's rays reach, shape (m,).
-        error: Greatest change of `factor` when every other interpolation point is left out, an upper bound of its
-            error.
         pair_count: Pairs of target point and pupil point that the sums represent.
         sums: The sums over the rays; None for factor "none".
     """
@@ -44,7 +41,6 @@ class ReturnPaths:
     factor: np.ndarray
     strehl: np.ndarray
     open_share: np.ndarray
-    error: float
     pair_count: int = 0
     sums: PupilSums | None = None
 
@@ -80,22 +76,22 @@ def return_paths(
     arrived = np.isfinite(intersection).all(axis=1)
     unknown = np.full(len(intersection), np.nan)
     if kind == "none":
-        return ReturnPaths(np.where(arrived, 1.0, np.nan), unknown, unknown.copy(), 0.0)
+        return ReturnPaths(np.where(arrived, 1.0, np.nan), unknown, unknown.copy())
     pupil = receiver_pupil(scene)
     place = intersection[arrived]
     if node_count == EVERY:
         sums = reduce_pupils(scene, field, place, *pupil)
-        found, error = (sums.strehl, sums.open_share), 0.0
+        found = [sums.strehl, sums.open_share]
         pair_count = sums.ray_count
     elif symmetry and is_symmetric(field, plane, scene.receiver.pupil):
-        sums, found, error = _along_a_radius(scene, field, place, pupil, int(node_count), kind)
+        sums, found = _along_a_radius(scene, field, place, pupil, int(node_count))
         pair_count = int(node_count) ** 2 * len(pupil[0])
     else:
-        sums, found, error = _over_the_target(scene, field, place, plane, pupil, int(node_count), kind)
+        sums, found = _over_the_target(scene, field, place, plane, pupil, int(node_count))
         pair_count = sums.ray_count
     strehl, open_share = unknown, unknown.copy()
     strehl[arrived], open_share[arrived] = (np.clip(values, 0.0, 1.0) for values in found)
-    return ReturnPaths(_factor(kind, strehl, open_share), strehl, open_share, error, pair_count, sums)
+    return ReturnPaths(factor_of(kind, strehl, open_share), strehl, open_share, pair_count, sums)
 
 
 def is_symmetric(field: IndexField, plane: Plane, pupil: Pupil) -> bool:
@@ -104,11 +100,12 @@ def is_symmetric(field: IndexField, plane: Plane, pupil: Pupil) -> bool:
     return field.geometry == "axisymmetric" and faces_axis and pupil.inner_ratio is not None
 
 
-def _factor(kind: str, strehl: np.ndarray, open_share: np.ndarray) -> np.ndarray:
+def factor_of(kind: str, strehl: np.ndarray, open_share: np.ndarray) -> np.ndarray:
+    """Return the return factor "strehl" or "bucket" of Strehl ratios and open shares."""
     return open_share * strehl if kind == "strehl" else open_share
 
 
-def _along_a_radius(scene, field, place, pupil, node_count: int, kind: str):
+def _along_a_radius(scene, field, place, pupil, node_count: int) -> tuple[PupilSums, list[np.ndarray]]:
     """Sum at points on one radius, and interpolate by an even polynomial in the intersections' distance to the axis."""
     node = _lobatto(node_count)
     reach = max(float(np.hypot(place[:, 0], place[:, 1]).max()), 1e-9)
@@ -119,10 +116,10 @@ def _along_a_radius(scene, field, place, pupil, node_count: int, kind: str):
     # The middle node is on the axis; the nodes before it mirror the nodes after it.
     tables = [np.concatenate([values[:0:-1], values]) for values in (sums.strehl, sums.open_share)]
     distance = np.hypot(place[:, 0], place[:, 1])[:, None] / reach
-    return sums, *_interpolate(tables, node, distance, kind)
+    return sums, [interpolate_polynomial(table, node, distance) for table in tables]
 
 
-def _over_the_target(scene, field, place, plane, pupil, node_count: int, kind: str):
+def _over_the_target(scene, field, place, plane, pupil, node_count: int) -> tuple[PupilSums, list[np.ndarray]]:
     """Sum at a grid of points over the rectangle around the intersections, and interpolate by a polynomial."""
     node = _lobatto(node_count)
     low, high = place[:, :2].min(axis=0), place[:, :2].max(axis=0)
@@ -132,20 +129,11 @@ def _over_the_target(scene, field, place, plane, pupil, node_count: int, kind: s
     target = np.stack([x, y, plane.point[2] - rise], axis=-1).reshape(-1, 3)
     sums = reduce_pupils(scene, field, target, *pupil)
     tables = [values.reshape(node_count, node_count) for values in (sums.strehl, sums.open_share)]
-    return sums, *_interpolate(tables, node, (place[:, :2] - center) / half, kind)
+    return sums, [interpolate_polynomial(table, node, (place[:, :2] - center) / half) for table in tables]
 
 
 def _lobatto(count: int) -> np.ndarray:
     return -np.cos(math.pi * np.arange(count) / (count - 1))
-
-
-def _interpolate(tables: list[np.ndarray], node: np.ndarray, place: np.ndarray, kind: str):
-    """Return Strehl ratio and open share at the positions, and the factor's change without every other node."""
-    found = [interpolate_polynomial(table, node, place) for table in tables]
-    every_other = (slice(None, None, 2),) * tables[0].ndim
-    coarse = [interpolate_polynomial(table[every_other], node[::2], place) for table in tables]
-    change = np.abs(_factor(kind, *found) - _factor(kind, *coarse))
-    return found, float(change.max(initial=0.0))
 
 
 def interpolate_polynomial(table: np.ndarray, node: np.ndarray, place: np.ndarray) -> np.ndarray:

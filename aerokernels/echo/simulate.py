@@ -27,9 +27,10 @@ from ..medium import IndexField
 from ..prepare import prepare_field
 from ..scene import Scene
 from ..strehl import StrehlEstimate
+from ..tracing.variants.spread import FACTOR
 from .cut_beam import cut_beam
 from .echo_errors import EchoProbe, echo_errors
-from .paths import TransmitPaths, still_air
+from .paths import TransmitPaths, air_error, still_air
 from .pulse_curve import PulseCurve, peak_height
 from .rangefinder import Rangefinder
 from .received_power import point_power
@@ -47,7 +48,7 @@ def echo(
     limits: str | None = None,
     strehl_node_count: int | str | None = None,
     symmetry: bool = True,
-    phase_error: float | StrehlEstimate | None = None,
+    estimate: StrehlEstimate | None = None,
 ) -> EchoResult:
     """Simulate the echo that a scene's laser rangefinder receives, and the range that it reads.
 
@@ -57,11 +58,11 @@ def echo(
         limits: "beam": the beam's full support, or the reflector's edges where nearer; "paper": eq 11's limit of one
             radius either way in y, the whole beam in x; None: the scene's `target.limits`.
         strehl_node_count: Number of points along each side of the target at which the return factor is computed, odd;
-            the factor is interpolated between them, with the error in `information`. "every": at each target point.
+            the factor is interpolated between them. "every": at each target point.
             None: the scene's.
         symmetry: Whether to use the symmetry of field, pupil and target about the axis, if there is one.
-        phase_error: The rms phase error of rays over the receiver's pupil [rad], or a Strehl estimate of the scene,
-            from which it is taken when `errors` is first read; None: an estimate is made then.
+        estimate: A Strehl estimate of the scene through this field, whose rays are used when `error` is first read;
+            None: some rays are traced then.
 
     Returns:
         The echo, with a range or the reason why there is none. `receiver.ray_count` x `strehl_node_count`^2 pairs of
@@ -73,7 +74,7 @@ def echo(
             record of millions of samples.
     """
     flow = prepare_field(scene).field if field is None else field
-    return echo_through(flow, VacuumEcho.of(scene, limits), strehl_node_count, symmetry, phase_error)
+    return echo_through(flow, VacuumEcho.of(scene, limits), strehl_node_count, symmetry, estimate)
 
 
 def echo_through(
@@ -81,7 +82,7 @@ def echo_through(
     vacuum: VacuumEcho,
     strehl_node_count: int | str | None = None,
     symmetry: bool = True,
-    phase_error: float | StrehlEstimate | None = None,
+    estimate: StrehlEstimate | None = None,
 ) -> EchoResult:
     """Simulate the echo through a field from the echo in vacuum; the other arguments and errors are those of `echo`."""
     scene, pulse, chain = vacuum.scene, vacuum.pulse, vacuum.chain
@@ -114,7 +115,7 @@ def echo_through(
 
     probe = EchoProbe(
         field=flow,
-        known_phase_error=phase_error,
+        estimate=estimate,
         vacuum=vacuum,
         time=time,
         fine=fine,
@@ -122,7 +123,6 @@ def echo_through(
         power=power,
         clean=clean,
         rangefinder=rangefinder,
-        air_error=float(share @ np.where(out.arrived, out.air_error, 0.0) / share.sum()),
     )
     return EchoResult(
         time=time,
@@ -140,7 +140,9 @@ def echo_through(
         beam_share=share,
         point_power=peak,
         distance=float(scene.target.distance),
-        still_air=Quantity(*still_air(flow, scene.target.distance), "m"),
+        still_air=Quantity(
+            still_air(flow, scene.target.distance), FACTOR * air_error(flow, scene.target.distance), "m"
+        ),
         ranging=scene.detector.ranging,
         ranges=ranges,
         reasons=reasons,
@@ -161,7 +163,6 @@ def _information(weight: np.ndarray, share: np.ndarray, out: TransmitPaths, back
     return {
         "beam_share": float(share.sum()),
         "lost_share": float(weight.sum() - share.sum()),
-        "strehl_error": back.error,
         "pair_count": back.pair_count,
         "ray_count": outward.ray_count + (back.sums.ray_count if back.sums else 0),
         "evaluation_count": evaluations + (back.sums.evaluation_count if back.sums else 0),

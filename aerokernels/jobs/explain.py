@@ -1,9 +1,8 @@
-"""Explain in words what a run of a scene would do: region, grid, method, ray counts, and the error of the grid."""
+"""Explain in words what a run of a scene would do: region, grid, method, ray counts, and the errors."""
 
-import math
-
-from aerokernels.display.quantities import root_sum_square
-from aerokernels.display.verdict import GREAT_ERROR
+from aerokernels.display.error_budget import TOTAL, main_cause, two_digits
+from aerokernels.display.quantities import Quantity
+from aerokernels.display.verdict import judge
 from aerokernels.echo import RANGING_METHODS
 from aerokernels.echo.paths import target_plane, trace_options
 from aerokernels.echo.prediction import predict_echo
@@ -15,9 +14,9 @@ from aerokernels.medium.grid import UniformGrid
 from aerokernels.prepare import Prepared, prepare_field
 from aerokernels.scene import Scene
 from aerokernels.scene.pupil_table import in_words
-from aerokernels.strehl.estimate import plan_strehl
+from aerokernels.strehl.estimate import PreparedStrehl
 from aerokernels.tracing.plan import TracePlan
-from aerokernels.wavefront.strehl_errors import greatest_strehl_error, main_cause
+from aerokernels.tracing.variants.spread import budget
 from aerokernels.waves import validity
 
 
@@ -30,13 +29,14 @@ def explanation(scene: Scene) -> list[tuple[str, str]]:
     flow = scene.density_field()
     prepared = prepare_field(scene, flow)
     pupil = scene.view
-    plan, count = plan_strehl(
+    strehl = PreparedStrehl(
         prepared.field,
         pupil,
         **trace_options(scene),
         ray_count=scene.strehl.ray_count,
         allow_truncation=scene.trace.allow_truncation,
     )
+    plan, count = strehl.plan, strehl.job.predicted_ray_count
     low, high = prepared.region
     axes = "r, z" if prepared.field.geometry == "axisymmetric" else "y, z"
     wavelength = scene.flow.wavelength
@@ -51,8 +51,7 @@ def explanation(scene: Scene) -> list[tuple[str, str]]:
             f"{axes} from {low[0] * 1e3:.3g}, {low[1] * 1e3:.3g} mm to {high[0] * 1e3:.3g}, {high[1] * 1e3:.3g} mm",
         ),
     ]
-    resampling, upstream = prepared.resampling, prepared.field.upstream
-    errors_by_grid = 0.0 if resampling is None else resampling.opd_rms, 0.0 if upstream is None else upstream.columns
+    upstream = prepared.field.upstream
     rows += _grid_rows(scene, prepared)
     if upstream is not None:
         share = f"+- {100.0 * upstream.refractivity:.2g} % of the OPD" if upstream.refractivity else "a given constant"
@@ -68,7 +67,7 @@ def explanation(scene: Scene) -> list[tuple[str, str]]:
             f"{scene.strehl.ray_count:,} requested, {count:,} traced, {in_words(pupil)}",
         ),
         ("predicted", _prediction(plan, count)),
-        *_predicted_ratio(plan, root_sum_square(errors_by_grid), wavelength),
+        *_predicted_ratio(strehl),
         ("ray optics", validity(prepared.field, pupil).reason),
         (
             "rays, OPD map",
@@ -109,19 +108,18 @@ def _grid_rows(scene: Scene, prepared: Prepared) -> list[tuple[str, str]]:
     ]
 
 
-def _predicted_ratio(plan: TracePlan, left_by_grid: float, wavelength: float) -> list[tuple[str, str]]:
-    """Rows on the Strehl ratio's predicted error: the bound for any ratio, given the phase errors known in advance."""
-    if plan.predicted_error is None:
+def _predicted_ratio(strehl: PreparedStrehl) -> list[tuple[str, str]]:
+    """Rows on the Strehl ratio and its error, of some of the rays."""
+    varied = strehl.varied(strehl.plan)
+    if varied.found is None:
         return []
-    phase = 2.0 * math.pi * root_sum_square([plan.predicted_error, left_by_grid / wavelength])
-    error = min(greatest_strehl_error(phase), 1.0)  # every ratio is between 0 and 1
-    left_out = ", not counting the error of the flow's own mesh"
-    rows = [("predicted, Strehl ratio", f"error at most {error:.2g}{left_out}")]
-    if error > GREAT_ERROR:
-        shares = {"step": plan.predicted_error, "resampling": left_by_grid / wavelength}  # [waves]
-        size = "makes the ratio meaningless" if error == 1.0 else "is large"
-        rows.append(("warning", f"an error of {error:.2g} {size}: {main_cause(shares)}"))
-    return rows
+    numbers, base = varied.numbers(strehl.remove), varied.found.base
+    error = budget(lambda rays: numbers(rays)[0], varied.found)
+    ratio = Quantity(float(numbers(base)[0]), error[TOTAL], is_ratio=True)
+    words = f"about {ratio.value:.2f}, error {two_digits(error[TOTAL])}, by {len(base.opd)} rays; {main_cause(error)}"
+    rows = [("predicted, Strehl ratio", words)]
+    verdict = judge({"Strehl ratio": ratio}, main_cause(error))
+    return [*rows, ("warning", verdict.reason)] if verdict else rows
 
 
 def _predicted_echo(scene: Scene, field: IndexField) -> list[tuple[str, str]]:

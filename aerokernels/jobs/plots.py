@@ -151,8 +151,7 @@ def opd_figure(dataset: "xarray.Dataset") -> "Figure":
         error = dataset[name].attrs.get("rms_error_m", float("nan"))
         if is_flat(dataset[name].values, "m", error):
             _title(axes, title)
-            say_flat(axes)
-            bar_axes.set_visible(False)
+            say_flat(axes, bar=bar_axes)
             continue
         limit = float(np.nanmax(np.abs(opd)))
         image = axes.imshow(

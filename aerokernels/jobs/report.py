@@ -47,15 +47,15 @@ STAGE_WORDS = {
 }
 CAUSES = {
     "step": "step size of the rays",
-    "interpolation": "interpolation between the flow's own samples",
-    "jumps": "jumps of the flow between its samples",
-    "resampling": "resampling of the flow to a uniform grid",
     "precision": "precision of the kernels",
-    "sampling": "number of rays",
-    "bundle": "interpolation between traced rays of a bundle",
-    "truncation": "rays that leave the field by a cut through disturbed air",
+    "interpolation": "interpolation between the flow's own samples",
+    "jumps": "place of jumps between the flow's own samples",
+    "resampling": "resampling of the flow to a uniform grid",
+    "truncation": "air beyond the region that was resampled",
     "refractivity": "relation between density and index",
-    "total": "root sum of squares of the entries above",
+    "bundle": "interpolation between traced rays of a bundle",
+    "sampling": "number of rays",
+    "total": "root sum of squares of the entries above; covers the truth in 95 of 100 cases",
 }
 
 # Groups of numbers in summary.json.

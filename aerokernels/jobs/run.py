@@ -77,7 +77,7 @@ def scene_strehl(scene: Scene, field: IndexField) -> StrehlEstimate:
 
 def _echo_with_errors(vacuum: VacuumEcho, field: IndexField, strehl: StrehlEstimate) -> EchoResult:
     """Simulate the echo through a field from the scene's echo in vacuum, and compute its errors."""
-    found = echo_through(field, vacuum, phase_error=strehl)
+    found = echo_through(field, vacuum, estimate=strehl)
     _ = found.quantities
     return found
 

@@ -4,13 +4,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
+from aerokernels.display.error_budget import main_cause
 from aerokernels.display.verdict import Verdict, judge
 from aerokernels.echo import EchoResult
 from aerokernels.jobs.views import PupilMap, RayFan, Spot, spot
 from aerokernels.prepare import Prepared
 from aerokernels.scene import Scene
 from aerokernels.strehl import StrehlEstimate
-from aerokernels.wavefront.strehl_errors import main_cause
 
 
 @dataclass(frozen=True, eq=False)

@@ -158,9 +158,8 @@ def _maps_figure(found: "xarray.Dataset") -> "Figure":
         if not is_flat(values, "m", STANDARD_ERRORS * _greatest(found[f"{name}_error"])):
             _map(figure, axes, bar, found, 1e9 * values, f"{words} [nm]", even)
             continue
-        bar.set_visible(False)
         middle = 0.0 if even else 1e9 * float(np.nanmedian(values)) if np.isfinite(values).any() else float("nan")
-        say_flat(axes, f"{words}: {middle:.3g} nm everywhere,\nbut for rounding")
+        say_flat(axes, f"{words}: {middle:.3g} nm everywhere,\nbut for rounding", bar)
     return figure
 
 

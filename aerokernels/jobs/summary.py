@@ -5,8 +5,7 @@ errors                 the errors of the numbers by the same keys, in the same u
 numbers that are not estimates (counts, settings, times). The error of a ratio between 0 and 1 is at most what these
 bounds allow, max(ratio, 1 - ratio): the number is then not meaningful, as the verdict on the Strehl ratio says
 still_air_m            the part of the range error that the air at rest between aperture and target causes, not the flow
-range_uncertainty_m    the systematic and the random part of the range's error, by ranging method, and of the systematic
-part that of the refractivity model
+range_uncertainty_m    the error of the range by cause, by ranging method
 verdict, warnings      whether the answer is meaningful given its errors ("fine", "warning", "worthless"), and why
 failures               why a stage has no result, by stage ("wavefront", "rays", "echo", "range", "picture echo", ...)
 error                  the error budget of the Strehl ratio by cause, each at most what the bounds 0 and 1 allow
@@ -25,6 +24,7 @@ from typing import Any
 import numpy as np
 
 from aerokernels import __version__
+from aerokernels.display.error_budget import TOTAL
 from aerokernels.display.quantities import greatest_ratio_error
 from aerokernels.echo import EchoResult
 from aerokernels.jobs.run_parts import RunParts
@@ -124,13 +124,11 @@ def _echo_numbers(echo: EchoResult | None) -> tuple[dict[str, Any], dict[str, An
         empty = {"ranges_m": {}, "range_uncertainty_m": {}, "range_statistics_m": {}, "noise_rms_v": math.nan}
         return {**nothing, **empty}, {**nothing, "ranges_m": {}}
     found = echo.quantities
-    parts = echo.errors.ranges or {}
     numbers = {
         **{key: found[name].value for key, name in ECHO_KEYS.items()},
         "ranges_m": dict(echo.ranges),
         "range_uncertainty_m": {
-            method: {"systematic": one.systematic, "random": one.random, "refractivity": one.refractivity}
-            for method, one in parts.items()
+            method: {cause: float(one) for cause, one in echo.error[method].items()} for method in echo.ranges
         },
         "range_statistics_m": {
             method: {
@@ -145,4 +143,4 @@ def _echo_numbers(echo: EchoResult | None) -> tuple[dict[str, Any], dict[str, An
         "noise_rms_v": echo.noise_rms,
     }
     errors = {key: found[name].error for key, name in ECHO_KEYS.items()}
-    return numbers, {**errors, "ranges_m": {method: echo.errors.of_range(method) for method in echo.ranges}}
+    return numbers, {**errors, "ranges_m": {method: echo.error[method][TOTAL] for method in echo.ranges}}

@@ -257,6 +257,10 @@ class PreparedStrehl:
         with self._turn, clocked() as seconds:
             return self._estimate(seed, seconds)
 
+    def varied(self, plan: TracePlan, seed: int = 0) -> StrehlVariants:
+        """Return some rays of the pupil that are traced by a plan, and how they change by each cause of an error."""
+        return StrehlVariants(self.field, self.pupil, self.look, seed, self.job.until, self.wavelength, plan)
+
     def _estimate(self, seed: int, seconds: dict[str, float]) -> StrehlEstimate:
         job, wavelength = self.job, self.wavelength
         run, why = job.run, []
@@ -286,7 +290,7 @@ class PreparedStrehl:
                 "the Strehl ratio is 1; check the units (metres are expected), and the pupil's direction and position"
             )
 
-        found = StrehlVariants(self.field, self.pupil, self.look, seed, job.until, wavelength, plan)
+        found = self.varied(plan, seed)
         sampling = sampling_errors(standard_error, sums.moments, wavelength, self.remove)
         return StrehlEstimate(
             ray_count=job.per_replicate * REPLICATES,

@@ -1,8 +1,6 @@
 """Wavefronts over a pupil: fitted terms, Zernike modes, point spread and transfer functions, exchange formats."""
 
 from ..callable_module import make_callable
-from .pixel_errors import SAFETY
-from .pixel_weights import exact_weights
 from .point_spread import PointSpread, point_spread_function
 from .result import Wavefront
 from .terms import (
@@ -21,7 +19,6 @@ from .traced import wavefront
 from .transfer import EncircledEnergy, Transfer
 
 __all__ = [
-    "SAFETY",
     "TERMS",
     "EncircledEnergy",
     "PointSpread",
@@ -31,7 +28,6 @@ __all__ = [
     "check_metres",
     "check_terms",
     "check_wavefront",
-    "exact_weights",
     "fit_tilt",
     "map_points",
     "mean_phasor",

@@ -15,7 +15,10 @@ from ..inputs.doubtful import refuse_masked
 from ..inputs.wavelength import check_wavelength
 from ..process.clock import clocked, stage
 from ..pupils import Projected, Pupil, seen_along
+from ..tracing.variants.causes import Variants
+from .changes import Changes, changes_of, of_opd
 
+NOT_IN_KEY = ("seconds", "varied", "budget")
 SIGN_CONVENTION = "OPD is positive where light is delayed"
 
 
@@ -40,7 +43,9 @@ class WavefrontMap:
         removed: Names of the terms that were removed.
         plan: How the rays were traced, if they were.
         seconds: Wall time by stage: see STAGES in clock.py.
-        budget: Function that computes the error budget of the OPD [m]; `error` calls it.
+        varied: Function that returns some of the rays, which are pixels, and how they change by each cause of an error
+            (tracing/variants/causes.py), or None; the errors of all numbers follow from it.
+        budget: Function that returns the error budget of the OPD [m], where no rays are known.
 
     Raises:
         TypeError: An argument of the wrong type.
@@ -60,12 +65,13 @@ class WavefrontMap:
     removed: tuple[str, ...] = ()
     plan: Any = None
     seconds: dict[str, float] = field(default_factory=dict)
-    budget: Callable[[], dict[str, float]] | None = None
+    varied: Callable[[], Variants | None] | None = None
+    budget: Callable[[], ErrorBudget] | None = None
 
     @property
     def key(self) -> Hashable:
         """A key for caches that is equal for equal maps, however long they took."""
-        return key_of([getattr(self, each.name) for each in fields(self) if each.name not in ("seconds", "budget")])
+        return key_of([getattr(self, each.name) for each in fields(self) if each.name not in NOT_IN_KEY])
 
     def __post_init__(self):
         """Check the values and store read-only copies."""
@@ -144,13 +150,22 @@ class WavefrontMap:
         return self.opd[self.lit], weight / weight.sum()
 
     @cached_property
-    def error(self) -> ErrorBudget:
-        """Error budget of the OPD [m] by cause, and "total" (tracing/error_budget/budget.py). Empty if it is not known.
+    def changes(self) -> Changes | None:
+        """How the map changes by each cause of an error; None if that is not known. Computed when first read."""
+        return changes_of(self)
 
-        Some rays are retraced when it is first read; seconds["error"] is the time spent on that.
+    @cached_property
+    def error(self) -> ErrorBudget:
+        """Error of the OPD of a pixel from the mean [m], by cause and in "total"; empty if it is not known.
+
+        It is the root mean square over some of the rays, and covers that of 95 pixels in 100. Some rays are traced
+        again when it is first read; seconds["error"] is the time spent on that.
         """
         with clocked() as spent, stage("error"):
-            found = self.budget() if self.budget is not None else ErrorBudget()
+            if self.varied is None:
+                found = ErrorBudget() if self.budget is None else self.budget()
+            else:
+                found = ErrorBudget() if self.changes is None else of_opd(self)
         self.seconds["error"] = spent["total"]
         return found
 
@@ -158,7 +173,3 @@ class WavefrontMap:
     def opd_error(self) -> float:
         """Total OPD error [m] of the budget; NaN if it is not known."""
         return self.error.get("total", float("nan"))
-
-    def phase_error(self) -> float:
-        """Return `opd_error` as a phase [rad]."""
-        return 2.0 * np.pi * self.opd_error / self.wavelength

@@ -5,24 +5,17 @@ from typing import Any
 import numpy as np
 
 from ..display.quantities import Quantity
-from .image_errors import centroid_errors, grid_errors, sensitivity_errors
-from .spot_width import spot_width_error
+from .image_errors import centroid_errors, sensitivity_error, width_error
+from .spot_width import spot_width
 
 
 def image_quantities(wave: Any, fried: float) -> dict[str, Quantity]:
     """Return "centroid_x", "centroid_y", "fwhm" [rad] and "pssn" of the image of a `Wavefront` with their errors."""
-    phase, pssn = wave.phase_error(), wave.pssn(fried)
-    x, y = wave.centroid
-    errors = centroid_errors(wave)
-    pixels = float(grid_errors(wave, lambda one: one.fwhm))
-    sensitivity = sensitivity_errors(wave, fried)
-
-    def number(value: float, *errors: float, unit: str = "") -> Quantity:
-        return Quantity(float(value), float(np.linalg.norm(errors)), unit)
-
+    (x, y), errors = wave.centroid, centroid_errors(wave)
+    width, by_sampling = spot_width(wave)
     return {
-        "centroid_x": number(x, errors[0], unit="rad"),
-        "centroid_y": number(y, errors[1], unit="rad"),
-        "fwhm": number(wave.fwhm, spot_width_error(wave), pixels, unit="rad"),
-        "pssn": number(pssn, 4.0 * phase + 4.0 * phase**2, float(sensitivity)),
+        "centroid_x": Quantity(float(x), float(errors[0]), "rad"),
+        "centroid_y": Quantity(float(y), float(errors[1]), "rad"),
+        "fwhm": Quantity(width, float(np.hypot(width_error(wave), by_sampling)), "rad"),
+        "pssn": Quantity(wave.pssn(fried), sensitivity_error(wave, fried)),
     }

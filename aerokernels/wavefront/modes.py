@@ -10,9 +10,9 @@ import numpy as np
 
 from ..display.shown import shown
 from ..zernike import zernike_modes
+from .changes import of_changes, of_map
 from .data import WavefrontMap
-from .pixel_errors import zernike_pixel_errors
-from .pixel_weights import derivative_weights
+from .stencils import derivative_weights
 from .terms import weighted_mean
 from .transfer import autocorrelation
 
@@ -31,27 +31,18 @@ class StructureFunction:
         separation: Distance of the points [m], shape (n,), ascending.
         value: <(OPD(x) - OPD(x + r))^2> [m2], shape (n,).
         pair_weight: Weight of the pairs behind each value, shape (n,); sums to 1.
-        opd_error: Function that returns the error of the OPD [m]; `error` calls it.
-        pixel_error: Error of each value due to the pixels, whose pairs have few distances and directions [m2], shape
-            (n,); None if there is none.
+        errors: Function that returns the error of each value [m2], shape (n,); `error` calls it.
     """
 
     separation: np.ndarray
     value: np.ndarray
     pair_weight: np.ndarray
-    opd_error: Callable[[], float] | None = field(default=None, repr=False)
-    pixel_error: np.ndarray | None = field(default=None, repr=False)
+    errors: Callable[[], np.ndarray] | None = field(default=None, repr=False)
 
     @cached_property
     def error(self) -> np.ndarray:
-        """Error of each value [m2], shape (n,); NaN if it is not known. Computed when first read.
-
-        With an OPD error e, a difference of two points is off by at most 2 e, and its mean square D by 4 e sqrt(D) + 4
-        e^2. The error due to the pixels is added.
-        """
-        error = float("nan") if self.opd_error is None else self.opd_error()
-        pixels = 0.0 if self.pixel_error is None else self.pixel_error
-        return np.hypot(4.0 * error * np.sqrt(self.value) + 4.0 * error**2, pixels)
+        """Error of each value [m2], shape (n,); NaN if it is not known. Computed when first read."""
+        return np.full(np.shape(self.value), np.nan) if self.errors is None else self.errors()
 
     def plot(self, axes=None):
         """Draw the square root of the function [nm] over the distance on matplotlib axes; return the axes."""
@@ -80,19 +71,24 @@ def fit_zernike(wavefront: WavefrontMap, count: int) -> np.ndarray:
 
 
 def zernike_errors(wavefront: WavefrontMap, count: int) -> np.ndarray:
-    """Return the error of each Zernike coefficient [m] due to the OPD's error and the pixels, shape (count,).
+    """Return the error of each Zernike coefficient [m], shape (count,).
 
     Infinite if the pupil's samples cannot distinguish the polynomials.
     """
+    solved: dict[float, np.ndarray] = {}
+
+    def number(wave: WavefrontMap) -> np.ndarray:
+        opd, weight = wave.samples
+        if wave.pixel not in solved:
+            solved[wave.pixel] = np.linalg.pinv(_weighted_modes(wave, count), LEAST_SINGULAR)
+        return np.asarray(solved[wave.pixel] @ (opd * np.sqrt(weight)))
+
     if most_polynomials(wavefront, count) < count:
         return np.full(count, np.inf)
-    basis = _weighted_modes(wavefront, count)
-    _, size, rows = np.linalg.svd(basis, full_matrices=False)
+    size = np.linalg.svd(_weighted_modes(wavefront, count), compute_uv=False)
     if len(size) < count or size[-1] <= LEAST_SINGULAR * size[0]:
         return np.full(count, np.inf)
-    gains = np.linalg.norm(rows / size[:, None], axis=0)
-    modes = basis / np.sqrt(wavefront.samples[1])[:, None]
-    return np.hypot(wavefront.opd_error * gains, zernike_pixel_errors(wavefront, modes))
+    return of_map(wavefront, number)
 
 
 def most_polynomials(wavefront: WavefrontMap, count: int) -> int:
@@ -145,6 +141,18 @@ def structure_function(wavefront: WavefrontMap) -> StructureFunction:
     standard error of D / r^2 over four parts of the ring, by the sum of a shift's rows and columns, which are alike
     under quarter turns; and what the spread of the distances makes of a function that grows as r^2.
     """
+    *found, by_rings = _rings(wavefront)
+    return StructureFunction(*found, partial(_structure_errors, wavefront, by_rings))
+
+
+def _structure_errors(wavefront: WavefrontMap, by_rings: np.ndarray) -> np.ndarray:
+    return np.asarray(np.hypot(of_changes(wavefront, lambda one: _rings(one)[1]), by_rings))
+
+
+def _rings(wavefront: WavefrontMap) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Return distances [m], values [m2], weights of the pairs and errors due to the rings [m2], all of shape (n,)."""
+    from scipy.ndimage import uniform_filter1d
+
     weight = wavefront.weight
     opd, share = wavefront.samples
     flat = np.zeros(weight.shape)
@@ -168,15 +176,11 @@ def structure_function(wavefront: WavefrontMap) -> StructureFunction:
     steep = np.divide(sums, squares, out=np.zeros_like(sums), where=squares > 0.0)
     rest = steep - np.divide(value, spread, out=np.zeros_like(value), where=spread > 0.0)[:, None]
     known = np.maximum(np.count_nonzero(counts, axis=1) - 1, 1)
-    by_parts = spread * np.sqrt(np.sum(counts * rest**2, axis=1) / whole / known)
+    scatter = np.sum(counts * rest**2, axis=1) / whole / known
+    # Four parts may agree by chance: three rings in a row tell.
+    by_parts = spread * np.sqrt(np.maximum(scatter, uniform_filter1d(scatter, 3)))
     by_distance = value * (np.divide(spread, place**2, out=np.ones_like(spread), where=place > 0.0) - 1.0)
-    return StructureFunction(
-        wavefront.pixel * place,
-        value,
-        whole / whole.sum(),
-        partial(getattr, wavefront, "opd_error"),
-        np.hypot(by_parts, by_distance),
-    )
+    return wavefront.pixel * place, value, whole / whole.sum(), np.hypot(by_parts, by_distance)
 
 
 def centroid(wavefront: WavefrontMap) -> np.ndarray:

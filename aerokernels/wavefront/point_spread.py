@@ -6,7 +6,6 @@ with a the angle at which light leaves the pupil: OPD = a0 x has its peak at a0.
 two matrix products (R. Soummer et al., Opt. Express 15 (2007) 15935), which give the same values.
 """
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -17,7 +16,6 @@ from ..display.shown import shown
 from ..inputs.arguments import Numbers, checked
 from ..inputs.wavelength import check_wavelength
 from .half_maximum import width_at_half
-from .strehl_errors import strehl_errors
 
 COLUMNS_AT_ONCE = 64  # columns padded and transformed together; affects speed only
 BLOCK = 32  # rows and columns of a matrix product: BLAS never splits so small a one among threads
@@ -32,25 +30,17 @@ class PointSpread:
         intensity: Intensity over the peak of the undistorted pupil, shape (n, n), axes [y, x] for a map with axes [y,
             x]; its greatest value is the Strehl ratio without tilt.
         angle: Field angles of rows and columns [rad], shape (n,).
-        phase_error: Function that returns the phase error of the wavefront [rad]; `error` calls it.
-        pixel_error: Function that returns the error of each intensity due to the wavefront's pixels, shape (n, n);
-            `error` calls it.
+        errors: Function that returns the error of each intensity, shape (n, n); `error` calls it.
     """
 
     intensity: np.ndarray
     angle: np.ndarray
-    phase_error: Callable[[], float] | None = field(default=None, repr=False, compare=False)
-    pixel_error: Callable[[], np.ndarray] | None = field(default=None, repr=False, compare=False)
+    errors: Callable[[], np.ndarray] | None = field(default=None, repr=False, compare=False)
 
     @cached_property
     def error(self) -> np.ndarray:
-        """Error of each intensity, shape (n, n); NaN if it is not known. Computed when first read.
-
-        An intensity is the Strehl ratio of the wavefront minus a tilt, so a phase error changes it as it changes a
-        Strehl ratio. The error due to the pixels is added: see spread_errors.py.
-        """
-        phase, pixels = phase_and_pixels(self.phase_error, self.pixel_error)
-        return np.hypot(strehl_errors(self.intensity, phase), pixels)
+        """Error of each intensity, shape (n, n); NaN if it is not known. Computed when first read."""
+        return np.full(self.intensity.shape, np.nan) if self.errors is None else self.errors()
 
     @property
     def peak(self) -> float:
@@ -70,13 +60,6 @@ class PointSpread:
         from .plots import plot_point_spread
 
         return plot_point_spread(self, axes, decades)
-
-
-def phase_and_pixels(
-    phase_error: Callable[[], float] | None, pixel_error: Callable[[], np.ndarray] | None
-) -> tuple[float, np.ndarray | float]:
-    """Return the phase error [rad], NaN if it is not known, and the error due to the pixels, 0 without pixels."""
-    return math.nan if phase_error is None else phase_error(), 0.0 if pixel_error is None else pixel_error()
 
 
 def complex_amplitude(opd: np.ndarray, weight: np.ndarray, wavelength: float) -> np.ndarray:

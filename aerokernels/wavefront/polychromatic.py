@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from ..inputs.wavelength import check_spectrum
+from .image_errors import intensities, spread_errors
 from .point_spread import PointSpread
 
 # Most angles along a side of a grid that is chosen here.
@@ -50,19 +51,18 @@ def polychromatic_psf(
             )
         angle = reach / max(int(np.ceil(steps)), 1) * np.arange(-int(np.ceil(steps)), int(np.ceil(steps)) + 1)
     each = [wavefront.at_wavelength(float(length)).psf(angle) for length in lengths]
-    share = mixed_weights(lengths, shares)
+    share, shortest = mixed_weights(lengths, shares), wavefront.at_wavelength(float(lengths.min()))
     mean = np.tensordot(share, np.stack([one.intensity for one in each]), 1)
-    shortest = wavefront.at_wavelength(float(lengths.min()))
-    return PointSpread(mean, each[0].angle, partial(shortest.phase_error), partial(_pixel_errors, share, each))
+    errors = partial(spread_errors, shortest, each[0].angle, partial(_mixed, lengths, share))
+    return PointSpread(mean, each[0].angle, errors)
+
+
+def _mixed(wavelengths: np.ndarray, shares: np.ndarray, wavefront: Any, angle: np.ndarray) -> np.ndarray:
+    each = [intensities(wavefront.at_wavelength(float(length)), angle) for length in wavelengths]
+    return np.asarray(np.tensordot(shares, np.stack(each), 1))
 
 
 def mixed_weights(wavelengths: np.ndarray, shares: np.ndarray) -> np.ndarray:
     """Return the weights of each wavelength's point spread function in their mean; they sum to 1."""
     weight = shares / wavelengths**2
     return np.asarray(weight / weight.sum())
-
-
-def _pixel_errors(shares: np.ndarray, each: list[PointSpread]) -> np.ndarray:
-    """Return the error due to the pixels of a mean of point spread functions: their errors have the same sign."""
-    found = [share * one.pixel_error() for share, one in zip(shares, each, strict=True) if one.pixel_error is not None]
-    return np.asarray(np.sum(found, axis=0))

@@ -11,22 +11,13 @@ from ..display.shown import shown
 from ..inputs.arguments import Numbers, checked
 from ..inputs.checks import check_count
 from ..pupils import Pupil
+from .changes import of_extremes, of_samples
 from .data import WavefrontMap
-from .image_errors import encircled_errors, otf_errors
+from .image_errors import encircled_errors, intensities, spread_errors, transfer_errors
 from .image_quantities import image_quantities
-from .modes import (
-    StructureFunction,
-    centroid,
-    fit_zernike,
-    structure_function,
-    zernike_errors,
-    zernike_surface,
-)
-from .pixel_errors import pixel_errors
+from .modes import StructureFunction, centroid, fit_zernike, structure_function, zernike_errors, zernike_surface
 from .point_spread import PointSpread, point_spread_function
 from .spot_width import spot_width
-from .spread_errors import spread_errors
-from .strehl_errors import strehl_error
 from .terms import check_metres, fit_tilt, mean_phasor, remove_terms, weighted_mean
 from .transfer import EncircledEnergy, Transfer, encircled, normalised_sensitivity, transfer_function
 
@@ -146,11 +137,8 @@ class Wavefront(WavefrontMap):
     def zernike_errors(self, count: int) -> np.ndarray:
         """Return the error of each Zernike coefficient [m], shape (count,).
 
-        An OPD error of rms e, of any shape, changes coefficient j by e sqrt((G^-1)_jj) at most, where G holds the mean
-        products of the polynomials over the pupil: e on a disc, hundreds of e where the polynomials hardly differ, as
-        on a thin ring. The error due to the pixels, each of which has one sample, is added (pixel_errors.py); NaN if a
-        quarter of the pixels is too few to measure it. Infinite if the pupil's samples cannot distinguish the
-        polynomials.
+        Each is fitted again to maps that changed, and to finer pixels (changes.py). NaN if that is not
+        known; infinite if the pupil's samples cannot distinguish the polynomials.
 
         Raises:
             ValueError: A count below 1.
@@ -178,16 +166,16 @@ class Wavefront(WavefrontMap):
             return polychromatic_psf(self, wavelengths, weights, angle, half_width, padding)
         options: dict[str, Any] = {"half_width": half_width, "padding": padding, "angle": angle}
         found = point_spread_function(self.opd, self.weight, self.pixel, self.wavelength, **options)
-        return replace(found, phase_error=self.phase_error, pixel_error=partial(spread_errors, self, found.angle))
+        return replace(found, errors=partial(spread_errors, self, found.angle, intensities))
 
     def otf(self) -> Transfer:
         """Return the complex optical transfer function."""
-        return replace(transfer_function(self), pixel_error=partial(otf_errors, self))
+        return replace(transfer_function(self), errors=partial(transfer_errors, self, False))
 
     def mtf(self) -> Transfer:
         """Return the modulation transfer function, the magnitude of the OTF."""
         otf = self.otf()
-        return replace(otf, value=np.abs(otf.value))
+        return replace(otf, value=np.abs(otf.value), errors=partial(transfer_errors, self, True))
 
     @checked
     def encircled_energy(self, angle: Numbers | None = None, *, center: Numbers | None = None) -> EncircledEnergy:
@@ -212,8 +200,8 @@ class Wavefront(WavefrontMap):
             raise ValueError("no pixel has a neighbour, so there is no centroid: give `center` or more pixels")
         if point.shape != (2,) or not np.isfinite(point).all():
             raise ValueError(f"center must be two angles along x and y [rad], got {center!r}")
-        errors = partial(encircled_errors, self, angle, point, center is None)
-        return EncircledEnergy(angle, encircled(self.otf(), angle, point), point, self.phase_error, errors)
+        errors = partial(encircled_errors, self, angle, None if center is None else point)
+        return EncircledEnergy(angle, encircled(self.otf(), angle, point), point, errors)
 
     @property
     def centroid(self) -> np.ndarray:
@@ -243,34 +231,22 @@ class Wavefront(WavefrontMap):
     def quantities(self) -> dict[str, Quantity]:
         """Quantities with their errors: "strehl", "opd_rms" [m], "peak_to_valley" [m], "tilt_x", "tilt_y" [rad].
 
-        The errors follow from the OPD's budget and from the pixels, each of which has one sample (pixel_errors.py). The
-        slope of a plane changes by at most the OPD error over the rms extent of the pupil; where the pupil has no
-        extent its error is NaN.
+        Each error is the change of the number where the rays change by a cause, and where pixels are finer:
+        see changes.py.
         """
-        error, value = self.opd_error, self.strehl()
-        _, weight = self.samples
-        extent = np.sqrt(weighted_mean(weight, (self.points - weighted_mean(weight, self.points)) ** 2))
-        tilt, pixels = self.tilt, pixel_errors(self)
-        slopes = [error / float(one) if one > 0.0 else float("nan") for one in extent]
-
-        def number(name: str, value: float, error: float, unit: str = "") -> Quantity:
-            return Quantity(float(value), float(np.hypot(error, pixels[name])), unit, is_ratio=name == "strehl")
-
+        tilt, (strehl, rms, *slopes) = self.tilt, of_samples(self)
         return {
-            "strehl": number("strehl", value, strehl_error(value, self.phase_error())),
-            "opd_rms": number("opd_rms", self.rms, error, "m"),
-            "peak_to_valley": number("peak_to_valley", self.peak_to_valley, 2.0 * error, "m"),
-            "tilt_x": number("tilt_x", tilt[0], slopes[0], "rad"),
-            "tilt_y": number("tilt_y", tilt[1], slopes[1], "rad"),
+            "strehl": Quantity(self.strehl(), float(strehl), is_ratio=True),
+            "opd_rms": Quantity(self.rms, float(rms), "m"),
+            "peak_to_valley": Quantity(self.peak_to_valley, of_extremes(self), "m"),
+            "tilt_x": Quantity(float(tilt[0]), float(slopes[0]), "rad"),
+            "tilt_y": Quantity(float(tilt[1]), float(slopes[1]), "rad"),
         }
 
     def image_quantities(self, fried: float = np.inf) -> dict[str, Quantity]:
         """Return quantities of the image with their errors: "centroid_x", "centroid_y", "fwhm" [rad], "pssn".
 
-        An OPD error e changes the centroid, a mean slope, by at most e along the whole rim. It changes PSSn by at most
-        4 p + 4 p^2, p being the phase error, since no |OTF| changes by more than 2 p times the perfect one. The error
-        of the FWHM is its greatest change under focus and astigmatism of amplitude e and either sign. `fried` is as in
-        `pssn`. The error due to the pixels is added: see image_errors.py.
+        `fried` is as in `pssn`. The errors are found as those of `quantities`.
         """
         return image_quantities(self, fried)
 

@@ -2,25 +2,30 @@
 
 Zernike polynomials are fitted first, so that the part they represent is transferred exactly. The residual is
 interpolated over triangles (Clough and Tocher's cubics), and extrapolated beyond the outermost samples by parabolas.
-The error is measured: every eighth sample is predicted from the others. If there are few samples, each one is predicted
-once, an eighth at a time, since the error is greatest at the rim and only few samples are there.
+The error is measured: every fourth sample is predicted from the others, and off by what the map is off by between
+samples. If there are few, each one is predicted once, a quarter at a time: the error is greatest at the rim, where few
+samples are.
 """
 
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
 import numpy as np
 
-from ..display.error_budget import ErrorBudget, combine
 from ..inputs.doubtful import refuse_masked
 from ..pupils import Pupil
+from ..tracing.variants.causes import Variants
+from ..tracing.variants.rays import Cause, Rays
+from ..tracing.variants.spread import FACTOR
 from ..zernike import zernike_modes
+from .changes import smooth_draws
 from .grid import pupil_grid
 
 # Most Zernike polynomials; fewest samples for each of them; fewest samples of a wavefront.
 MODES, PER_MODE, FEWEST = 36, 3, 9
-# One of so many samples is predicted from the others to measure the error; factor for errors between the samples.
-LEFT_OUT, SAFETY = 8, 3.0
+# One of so many samples is predicted from the others to measure the error.
+LEFT_OUT = 4
 # Up to so many samples, each is left out once; with more, fewer eighths are left out, about so many samples in all.
 EACH_LEFT_OUT = 5000
 # A hole is a point of the pupil farther from every sample than so many mean distances of the samples.
@@ -51,19 +56,27 @@ def from_scattered(
         "intensity": intensity,
         "radius": pupil.reach,
         "pupil": pupil,
-        "budget": partial(_budget, place, values, pupil.reach, opd_error),
+        "varied": partial(_varied, place, values, pupil, opd_error),
     }
 
 
-def _budget(place: np.ndarray, values: np.ndarray, radius: float, opd_error: float | None) -> ErrorBudget:
-    """Return the error budget of the map [m]: "sampling" is the error of the samples, if it was given."""
+def _varied(place: np.ndarray, values: np.ndarray, pupil: Pupil, opd_error: float | None) -> Variants:
+    """Return some samples and how they change: to what the others predict, and by patterns of their own error."""
     turns = min(max(LEFT_OUT * EACH_LEFT_OUT // len(values), 1), LEFT_OUT)
-    worst = 0.0
+    rows, changes = [], []
     for turn in range(turns):
         out = np.arange(len(values)) % LEFT_OUT == (turn + LEFT_OUT // 2) % LEFT_OUT
-        again = _interpolated(place[~out], values[~out], place[out], radius)
-        worst = max(worst, float(np.abs(again - values[out]).max()))
-    return combine({"interpolation": SAFETY * worst, "sampling": float(opd_error or 0.0)}, "m")
+        rows.append(np.flatnonzero(out))
+        changes.append(_interpolated(place[~out], values[~out], place[out], pupil.reach) - values[out])
+    order = np.random.default_rng(0).permutation(sum(map(len, rows)))  # any part of them is a sample
+    some, change = (np.concatenate(one)[order] for one in (rows, changes))
+    still = Rays.still(len(some))
+    causes = {"interpolation": Cause(like=(replace(still, opd=change),))}
+    if opd_error:
+        causes["sampling"] = Cause(draws=smooth_draws(place[some], pupil.reach, opd_error / FACTOR))
+    start, look = pupil.center + place[some] @ np.stack(pupil.axes), np.tile(pupil.normal, (len(some), 1))
+    base = replace(still, opd=values[some])
+    return Variants(start, look, np.full(len(some), 1.0 / len(some)), base, causes)
 
 
 def _checked(points: Any, opd: Any, pupil: Pupil) -> tuple[np.ndarray, np.ndarray]:

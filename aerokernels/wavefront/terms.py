@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..inputs.arguments import Numbers, checked
+from ..zernike import zernike_modes
 
 # Terms that can be removed.
 TERMS = ("piston", "tilt", "focus")
@@ -151,6 +152,29 @@ def _surface(opd: np.ndarray, points, weights: np.ndarray, terms: list[str]) -> 
     weighted = (basis * weights[:, None]).T
     about = opd - weighted_mean(weights, opd)
     return basis @ np.linalg.lstsq(_products(weighted, basis), _products(weighted, about), rcond=1e-12)[0]
+
+
+def remove_named(
+    opd: np.ndarray, weights: np.ndarray, points: np.ndarray, removed: tuple[str, ...], radius: float
+) -> np.ndarray:
+    """Return the wavefront without terms of `remove_terms` and Zernike polynomials "Z4", ...: see `Wavefront.removed`.
+
+    Args:
+        opd: Optical path difference [m], shape (n,).
+        weights: Shares of the samples, shape (n,); they sum to 1.
+        points: Their coordinates in the pupil [m], shape (n, 2).
+        removed: The names.
+        radius: Radius of the polynomials' disc [m].
+    """
+    terms = [name for name in removed if name in TERMS]
+    indices = [int(name[1:]) for name in removed if name[:1] == "Z" and name[1:].isdigit()]
+    flat = remove_terms(opd, terms, points, weights) if terms else opd
+    if not indices:
+        return flat
+    modes, root = zernike_modes(max(indices), *(points.T / radius)).T, np.sqrt(weights)
+    fitted = np.linalg.lstsq(modes * root[:, None], flat * root, rcond=1e-9)[0]
+    chosen = np.array(sorted(set(indices))) - 1
+    return np.asarray(flat - modes[:, chosen] @ fitted[chosen])
 
 
 def mean_phasor(opd: np.ndarray, weights: np.ndarray, wavelength: float) -> complex:

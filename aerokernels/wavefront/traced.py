@@ -91,7 +91,7 @@ def wavefront(
         device=device,
         precision=precision,
         max_steps=max_steps,
-        outputs=("opd", "step_error"),  # by which the error budget chooses its rays
+        outputs=("opd", "step_error"),
     )
     assert traced.opd is not None  # requested above
     if not traced.ok.any():
@@ -114,5 +114,5 @@ def wavefront(
         blocked=float(1.0 - arrived.sum() / weight.sum()),
         plan=replace(traced.plan, reasons=(*traced.plan.reasons, *air.misses)),
         seconds=dict(traced.seconds),
-        budget=partial(getattr, traced, "error"),
+        varied=partial(getattr, traced, "variants"),
     )

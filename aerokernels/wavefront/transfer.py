@@ -7,9 +7,7 @@ With A = w exp(i k OPD) at the pixels x of a pupil, and frequencies f in cycles 
 
 P is the pupil's power (a pixel crossed by an edge holds more of it than |A|^2) and p the spacing of f. E is the exact
 integral of the pixels' PSF over a circle, without truncation. PSSn = \int |OTF T|^2 / \int |OTF_perfect T|^2 with T
-that of the atmosphere (B.-J. Seo et al., Appl. Opt. 48 (2009) 5997). A phase error of at most e [rad] changes the OTF
-by at most 2 e times the one of the perfect pupil, and E by at most 2 e. The errors due to the pixels are added:
-image_errors.py.
+that of the atmosphere (B.-J. Seo et al., Appl. Opt. 48 (2009) 5997).
 """
 
 from collections.abc import Callable
@@ -23,7 +21,7 @@ from ..inputs.arguments import checked
 from ..inputs.checks import check_at_least
 from ..pupils import Disc
 from .data import WavefrontMap
-from .point_spread import complex_amplitude, phase_and_pixels
+from .point_spread import complex_amplitude
 
 # Coefficient of the long-exposure transfer function exp(-3.44 (r / r0)^(5/3)): D. L. Fried, J. Opt. Soc. Am. 56 (1966)
 # 1372.
@@ -41,21 +39,18 @@ class Transfer:
         value: OTF (complex) or MTF (real), shape (n, n), axes [y, x]; 1 at frequency 0.
         frequency: Frequencies of rows and columns [cycles / rad], shape (n,), ascending about 0.
         perfect: MTF of the same pupil without aberrations, shape (n, n).
-        phase_error: Function that returns the phase error of the wavefront [rad]; `error` calls it.
-        pixel_error: Function that returns the error of each value due to the pixels, shape (n, n); `error` calls it.
+        errors: Function that returns the error of each value, shape (n, n); `error` calls it.
     """
 
     value: np.ndarray
     frequency: np.ndarray
     perfect: np.ndarray
-    phase_error: Callable[[], float] | None = field(default=None, repr=False)
-    pixel_error: Callable[[], np.ndarray] | None = field(default=None, repr=False)
+    errors: Callable[[], np.ndarray] | None = field(default=None, repr=False)
 
     @cached_property
     def error(self) -> np.ndarray:
         """Error of each value, shape (n, n); NaN if it is not known. Computed when first read."""
-        phase, pixels = phase_and_pixels(self.phase_error, self.pixel_error)
-        return np.hypot(np.minimum(2.0 * phase, 2.0) * self.perfect, pixels)
+        return np.full(np.shape(self.value), np.nan) if self.errors is None else self.errors()
 
     @checked
     def along(self, angle: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
@@ -84,22 +79,18 @@ class EncircledEnergy:
         angle: Radius of the circle [rad], any shape.
         energy: Share of the light that the pupil transmits, of the same shape.
         center: The point [rad], shape (2,).
-        phase_error: Function that returns the phase error of the wavefront [rad]; `error` calls it.
-        pixel_error: Function that returns the error of each share due to the pixels, of the same shape; `error` calls
-            it.
+        errors: Function that returns the error of each share, of the same shape; `error` calls it.
     """
 
     angle: np.ndarray
     energy: np.ndarray
     center: np.ndarray
-    phase_error: Callable[[], float] | None = field(default=None, repr=False)
-    pixel_error: Callable[[], np.ndarray] | None = field(default=None, repr=False)
+    errors: Callable[[], np.ndarray] | None = field(default=None, repr=False)
 
     @cached_property
     def error(self) -> np.ndarray:
         """Error of each share, of their shape; NaN if it is not known. Computed when first read."""
-        phase, pixels = phase_and_pixels(self.phase_error, self.pixel_error)
-        return np.minimum(np.hypot(np.full(np.shape(self.energy), 2.0 * phase), pixels), 1.0)
+        return np.full(np.shape(self.energy), np.nan) if self.errors is None else self.errors()
 
     @checked
     def radius(self, share: float) -> float:
@@ -143,7 +134,7 @@ def transfer_function(wavefront: WavefrontMap) -> Transfer:
     middle = len(wave) - 1
     value[middle, middle] = perfect[middle, middle] = 1.0
     frequency = wavefront.pixel / wavefront.wavelength * np.arange(-middle, middle + 1)
-    return Transfer(value, frequency, perfect, wavefront.phase_error)
+    return Transfer(value, frequency, perfect)
 
 
 def encircled(transfer: Transfer, angle: np.ndarray, center: np.ndarray) -> np.ndarray:
@@ -152,27 +143,41 @@ def encircled(transfer: Transfer, angle: np.ndarray, center: np.ndarray) -> np.n
     Raises:
         ValueError: The map has a single pixel, so that its frequencies have no spacing.
     """
+    return encircler(transfer.frequency, angle)(transfer.value, center)
+
+
+def encircler(frequency: np.ndarray, angle: np.ndarray) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
+    """Return the function that returns shares of the light within angles [rad] of a transfer function about a point.
+
+    Args:
+        frequency: Frequencies of the transfer function's rows and columns [cycles / rad], shape (n,).
+        angle: The angles, any shape.
+    """
     from scipy.special import j1
 
-    if len(transfer.frequency) < 2:
+    if len(frequency) < 2:
         raise ValueError("a wavefront of one pixel has no encircled energy: give a greater pixel_count")
-    fx, fy = transfer.frequency[None, :], transfer.frequency[:, None]
-    # E is real, so only the even part of the OTF counts, which is real.
-    even = (transfer.value * np.exp(2j * np.pi * (fx * center[0] + fy * center[1]))).real
-    spacing = float(transfer.frequency[1] - transfer.frequency[0])
-    index = np.rint(transfer.frequency / spacing).astype(np.int64)
+    fx, fy = frequency[None, :], frequency[:, None]
+    spacing = float(frequency[1] - frequency[0])
+    index = np.rint(frequency / spacing).astype(np.int64)
     squared, place = np.unique((index[:, None] ** 2 + index[None, :] ** 2).ravel(), return_inverse=True)
-    summed = np.bincount(place, even.ravel())
-    frequency = spacing * np.sqrt(squared[1:])
+    radial = spacing * np.sqrt(squared[1:])
     flat = np.abs(np.ravel(angle))
     # The pixels' PSF has the period wavelength / pixel: one period, a square about the point, holds all the light.
     half = 0.5 / spacing
     inside = np.minimum(flat, half)
-    energy = np.array([a * (j1(2.0 * np.pi * a * frequency) @ (summed[1:] / frequency)) for a in inside])
-    energy = spacing**2 * (energy + np.pi * inside**2 * summed[0])
-    for row in np.flatnonzero(flat > half):
-        energy[row] = 1.0 - _in_corners(even, half, flat[row])
-    return energy.reshape(np.shape(angle))
+    kernel = np.array([a * j1(2.0 * np.pi * a * radial) / radial for a in inside]).reshape(len(inside), len(radial))
+
+    def shares(value: np.ndarray, center: np.ndarray) -> np.ndarray:
+        # They are real, so only the even part of the transfer function counts, which is real.
+        even = (value * np.exp(2j * np.pi * (fx * center[0] + fy * center[1]))).real
+        summed = np.bincount(place.ravel(), even.ravel())
+        energy = spacing**2 * (np.array([row @ summed[1:] for row in kernel]) + np.pi * inside**2 * summed[0])
+        for row in np.flatnonzero(flat > half):
+            energy[row] = 1.0 - _in_corners(even, half, flat[row])
+        return np.asarray(energy.reshape(np.shape(angle)))
+
+    return shares
 
 
 def _in_corners(even: np.ndarray, half: float, angle: float) -> float:
@@ -187,15 +192,22 @@ def _in_corners(even: np.ndarray, half: float, angle: float) -> float:
     return float((light * (1.0 - Disc(angle).coverage(edges, edges))).sum())
 
 
-def normalised_sensitivity(transfer: Transfer, wavelength: float, fried: float, cubic: bool = True) -> float:
-    """Return PSSn, 1 without aberrations; `fried` is the atmosphere's r0 [m], infinite without an atmosphere.
+def normalised_sensitivity(transfer: Transfer, wavelength: float, fried: float) -> float:
+    """Return PSSn, 1 without aberrations; `fried` is the atmosphere's r0 [m], infinite without an atmosphere."""
+    return sensitivity(transfer, wavelength, fried)(transfer.value)
+
+
+def sensitivity(
+    transfer: Transfer, wavelength: float, fried: float, cubic: bool = True
+) -> Callable[[np.ndarray], float]:
+    """Return the function that returns PSSn of optical transfer functions.
 
     The atmosphere's part of both integrals may vanish within the spacing of the frequencies, so it is integrated
     between them. The perfect part has a kink at frequency 0 and is interpolated linearly; what the aberrations change
     has none.
 
     Args:
-        transfer: The optical transfer function.
+        transfer: A transfer function of the same pupil.
         wavelength: Wavelength [m].
         fried: The atmosphere's r0 [m].
         cubic: Interpolate the latter by cubic convolution, instead of linearly.
@@ -203,8 +215,8 @@ def normalised_sensitivity(transfer: Transfer, wavelength: float, fried: float, 
     separation = wavelength * transfer.frequency
     air = _mean_air(separation, fried, False)
     perfect = transfer.perfect**2
-    change = (np.abs(transfer.value) ** 2 - perfect) * (_mean_air(separation, fried, True) if cubic else air)
-    return 1.0 + float(change.sum() / (perfect * air).sum())
+    share = (_mean_air(separation, fried, True) if cubic else air) / float((perfect * air).sum())
+    return lambda value: 1.0 + float(((np.abs(value) ** 2 - perfect) * share).sum())
 
 
 def _mean_air(separation: np.ndarray, fried: float, cubic: bool) -> np.ndarray:

@@ -23,7 +23,8 @@ from ..inputs.checks import check_choice, check_count, check_positive
 from ..medium import IndexField
 from ..process.clock import clocked, stage
 from ..pupils import Pupil
-from ..wavefront import SAFETY, exact_weights, mean_phasor
+from ..wavefront import Wavefront
+from ..wavefront.changes import of_pixels
 from ..wavefront.grid import LEAST_COVER
 from .angular_spectrum import transfer_exponent
 from .layers import FEWEST_STEPS, check_memory, layer_count, mean_layers, path_range
@@ -127,7 +128,7 @@ def split_step(
                 # edge: the whole difference counts. It may vanish by chance.
                 strehl_error = abs(fine - fewer) / _gain(steps) + abs(fine - larger)
                 if isinstance(light, Pupil):
-                    strehl_error += _edge_error(light, wave, path)
+                    strehl_error += _pixels_error(light, wave, path)
             if sparse is not None:
                 # The order in the layers is not known where a face of the box is slanted: the whole difference counts.
                 fewer_layers = mean_layers(field, sparse, begin, end, max(count // 2, 1), cells_apart=2.0)
@@ -208,21 +209,18 @@ def _gain(steps: int) -> float:
     return 3.0 if steps > FEWEST_STEPS else 1.0
 
 
-def _edge_error(pupil: Pupil, wave: Wave, path: np.ndarray) -> float:
-    """Return the change of a Strehl ratio by the second-order deficit of the shares of pixels on the pupil's edge.
-
-    It is that of the paths straight through the field [m]: see pixel_weights.py.
-    """
+def _pixels_error(pupil: Pupil, wave: Wave, path: np.ndarray) -> float:
+    """Return the error of a Strehl ratio due to the pixels, by that of the paths straight through the field [m]."""
     weight = wave.amplitude.real
-    # The pupil's centre is in the middle of a pixel: that of the map with one row and column more.
-    even = [(0, (count + 1) % 2) for count in weight.shape]
-    exact = exact_weights(np.pad(weight, even), wave.pixel, pupil)[: weight.shape[0], : weight.shape[1]]
     lit = weight > 0.0
-    plain, corrected = (
-        abs(mean_phasor(path[lit].astype(np.float64), one[lit] / one[lit].sum(), wave.wavelength)) ** 2
-        for one in (weight, exact)
-    )
-    return SAFETY * abs(corrected - plain)
+    place = np.argwhere(lit) - np.array(weight.shape) // 2  # from the pixel whose middle is the pupil's centre
+    reach = int(np.abs(place).max())
+    maps = []
+    for values in (path, weight):
+        square = np.zeros((2 * reach + 1, 2 * reach + 1))
+        square[tuple((place + reach).T)] = values[lit]
+        maps.append(square)
+    return float(of_pixels(Wavefront(*maps, wave.pixel, wave.wavelength, pupil=pupil), Wavefront.strehl))
 
 
 def _changes(light: Wave, path: np.ndarray, other: np.ndarray) -> tuple[float, float]:

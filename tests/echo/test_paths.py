@@ -133,8 +133,7 @@ def test_strehl_ratio_is_interpolated_as_well_as_it_says():
     field_sum = np.sum(weight * np.exp(2j * np.pi * opd / WAVELENGTH), axis=1)
     exact = np.abs(field_sum) ** 2
     assert np.ptp(exact) > 0.01
-    assert np.abs(found.strehl - exact).max() < max(found.error, 1e-6)
-    assert found.error < 0.05
+    assert np.abs(found.strehl - exact).max() < 1e-3
 
 
 def test_interpolation_is_exact_for_polynomials():

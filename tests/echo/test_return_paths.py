@@ -81,13 +81,13 @@ def test_half_a_pupil_stands_for_all_of_it(ray_count):
 
 
 def test_a_radius_stands_for_the_target():
-    """Set-up: a lump on the axis, facing target. With the symmetry and without, within the errors that both tell."""
+    """Set-up: a lump on the axis, facing target. With the symmetry and without, within 1e-3 of interpolation."""
     setting, field, intersection = scene(receiver__ray_count=256), blob_field(5e-5), target_intersections()
     plane = target_plane(setting)
     short = return_paths(setting, field, intersection, plane, 9)
     full = return_paths(setting, field, intersection, plane, 9, symmetry=False)
     assert np.ptp(full.factor) > 0.005
-    assert np.abs(short.factor - full.factor).max() < short.error + full.error + 1e-6
+    assert np.abs(short.factor - full.factor).max() < 1e-3
     assert short.sums.ray_count < full.sums.ray_count / 25 and short.pair_count == full.pair_count
     tilted = scene(target__tilt=0.2)
     assert return_paths(tilted, field, intersection, target_plane(tilted), 5).sums.ray_count == 25 * 64
@@ -100,7 +100,7 @@ def test_a_rectangle_is_not_symmetric_about_the_axis():
     found = return_paths(setting, field, intersection, plane, 9)
     every = return_paths(setting, field, intersection, plane, "every")
     assert found.sums.ray_count == 81 * 256
-    assert np.abs(found.factor - every.factor).max() < found.error + 1e-6
+    assert np.abs(found.factor - every.factor).max() < 1e-3
     in_x = np.abs(intersection[:, 0]) > np.abs(intersection[:, 1])
     assert abs(every.factor[in_x].mean() - every.factor[~in_x].mean()) > 1e-3
 
@@ -111,7 +111,7 @@ def test_every_target_point_may_have_its_own_pupil():
     intersection[4] = np.nan
     plane = target_plane(setting)
     every = return_paths(setting, field, intersection, plane, "every")
-    assert np.isnan(every.factor[4]) and every.pair_count == 19 * 64 and every.error == 0.0
+    assert np.isnan(every.factor[4]) and every.pair_count == 19 * 64
     good = np.isfinite(every.factor)
     opd, share, _ = return_opd(setting, field, intersection[good])
     exact = np.abs(np.sum(share * np.exp(1j * WAVE_NUMBER * opd), axis=1)) ** 2

@@ -124,16 +124,18 @@ def test_a_picture_in_light_of_several_wavelengths():
     assert spots[1] < 0.9 * spots[0]
 
 
-def test_pixels_that_see_beyond_the_known_air_are_marked():
-    """Air of y > 0 goes on to the box's end, that of y < 0 fades out: rows that look up are unknown, the others known.
+def test_pixels_that_look_through_a_cut_are_marked():
+    """Air of y > 0 goes on beyond a cut, that of y < 0 fades out: rows that look up are unknown, the others known.
 
     Rows look along y = tangent z from a small aperture: those above the axis leave through the disturbed face.
     """
-    y, depth = np.linspace(-0.1, 0.1, 21), np.linspace(0.0, 1.0, 21)
+    y, depth = np.linspace(-0.1, 0.1, 21), np.linspace(0.0, 2.0, 41)
     above = np.clip(4.0 * depth, 0.0, 1.0)
     below = np.where(np.abs(depth - 0.5) < 0.25, np.cos(2.0 * np.pi * (depth - 0.5)), 0.0) ** 4
     contrast = 1e-3 * y[:, None] * np.where(y[:, None] > 0.0, above, below)
-    field = IndexField.from_samples(contrast, origin=(-0.1, FRONT), spacing=(0.01, 0.01), geometry="planar")
+    given = {"origin": (-0.1, FRONT), "spacing": (0.01, 0.01), "geometry": "planar"}
+    whole = IndexField.from_samples(contrast, **given, interpolation="linear")  # a spline rings across the axis
+    field = whole.resample(0.01, region=((-0.1, FRONT), (0.1, FRONT + 0.2)))
     camera = Camera(Disc(0.002), 0.05, 5e-4, (20, 4), distance=1.5)
     with pytest.raises(ValueError, match=r"of the picture looks through disturbed air .* allow_truncation=True"):
         background_displacement(field, camera)
@@ -145,20 +147,23 @@ def test_pixels_that_see_beyond_the_known_air_are_marked():
     assert np.isfinite(found.displacement).all() and found.to_xarray().truncated.dims == ("y", "x")
 
 
-def test_a_few_pixels_beyond_the_known_air_are_warned_of():
-    """One pixel of 1024 looks through the one cell that is disturbed where the box ends: less than is refused.
+def test_a_few_pixels_that_look_through_a_cut_are_warned_of():
+    """One pixel of 1024 looks through the one cell that is disturbed where the box is cut: less than is refused.
 
-    Cells of 6.45 mm at the last face, 0.28 m away, where pixels look 6.39 mm apart, the outermost 1 mm from the edge.
+    Cells of 3.17 mm at the cut, 0.28 m away, where pixels look 6.39 mm apart, the outermost 1 mm from the edge.
+    The flow goes on for 5 mm.
     """
-    contrast = np.zeros((32, 32, 5))
-    contrast[-1, -1, -1] = 1e-4
-    field = IndexField.from_samples(
+    contrast = np.zeros((64, 64, 18))
+    contrast[-1, -1, 16:] = 1e-4
+    cell = (0.2 / 63, 0.2 / 63, 0.005)
+    whole = IndexField.from_samples(
         contrast,
         origin=(-0.1, -0.1, FRONT),
-        spacing=(0.2 / 31, 0.2 / 31, 0.02),
+        spacing=cell,
         geometry="volume",
         interpolation="linear",
     )
+    field = whole.resample(cell, region=((-0.1, -0.1, FRONT), (0.1, 0.1, FRONT + 0.08)), interpolation="linear")
     camera = Camera(Disc(1e-4), 0.05, 0.05 * 0.099 / 0.28 / 15.5, (32, 32))
     with pytest.warns(RuntimeWarning, match="^0.0977 % of the picture looks through disturbed air"):
         found = background_displacement(field, camera, aperture_rays=1)

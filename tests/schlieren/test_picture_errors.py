@@ -108,12 +108,13 @@ def test_light_that_was_not_traced_here_has_no_known_error():
     assert (told.error > 0.0).all()
 
 
-def test_light_that_leaves_the_known_air_is_marked():
-    """Half of the lump is beyond the box's face at x = HALF: pixels through it are not known, those beside it are.
+def test_light_that_leaves_through_a_cut_is_marked():
+    """Half of the lump is cut off at x = 0: pixels through it are not known, those beside it are.
 
-    In a shadowgraph so are the pixels onto which that light falls; a lump inside the box leaves all known.
+    In a shadowgraph so are the pixels onto which that light falls; a lump inside the box leaves all known, and so does
+    half a lump with which the flow ends.
     """
-    cut = lump(2e-3, at=HALF)
+    cut = lump(2e-3).resample(2e-3, region=((-HALF,) * 3, (0.0, HALF, HALF)))
     with pytest.warns(RuntimeWarning, match="not known"):
         picture = schlieren(cut, **VIEW)
     distance = np.hypot(*np.meshgrid(picture.horizontal, picture.vertical))
@@ -127,6 +128,7 @@ def test_light_that_leaves_the_known_air_is_marked():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert schlieren(lump(2e-3), **VIEW).known.all()
+        assert schlieren(lump(2e-3, at=HALF), **VIEW).known.all()
 
 
 @pytest.mark.parametrize("k", [1, 2])

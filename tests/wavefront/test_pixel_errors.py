@@ -1,5 +1,7 @@
 """What the pixels of a map make its numbers off by is part of their errors: against Gauss points on the pupil."""
 
+from itertools import product
+
 import numpy as np
 import pytest
 
@@ -33,22 +35,27 @@ def numbers(opd, weight, x, y):
     return abs(weight @ np.exp(2j * np.pi / WAVELENGTH * opd)) ** 2, np.sqrt(weight @ flat**2), *slopes
 
 
-@pytest.mark.parametrize("surface", SURFACES)
-@pytest.mark.parametrize("pupil", PUPILS, ids=lambda pupil: type(pupil).__name__)
-def test_errors_hold_what_the_pixels_make(pupil, surface, pixel_count=31):
-    """A smooth wavefront without any other error: symmetric ones too, whose four interleaved grids are alike."""
-    coordinate, pixel, weight, intensity = pupil_grid(pupil, pixel_count)
-    x, y = np.meshgrid(coordinate, coordinate)
-    opd = WAVELENGTH * SURFACES[surface](x / RADIUS, y / RADIUS)
-    of_rays = {"pupil": pupil, "budget": lambda: {"total": 0.0}}
-    seen = Wavefront(opd, weight, pixel, WAVELENGTH, intensity=intensity, **of_rays)
-    points, shares = pupil.sample(10_000, "gauss")
-    x, y = points[:, 0], points[:, 1]
-    exact = numbers(WAVELENGTH * SURFACES[surface](x / RADIUS, y / RADIUS), shares, x, y)
-    for name, true in zip(("strehl", "opd_rms", "tilt_x", "tilt_y"), exact, strict=True):
-        told = seen.quantities[name]
-        assert abs(told.value - true) <= told.error + 1e-12, name
-        assert told.error < 20.0 / pixel_count * {"strehl": 1.0, "opd_rms": WAVELENGTH}.get(name, WAVELENGTH / RADIUS)
+@pytest.mark.parametrize("pixel_count", [24, 31, 50])
+def test_errors_hold_what_the_pixels_make(pixel_count):
+    """Smooth wavefronts without any other error, symmetric ones too: 95 of 100 numbers are within their errors.
+
+    Expected besides: a median of the told error over the true one below 4.
+    """
+    ratios = []
+    for pupil, surface in product(PUPILS, SURFACES.values()):
+        coordinate, pixel, weight, intensity = pupil_grid(pupil, pixel_count)
+        x, y = np.meshgrid(coordinate, coordinate)
+        opd = WAVELENGTH * surface(x / RADIUS, y / RADIUS)
+        of_rays = {"pupil": pupil, "budget": lambda: {"total": 0.0}}
+        told = Wavefront(opd, weight, pixel, WAVELENGTH, intensity=intensity, **of_rays).quantities
+        points, shares = pupil.sample(10_000, "gauss")
+        x, y = points[:, 0], points[:, 1]
+        exact = numbers(WAVELENGTH * surface(x / RADIUS, y / RADIUS), shares, x, y)
+        for name, true in zip(("strehl", "opd_rms", "tilt_x", "tilt_y"), exact, strict=True):
+            size = {"strehl": 1.0, "opd_rms": WAVELENGTH}.get(name, WAVELENGTH / RADIUS)
+            if (off := abs(told[name].value - true)) > 1e-7 * size:
+                ratios.append(told[name].error / off)
+    assert np.mean(np.array(ratios) >= 1.0) >= 0.95 and 1.0 < np.median(ratios) < 4.0
 
 
 @pytest.mark.parametrize("pupil", PUPILS, ids=lambda pupil: type(pupil).__name__)

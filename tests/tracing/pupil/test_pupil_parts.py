@@ -9,10 +9,11 @@ from scipy.stats import qmc
 from aerokernels import Annulus, Disc, IndexField, Plane, RayBundle, Rectangle
 from aerokernels.medium import Body
 from aerokernels.tracing.beyond import plane_beyond
+from aerokernels.tracing.meeting import meets_wall
 from aerokernels.tracing.plan import TracePlan
 from aerokernels.tracing.pupil import lattice_quadrature as lattices
 from aerokernels.tracing.pupil import radial_quadrature as radial
-from aerokernels.tracing.pupil.air import PupilAir, meets_wall, pupil_air
+from aerokernels.tracing.pupil.air import PupilAir, pupil_air
 from aerokernels.tracing.pupil.job import _check_size
 from aerokernels.tracing.pupil.run import KEPT_BYTES, check_memory
 from aerokernels.tracing.pupil.sums import (
@@ -282,24 +283,24 @@ def test_rays_that_end_on_a_body():
 
 
 def test_the_share_of_a_pupil_that_loses_air():
-    """A disc of 1 m before a box 2 m wide in x: the share beyond the box's side, and the rms of c times the extents."""
-    field = box_field(contrast=3e-6)
-    pupil = Rectangle(3.0, 0.5, (0.2, 0.5, 2.5))
+    """A box 4 m long, cut 3.5 m along: c times half a metre, and all of it for those beside the cut at x = 0.5 m."""
+    whole = box_field(contrast=3e-6)
+    field = whole.resample((0.25, 0.75, 0.5), region=((-1.0, -1.0, 0.5), (0.5, 2.0, 4.0)))
+    pupil = Rectangle(2.0, 0.5, (0.0, 0.5, 2.5))
     found = pupil_air(field, pupil, UP, 1e-7)
-    assert found.share == 1.0 and found.is_truncated and not found.is_outside
-    assert found.place == "at the face z = 4500 mm"
-    x = found.rays.position[:, 0]
-    inside = np.abs(x) <= 1.0
-    lost = 3e-6 * np.where(inside, 4.0, 4.0)  # the box's extent along z, beyond it and beside it
-    assert found.lost_rms == pytest.approx(np.sqrt(np.mean(lost**2)), rel=1e-9)
-    none = pupil_air(field, pupil, UP, 2e-5)
-    assert none.share == 0.0 and none.place == "beside the field's box" and none.lost_rms == found.lost_rms
-    aside = pupil_air(field, Disc(0.2, (0.0, 0.0, -3.0)), UP, 1e-7)
-    assert aside.is_outside and aside.lost_rms == pytest.approx(3e-6 * (3.5 + 4.0), rel=1e-9)
+    assert found.share == pytest.approx(1.0) and found.is_truncated and not found.is_outside
+    assert found.place == "at the face z = 4000 mm" and found.past == pytest.approx(0.25, abs=2e-3)
+    beside = 0.25  # of the pupil: 2 m of air, the others half a metre
+    assert found.lost_rms == pytest.approx(3e-6 * 1.5 * np.sqrt(beside * (1.0 - beside)), rel=0.05)
+    some = pupil_air(field, pupil, UP, 2e-6)
+    assert some.share == pytest.approx(0.25, abs=0.02) and some.place == "beside the field's box"
+    none = pupil_air(field, pupil, UP, 1e-5)
+    assert none.share == 0.0 and none.lost_rms == found.lost_rms
+    assert pupil_air(whole, pupil, UP, 1e-7).lost_rms == 0.0 == pupil_air(whole, pupil, UP, 1e-7).past
     for share, truncated in ((1.0e-3, False), (1.001e-3, True)):
         assert PupilAir(share, 0.0, "here").is_truncated == truncated
     PupilAir(0.5, 0.0, "here").check(True)
-    with pytest.raises(ValueError, match=r"50 % of the pupil.*ends here.*The pupil itself is outside"):
+    with pytest.raises(ValueError, match=r"50 % of the pupil.*cut off here.*The pupil itself is outside"):
         PupilAir(0.5, 0.0, "here", True).check(False)
     own = pupil_air(field, pupil, UP, 1e-7, RayBundle([[0.0, 0.0, 2.5]], UP))
-    assert own.rays.ray_count == 1 and own.lost_rms == pytest.approx(1.2e-5)
+    assert own.rays.ray_count == 1 and own.lost_rms == 0.0 and own.share == 1.0
