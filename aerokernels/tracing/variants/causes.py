@@ -104,8 +104,11 @@ def sample_rows(field: Any, rays: RayBundle, good: np.ndarray) -> np.ndarray:
 
 
 def few_rows(count: int, few: int = TRACED) -> np.ndarray:
-    """Return the places of the few among so many rays that are traced again."""
-    return np.arange(0, count, max(1, count // few))
+    """Return the places of the few among so many rays that are traced again, at random.
+
+    Every other point of a Sobol sequence is in one half of the pupil.
+    """
+    return np.sort(np.random.default_rng(1).permutation(count)[:few])
 
 
 def _spread_out(rays: RayBundle) -> np.ndarray:

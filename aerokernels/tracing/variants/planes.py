@@ -170,5 +170,5 @@ def _taper(found: Crossings, thin: int) -> np.ndarray:
     box = (there & (left >= len(kernel))).astype(np.float64)
     taper = np.zeros(box.shape)
     for shift, share in enumerate(kernel):
-        taper[:, shift:] += share * box[:, : box.shape[1] - shift]
+        taper[:, shift:] += share * box[:, : max(box.shape[1] - shift, 0)]
     return taper
