@@ -16,10 +16,17 @@ from pathlib import Path
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent))
-from calibration.run import LEAST, one  # noqa: E402
+from calibration.run import LEAST, one
 
-RESOLVED = "turb3faded turb5faded turb8faded turb3 turb5 turb8 blob blobplanar blobaxi blobaxiacross shockC shockCplanar shockCaxi turb5planar turb3linear bloblinear shockCaverages blobaverages turb5averages turb3fadedshockC".split()
-UNRESOLVED = "shockA shockB shockAplanar shockBplanar shockAaxi shockBaxi shockAramp shockBramp shockAalong shockBalong shockBaverages turb5fadedshockB".split()
+RESOLVED = (
+    "turb3faded turb5faded turb8faded turb3 turb5 turb8 blob blobplanar blobaxi blobaxiacross shockC "
+    "shockCplanar shockCaxi turb5planar turb3linear bloblinear shockCaverages blobaverages turb5averages "
+    "turb3fadedshockC"
+).split()
+UNRESOLVED = (
+    "shockA shockB shockAplanar shockBplanar shockAaxi shockBaxi shockAramp shockBramp shockAalong "
+    "shockBalong shockBaverages turb5fadedshockB"
+).split()
 
 
 def main() -> None:
@@ -28,7 +35,9 @@ def main() -> None:
     parser.add_argument("kinds", nargs="?", default=",".join(RESOLVED + UNRESOLVED))
     parser.add_argument("count", nargs="?", type=int, default=19)
     parser.add_argument("--out", type=Path)
-    parser.add_argument("--workers", type=int, default=os.cpu_count(), help="processes; the number of cores if left out")
+    parser.add_argument(
+        "--workers", type=int, default=os.cpu_count(), help="processes; the number of cores if left out"
+    )
     options = parser.parse_args()
     warnings.simplefilter("ignore")
     kinds = options.kinds.split(",")
@@ -49,13 +58,13 @@ def table(scenes: list[dict]) -> list[str]:
     for part in ("numbers", "rays"):
         for name in scenes[0][part] if scenes else ():
             rows = np.array([one[part][name][:3] for one in scenes])
-            true, told, size = rows[rows[:, 0] > LEAST * rows[:, 2]].T
+            true, told, _ = rows[rows[:, 0] > LEAST * rows[:, 2]].T
             if not len(true):
                 continue
             ratio = told / true
             lines.append(
-                f"    {name:12s} {len(ratio):4d}  covered {100 * np.mean(ratio >= 1):4.0f} %  told/true {np.median(ratio):8.2f}"
-                f"  {np.quantile(ratio, 0.95):9.1f}"
+                f"    {name:12s} {len(ratio):4d}  covered {100 * np.mean(ratio >= 1):4.0f} %  told/true"
+                f" {np.median(ratio):8.2f}  {np.quantile(ratio, 0.95):9.1f}"
             )
     return lines
 

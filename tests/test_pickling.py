@@ -56,7 +56,7 @@ def test_fields_rays_and_scenes_come_back_equal(field: ak.IndexField):
     """Read-only arrays stay so; what was computed from the fields and kept (splines, ladders) is not in the pickle."""
     mesh = flow.shipped("mach3").index_field()
     bare = len(pickle.dumps(field))
-    _ = field.refinement, mesh.refinement, mesh.samples.gradients, field.samples.coefficients
+    _ = mesh.samples.gradients, field.samples.coefficients
     flows = (flow.shipped("mach2"), flow.wedge(2.0, 0.1, spacing=2e-3), flow.cone(3.0, 0.3), flow.vortex(0.3))
     for thing in (field, mesh, mesh.resample(1e-3), *flows, RAYS, PUPIL, ak.Scene.load("wind-tunnel-mach3")):
         same(again(thing), thing, type(thing).__name__)

@@ -20,13 +20,15 @@ from ..flow import DensityField, Series
 from ..inputs.arguments import Numbers, checked
 from ..inputs.checks import check_count
 from ..medium import IndexField
-from .grid_error import grid_error
+from .field_error import field_errors
 from .instrument import FLDI
 from .known_beams import truncated_share, warn_of_truncation
 from .rays import BEYOND_REACH, REACH, beam_grid, crossed, gathered
 
 # Most rays across a beam that a caller may request.
 MOST = 2048
+# Column of the error in what is read.
+ERROR = 3
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -39,10 +41,10 @@ class FLDIResponse:
         visibility: Contrast of the interference, 1 where all rays have the same phase; light whose counterpart is
             blocked by a body reduces it.
         mean_phase: Mean phase difference weighted by light [rad], linear in the field.
-        error: Error of the phase [rad]: the change with half as many rays in both directions, the greater change with a
-            half and a third of the layers along them, the effect of the light beyond the outermost rays, and the error
-            of the field's own samples (grid_error.py). NaN where the phase is NaN, and for fields whose sampling error
-            is not known.
+        error: Error of the phase [rad]: the root sum of squares of the field's (field_error.py) and of the sampling of
+            the beams, which is the change with half as many rays in both directions, the greater change with a half and
+            a third of the layers along them, and the effect of the light beyond the outermost rays. NaN where the phase
+            is NaN, and for a resampled field whose source was not kept.
         truncated: Share of the light through disturbed air that was cut off the field; the phase includes only the
             known part of that air.
         time: Times [s], shape (time_count,), or None for one field.
@@ -211,6 +213,7 @@ def _read(field: Any, instrument: FLDI, offsets: np.ndarray, rays: int | None, r
         )
     field.wavelength_for(instrument.wavelength)
     rows: list[tuple[float, ...]] = []
+    seen: list[tuple[int, np.ndarray, tuple[float, float]]] = []
     met = False
     for focus in instrument.focus + offsets:
         ends = crossed(field, instrument, focus)
@@ -242,8 +245,12 @@ def _read(field: Any, instrument: FLDI, offsets: np.ndarray, rays: int | None, r
                 (first, second), _ = gathered(field, instrument, places[few], focus, ends, coarser=coarser)
                 changes.append(coarse[few] @ (per_metre * (first - second) - difference[few]))
             error += float(np.abs(changes).max()) / float(coarse[few].sum())
-            error += grid_error(field, instrument, places[few], coarse[few] / coarse[few].sum(), focus, ends)
+        seen.append((len(rows), focus, ends))
         rows.append((phase, abs(whole), mean, error, beyond))
     if not met:
         raise ValueError("the beams do not meet the field: check the focus, the axis and the units (metres)")
-    return np.asarray(rows)
+    found = np.asarray(rows)
+    if seen:
+        number, places, ways = (np.asarray(column) for column in zip(*seen, strict=True))
+        found[number, ERROR] = np.hypot(found[number, ERROR], field_errors(field, instrument, places, ways))
+    return found

@@ -23,9 +23,9 @@ from ..process.clock import clocked, stage
 from ..tracing.beyond import plane_beyond
 from ..tracing.pupil.air import GREATEST_SHARE
 from .camera import Camera, rows_and_columns
-from .displacement_error import blur_error, by_points, displacement_error
+from .displacement_error import Aperture, PixelErrors
 from .known_view import KnownView
-from .landing import by_rows, land, landing_shift
+from .landing import by_rows, land
 
 if TYPE_CHECKING:
     import xarray
@@ -36,8 +36,6 @@ APERTURE_RAYS = 4
 OTHER_RAYS, BLUR_RAYS = 16, 36
 # Default tolerance of `trace` [waves].
 DEFAULT_TOLERANCE = 1e-3
-# Tolerance of the rays that measure the error of others, as a factor.
-TIGHTER = 0.1
 # Called by threads, each with its own rows of the picture: (rows, point of the aperture [m], its share of the light,
 # shifts [pixels] of shape (rows, columns, 2), mask of the rays that arrived).
 Visit = Callable[[slice, np.ndarray, float, np.ndarray, np.ndarray], None]
@@ -77,42 +75,30 @@ class BackgroundDisplacement:
     def error(self) -> np.ndarray:
         """Error of the size of the displacement [pixels], shape (rows, columns); NaN if it is not known.
 
-        It includes the errors due to the field's grid and to the rays' tolerance (displacement_error.py) and, for a
-        mean over several points of the aperture, due to their number: the change with OTHER_RAYS points, in the
-        neighbouring pixels too. Four more bundles and those of the other points are traced when it is first read.
+        It is the displacement of some pixels computed again with their rays changed by each cause, and with another
+        number of points of the aperture (displacement_error.py). Computed when first read.
         """
-        if self.view is None:
+        if self.pixel_errors is None or self.view is None:
             return np.full(self.through.shape, np.nan)
-        camera, shape, options = self.camera, self.through.shape, self.options
-
-        def landing(field: IndexField, tight: bool = False) -> tuple[np.ndarray, np.ndarray]:
-            return landing_shift(field, camera, shape, np.zeros(2), _tight(options) if tight else options)
-
-        grid = displacement_error(self.view.field, camera, shape, landing)
         count = len(self.view.points)
-        if count == 1:
-            return grid
-        changed = gather(self.view.field, camera, shape, _others(count, OTHER_RAYS), options, allow_truncation=True)
-        return grid + by_points(changed.displacement - self.displacement)
+        other = None if count == 1 else Aperture(*aperture(self.camera, _others(count, OTHER_RAYS)))
+        return self.pixel_errors.displacement(self.displacement, other)
 
     @cached_property
     def blur_error(self) -> np.ndarray:
-        """Error of the blur along x and y [pixels], shape (rows, columns, 2); NaN if it is not known.
-
-        It includes the errors due to the field's grid, the rays' tolerance and the number of points of the aperture:
-        see blur_error in displacement_error.py. Four or five pictures, and one of 36 points, are traced when it is
-        first read.
-        """
-        if self.view is None:
+        """Error of the blur along x and y [pixels], shape (rows, columns, 2), as `error`; NaN if it is not known."""
+        if self.pixel_errors is None or self.view is None:
             return np.full(self.blur.shape, np.nan)
-        camera, shape, options, count = self.camera, self.through.shape, self.options, len(self.view.points)
+        other = Aperture(*aperture(self.camera, _others(len(self.view.points), BLUR_RAYS)))
+        return self.pixel_errors.blur(self.blur, other)
 
-        def landing(field: IndexField, point: np.ndarray, tight: bool = False) -> tuple[np.ndarray, np.ndarray]:
-            return landing_shift(field, camera, shape, point, _tight(options) if tight else options)
-
-        field, points, weights = self.view.field, self.view.points, self.view.weights
-        other = gather(field, camera, shape, _others(count, BLUR_RAYS), options, allow_truncation=True).blur
-        return blur_error(field, camera, self.blur, other, points, weights, landing)
+    @cached_property
+    def pixel_errors(self) -> PixelErrors | None:
+        """Rays of some pixels and how they change by each cause; None for a displacement without a view."""
+        if self.view is None:
+            return None
+        own = Aperture(self.view.points, self.view.weights)
+        return PixelErrors(self.view.field, self.camera, self.through.shape, own, self.options)
 
     @cached_property
     def truncated(self) -> np.ndarray:
@@ -293,12 +279,6 @@ def check_view(field: IndexField, camera: Camera, options: dict[str, Any]) -> No
     check_positive(float(tolerance), "tolerance", "waves")
     if not np.isfinite(camera.distance):
         plane_beyond(field, camera.pupil, camera.pupil.normal)
-
-
-def _tight(options: dict[str, Any]) -> dict[str, Any]:
-    """Return the options of rays that measure the error of others."""
-    tolerance = TIGHTER * float(options.get("tolerance", DEFAULT_TOLERANCE))
-    return {**options, "tolerance": tolerance, "precision": "float64"}
 
 
 def _others(count: int, many: int) -> int:

@@ -324,13 +324,6 @@ class IndexField(Derived):
         """Return the gradient of the contrast [1/m] at points (n, 3), shape (n, 3)."""
         return self.evaluate(points)[1]
 
-    @property
-    def refinement(self):
-        """This field and its coarser versions, from which its interpolation error is estimated: see levels.py."""
-        from .levels import cached_refinement
-
-        return cached_refinement(self)
-
     @checked
     def resample(
         self,

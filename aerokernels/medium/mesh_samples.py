@@ -82,8 +82,7 @@ class MeshSamples(Derived):
         """Deficit of the interpolant's mean from the average in each cell, shape (cell_count,); None if not known.
 
         For parts of triangles and polygons beside a shock the deficit is doubled, and half the deficit of the initial
-        values is added, because the average does not determine where within such a cell the gas changes. For cells cut
-        in four that uncertainty is estimated by comparison with the cells before the cut (levels.py).
+        values is added, because the average does not determine where within such a cell the gas changes.
         """
         if self.lacking_by_cell is None:
             return None

@@ -5,7 +5,7 @@ constant deeper), so that the interpolant has no jump at the wall. The error is 
 pointwise at scattered points of the flow, and in optical path along lines parallel to the last axis (z). The spacing is
 chosen by these errors. The error for the rays of a trace depends on their lines and on where they end: the result
 stores the original field, and the budget of a trace sends rays of the trace through both
-(tracing/error_budget/budget.py).
+(tracing/variants/causes.py).
 """
 
 from dataclasses import dataclass, field, replace

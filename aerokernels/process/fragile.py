@@ -161,6 +161,7 @@ def in_child(path: Path, function: str, *arguments: Any) -> Any:
             child.end()
             raise
     else:
+        assert child is not None  # one was made above
         if child.is_late:
             why = "the machine or its disk is busy, or the file is damaged"
             raise LibraryEndedError(f"{path}: it was not read within {bounds.time:.0f} s: {why}: try again")

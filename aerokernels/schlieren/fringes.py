@@ -12,7 +12,7 @@ Reference: W. Merzkirch, Flow Visualization, 2nd ed. (Academic Press, 1987), sec
 """
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -27,7 +27,7 @@ from ..inputs.warned import warn_caller
 from .bench import Bench
 from .line_of_sight import LineOfSight, check_exposure, check_turn, line_of_sight
 from .picture import traced_dataset
-from .picture_error import error_of, shown_as
+from .picture_error import SomeLight, error_of
 from .source_light import SourceLight
 from .view import TracedPicture
 
@@ -131,8 +131,7 @@ def interferogram(
         return _picture(line_of_sight(field, **options), fringes, exposure)
     points, shares = bench.points()
     traced = SourceLight(field, points, bench.focus, options)
-    make = partial(_mean_light, fringes=fringes, shares=shares)
-    light = exposure * make(traced)
+    light = exposure * sum(share * fringes.light(one) for share, one in zip(shares, traced, strict=True))
     assert traced.middle is not None
     shown = np.clip(light, 0.0, 1.0)
     return replace(
@@ -140,7 +139,9 @@ def interferogram(
         # Light above white included: a sensor may not be saturated by it.
         intensity=shown if bench.sensor is None else bench.sensor.expose(light, bench.seed),
         known=traced.known,
-        measure_error=error_of(shown, traced.lights, partial(shown_as, make=make, exposure=exposure)),
+        measure_error=error_of(
+            shown, traced.middle, partial(_of_pixels, fringes=fringes, exposure=exposure), is_same=len(points) == 1
+        ),
     )
 
 
@@ -178,11 +179,14 @@ class Fringes:
         Raises:
             ValueError: the fringes are too fine for the pixels.
         """
-        light = np.where(traced.through, 0.5 * (1.0 + self.visibility * np.cos(2.0 * np.pi * self.waves(traced))), 0.0)
-        return traced.pixel_mean(light)
+        return traced.pixel_mean(np.where(traced.through, self.of_rays(traced), 0.0))
 
-    def waves(self, traced: LineOfSight) -> np.ndarray:
-        """Return the phases of traced rays [waves], NaN where none came through, shape (ray rows, ray columns).
+    def of_rays(self, traced: LineOfSight | SomeLight) -> np.ndarray:
+        """Return the light of each ray, of the shape of `waves`; errors as there."""
+        return np.asarray(0.5 * (1.0 + self.visibility * np.cos(2.0 * np.pi * self.waves(traced))))
+
+    def waves(self, traced: LineOfSight | SomeLight) -> np.ndarray:
+        """Return the phases of traced rays [waves], NaN where none came through, of their shape.
 
         Raises:
             ValueError: the fringes are too fine for the pixels.
@@ -203,8 +207,7 @@ class Fringes:
 
 
 def _picture(traced: LineOfSight, fringes: Fringes, exposure: float) -> Interferogram:
-    make = partial(_mean_light, fringes=fringes, shares=np.ones(1))
-    shown = shown_as([traced], make, exposure)
+    shown = np.clip(exposure * fringes.light(traced), 0.0, 1.0)
     _warn_of_narrow(traced, fringes)
     return Interferogram(
         intensity=shown,
@@ -216,8 +219,13 @@ def _picture(traced: LineOfSight, fringes: Fringes, exposure: float) -> Interfer
         phase=float(fringes.phase),
         visibility=float(fringes.visibility),
         exposure=float(exposure),
-        measure_error=error_of(shown, [traced.light], partial(shown_as, make=make, exposure=exposure)),
+        measure_error=error_of(shown, traced, partial(_of_pixels, fringes=fringes, exposure=exposure)),
     )
+
+
+def _of_pixels(some: SomeLight, fringes: Fringes, exposure: float) -> np.ndarray:
+    """Return the brightness of some pixels."""
+    return np.clip(exposure * fringes.of_rays(some).mean(axis=1), 0.0, 1.0)
 
 
 def _warn_of_narrow(traced: LineOfSight, fringes: Fringes) -> None:
@@ -234,11 +242,6 @@ def _warn_of_narrow(traced: LineOfSight, fringes: Fringes) -> None:
             "to the next, so that its pattern there is not that of the fringes: raise pixel_count or rays_per_pixel, "
             "or take a smaller extent"
         )
-
-
-def _mean_light(lights: Iterable[LineOfSight], fringes: Fringes, shares: np.ndarray) -> np.ndarray:
-    """Return the mean of the fringes of a source's points, by their shares of the light, shape (ny, nx)."""
-    return np.asarray(sum(share * fringes.light(traced) for share, traced in zip(shares, lights, strict=True)))
 
 
 def check_fringes(

@@ -28,7 +28,7 @@ from ..inputs.arguments import checked
 from .bench import Bench
 from .line_of_sight import LineOfSight, check_exposure, check_turn, line_of_sight
 from .picture import traced_dataset
-from .picture_error import error_of, shown_as
+from .picture_error import OF_CORNERS, SomeLight, error_of, light_on_squares
 from .shadowgraph import spread
 from .source_light import SourceLight
 from .view import TracedPicture
@@ -150,8 +150,9 @@ def knife_edge_picture(
     cut = _across(traced.deflection, bright)
     if sensitivity is None:
         sensitivity = _full_range_sensitivity(cut[traced.through], cut_off)
-    make = partial(_brightness, bright=bright, cut_off=cut_off, sensitivity=sensitivity, exposure=exposure)
-    brightness = make([traced])
+    edge: dict[str, Any] = {"bright": bright, "cut_off": cut_off, "sensitivity": sensitivity}
+    light = np.where(traced.through, _open_share(traced.deflection, **edge), 0.0)
+    brightness = np.clip(exposure * traced.pixel_mean(light), 0.0, 1.0)
     return SchlierenImage(
         intensity=brightness,
         deflection=traced.pixel_mean(traced.deflection),
@@ -161,17 +162,18 @@ def knife_edge_picture(
         cut_off=float(cut_off),
         sensitivity=float(sensitivity),
         exposure=float(exposure),
-        measure_error=error_of(brightness, [traced.light], make),
+        measure_error=error_of(brightness, traced, partial(_of_pixels, **edge, exposure=exposure)),
     )
 
 
-def _brightness(
-    lights: Iterable[LineOfSight], bright: float, cut_off: float, sensitivity: float, exposure: float
-) -> np.ndarray:
-    """Return the brightness of light along the axis, shape (ny, nx)."""
-    (traced,) = lights
-    open_share = np.clip(1.0 - cut_off + sensitivity * _across(traced.deflection, bright), 0.0, 1.0)
-    return np.clip(exposure * traced.pixel_mean(np.where(traced.through, open_share, 0.0)), 0.0, 1.0)
+def _open_share(deflection: np.ndarray, bright: float, cut_off: float, sensitivity: float) -> np.ndarray:
+    """Return the share of light that passes the edge, of deflections toward right and up (..., 2)."""
+    return np.clip(1.0 - cut_off + sensitivity * _across(deflection, bright), 0.0, 1.0)
+
+
+def _of_pixels(some: SomeLight, bright: float, cut_off: float, sensitivity: float, exposure: float) -> np.ndarray:
+    """Return the brightness of some pixels."""
+    return np.clip(exposure * _open_share(some.deflection, bright, cut_off, sensitivity).mean(axis=1), 0.0, 1.0)
 
 
 def _by_bench(
@@ -187,8 +189,7 @@ def _by_bench(
     points = bench.points()[0]
     turned = np.array([[math.cos(bright), math.sin(bright)], [-math.sin(bright), math.cos(bright)]])
     traced = SourceLight(field, points @ turned, bench.focus, options)
-    make = partial(_bench_light, bench=bench, bright=bright, cut_off=cut_off)
-    light = exposure * make(traced)
+    light = exposure * _bench_light(traced, bench, bright, cut_off)
     middle = traced.middle
     assert middle is not None
     brightness = np.clip(light, 0.0, 1.0)
@@ -201,7 +202,13 @@ def _by_bench(
         cut_off=float(cut_off),
         sensitivity=float(bench.sensitivity),
         exposure=float(exposure),
-        measure_error=error_of(brightness, traced.lights, partial(shown_as, make=make, exposure=exposure)),
+        measure_error=error_of(
+            brightness,
+            middle,
+            partial(_of_bench, bench=bench, bright=bright, cut_off=cut_off, exposure=exposure),
+            square=max(middle.window.pitch),
+            curved=OF_CORNERS,
+        ),
     )
 
 
@@ -215,6 +222,13 @@ def _bench_light(lights: Iterable[LineOfSight], bench: Bench, bright: float, cut
             raise ValueError(f"a bench's picture needs at least 2 x 2 rays, got {light.shape}: raise pixel_count")
         total = total + share * spread(traced, traced.displacement, np.nan_to_num(light))
     return total
+
+
+def _of_bench(some: SomeLight, bench: Bench, bright: float, cut_off: float, exposure: float) -> np.ndarray:
+    """Return the brightness of some pixels, the light of all of the source's points being deflected alike."""
+    across = _across(some.deflection, bright)
+    passed = sum(share * bench.passed(point, across, cut_off) for point, share in zip(*bench.points(), strict=True))
+    return np.clip(exposure * light_on_squares(some, some.displacement, np.asarray(passed)), 0.0, 1.0)
 
 
 def _across(deflection: np.ndarray, bright: float) -> np.ndarray:

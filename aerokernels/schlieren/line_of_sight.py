@@ -33,6 +33,7 @@ from ..inputs.warned import warn_caller
 from ..tracing.cuts import lost
 from ..tracing.lines import box_size
 from ..tracing.pupil.air import GREATEST_SHARE
+from ..tracing.variants.rays import Rays
 from .window import Window, make_window, ray_lines
 
 GREATEST_RAY_COUNT = 100_000_000  # some 20 GB of stored results
@@ -127,41 +128,68 @@ class ParallelLight:
     sine: np.ndarray
     options: dict[str, Any]
 
-    def trace(self) -> LineOfSight:
-        """Trace the light."""
-        field, window, sine, plane = self.field, self.window, self.sine, self.focus
-        forward, right, up = window.forward, window.right, window.up
-        across, along = np.meshgrid(*ray_lines(window, self.rays_per_pixel))
-        row_count = len(along)
-        symmetric = _is_symmetric(field, window, along[:, 0]) and not sine.any()
-        if symmetric:  # only the upper half is traced; the lower one is its mirror image
-            across, along = across[row_count // 2 :], along[row_count // 2 :]
-        tangent = sine / np.sqrt(1.0 - sine @ sine)
-        ahead = (plane - window.entry) * tangent
-        start = (across[..., None] - ahead[0]) * right + (along[..., None] - ahead[1]) * up + window.entry * forward
-        light = forward + tangent[0] * right + tangent[1] * up
-        rays = RayBundle(start.reshape(-1, 3), np.broadcast_to(light, (across.size, 3)))
-        traced = trace(
-            field,
-            rays,
-            until=Plane(window.exit * forward, forward),
-            outputs=("position", "direction", "opd"),
-            **self.options,
-        )
-        assert traced.direction is not None and traced.opd is not None and traced.position is not None  # requested
-        shape, back = across.shape, window.exit - plane
-        direction = traced.direction.reshape(*shape, 3)
-        sines = np.stack([direction @ right, direction @ up], axis=-1)
+    @property
+    def until(self) -> Plane:
+        """The plane behind the field on which the rays stop."""
+        return Plane(self.window.exit * self.window.forward, self.window.forward)
+
+    @property
+    def ahead(self) -> np.ndarray:
+        """Displacements of undisturbed rays toward right and up from their start to the focal plane [m], (2,)."""
+        return np.asarray((self.focus - self.window.entry) * self._tangent)
+
+    @property
+    def _tangent(self) -> np.ndarray:
+        return np.asarray(self.sine / np.sqrt(1.0 - self.sine @ self.sine))
+
+    def rays(self, across: np.ndarray, along: np.ndarray) -> RayBundle:
+        """Return the rays whose undisturbed places in the focal plane are given toward right and up [m], row by row."""
+        window, tangent = self.window, self._tangent
+        light = window.forward + tangent[0] * window.right + tangent[1] * window.up
+        return RayBundle(self._start(across, along).reshape(-1, 3), np.broadcast_to(light, (across.size, 3)))
+
+    def _start(self, across: np.ndarray, along: np.ndarray) -> np.ndarray:
+        window, ahead = self.window, self.ahead
+        right, up = (across[..., None] - ahead[0]) * window.right, (along[..., None] - ahead[1]) * window.up
+        return np.asarray(right + up + window.entry * window.forward)
+
+    def seen(self, across: np.ndarray, along: np.ndarray, brought: Rays) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return what a camera sees of rays through undisturbed places toward right and up [m].
+
+        Returns:
+            Deflections [rad], displacements in the focal plane [m], both of shape (*across.shape, 2), and optical path
+            differences there [m], shape across.shape.
+        """
+        window, sine, shape, back = self.window, self.sine, across.shape, self.window.exit - self.focus
+        direction = brought.direction.reshape(*shape, 3)
+        sines = np.stack([direction @ window.right, direction @ window.up], axis=-1)
         deflection = sines - sine
         # 1 / cos - 1 / cos_0 = (sin^2 - sin_0^2) / (cos cos_0 (cos + cos_0)): avoids a difference of nearly equal
         # numbers
-        cosine, straight = direction @ forward, float(np.sqrt(1.0 - sine @ sine))
+        cosine, straight = direction @ window.forward, float(np.sqrt(1.0 - sine @ sine))
         stretch = np.sum(deflection * (sines + sine), axis=-1) / (cosine * straight * (straight + cosine))
-        moved = traced.position.reshape(*shape, 3) - start
-        displacement = np.stack([moved @ right, moved @ up], axis=-1) - ahead - back * sines / cosine[..., None]
+        moved = brought.position.reshape(*shape, 3) - self._start(across, along)
+        moved = np.stack([moved @ window.right, moved @ window.up], axis=-1)
+        displacement = moved - self.ahead - back * sines / cosine[..., None]
+        opd = brought.opd.reshape(shape) - self.field.ambient_index * (back * stretch + displacement @ sine)
+        return deflection, displacement, opd
+
+    def trace(self) -> LineOfSight:
+        """Trace the light."""
+        field, window = self.field, self.window
+        across, along = np.meshgrid(*ray_lines(window, self.rays_per_pixel))
+        row_count = len(along)
+        symmetric = _is_symmetric(field, window, along[:, 0]) and not self.sine.any()
+        if symmetric:  # only the upper half is traced; the lower one is its mirror image
+            across, along = across[row_count // 2 :], along[row_count // 2 :]
+        rays, shape = self.rays(across, along), across.shape
+        traced = trace(field, rays, until=self.until, outputs=("position", "direction", "opd"), **self.options)
+        assert traced.direction is not None and traced.opd is not None and traced.position is not None  # requested
+        brought = Rays(traced.opd, traced.direction, traced.position)
+        deflection, displacement, opd = self.seen(across, along, brought)
         blocked = traced.traced_status == RayStatus.HIT_BODY
         if field.body is not None and field.geometry == "planar":  # light along the axis never meets the body's side
-            blocked |= field.body.contains(field.local_coordinates(start.reshape(-1, 3)))
+            blocked |= field.body.contains(field.local_coordinates(rays.position))
         through = (traced.ok & ~blocked).reshape(shape)
         # Real light comes from far away and goes on: what is before the rays' start and behind their stop counts too.
         before = RayBundle(rays.position - box_size(field) * rays.direction, rays.direction)
@@ -182,12 +210,12 @@ class ParallelLight:
             window=window,
             rays_per_pixel=self.rays_per_pixel,
             deflection=seen(deflection),
-            opd=seen(traced.opd.reshape(shape) - field.ambient_index * (back * stretch + displacement @ sine)),
+            opd=seen(opd),
             displacement=seen(displacement),
             through=whole(through),
             blocked=whole(blocked.reshape(shape)),
             wavelength=traced.wavelength,
-            focus=plane,
+            focus=self.focus,
             doubtful=whole(doubtful.reshape(shape)),
             light=self,
         )

@@ -1,104 +1,153 @@
 """Error of the brightness of a picture's pixels.
 
-The picture is made again from the same light and compared. The error is the sum of
-
-    the tracing   its change with rays of a tenth of the tolerance in double precision
-    the rays      twice its greatest change with two and three rays for each along both sides of a pixel: a pixel is the
-                  mean over its area, and one number of rays may agree with another by chance at a body's edge; beside
-                  the outline of a body also half of the distance of the rays, which may miss a strip of that width
-    the grid      its change through every second and every fourth node of the field, extrapolated by the observed order
-                  around each pixel (medium/level_maps.py); for a resampled field, these of the field before, and the
-                  change by resampling it
-
-each the greatest of some pixels around. The sensor's noise, the air beyond the field's box (`known` marks it) and the
-field's own errors are not in it.
+Rays of some pixels are traced again, with how they change by each cause (tracing/some_pixels.py), and the same light
+is made of them: the mean over a pixel's own rays, or, where light is shifted, what falls on the square that the rays of
+its corners span. What few rays a pixel leave out of its mean is the cause "sampling", from the picture itself: h rays
+apart, a smooth light is off by a 24th of its second difference over h^2, and where it jumps by a tenth of its fourth
+difference over h. A bench's error is that of its source's middle point. Noise of the sensor is not in it.
 """
 
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 
-from ..medium import IndexField
-from ..medium.level_maps import changes_between, pixels_around, remaining_error
+from ..tracing.some_pixels import SomePixels, total
+from ..tracing.variants.rays import Rays
+from ..tracing.variants.spread import FACTOR
 from .line_of_sight import LineOfSight, ParallelLight
+from .window import Window
 
-# Tolerance of the rays that measure the error of others, as a factor.
-TIGHTER = 0.1
-# Rays along a side of a pixel that measure the error of others, as multiples.
-FINER = (2, 3)
-# Factor on the change with other rays: four times the rays leave a quarter of the error of a smooth picture, and half
-# of it where there is an edge.
-SAFETY = 2.0
-
-# Makes the brightness, shape (ny, nx), from traced light: one for each point of the source.
-Make = Callable[[Iterable[LineOfSight]], np.ndarray]
+# Most rays along a side of a pixel that are traced again.
+MOST_RAYS = 3
+# Error of a mean over a pixel by one ray, as a share of the fourth difference where light jumps, of the second where
+# it is smooth: of rays that are seen at their pixel; of light spread evenly on squares between rays; and if that light
+# is also a mean of the squares' corners.
+JUMPING, SMOOTH, SPREAD, OF_CORNERS = 0.1, 1.0 / 24.0, 1.0 / 12.0, 5.0 / 24.0
 
 
-def error_of(shown: np.ndarray, lights: Sequence[ParallelLight | None], make: Make) -> Callable[[], np.ndarray] | None:
-    """Return a function that returns `picture_error`; None if one of the lights is not known."""
-    known = [one for one in lights if one is not None]
-    return partial(picture_error, shown, known, make) if len(known) == len(lights) else None
+@dataclass(frozen=True, eq=False)
+class SomeLight:
+    """Rays of some pixels; arrays of shape (pixels, rays, ...).
+
+    Attributes:
+        window: The picture's window.
+        wavelength: Vacuum wavelength [m].
+        focus: Coordinate of the focal plane along the light [m].
+        place: Undisturbed places toward right and up [m].
+        deflection: Deflections toward right and up [rad].
+        displacement: Displacements in the focal plane toward right and up [m].
+        opd: Optical path differences seen there [m].
+    """
+
+    window: Window
+    wavelength: float
+    focus: float
+    place: np.ndarray
+    deflection: np.ndarray
+    displacement: np.ndarray
+    opd: np.ndarray
+
+    @property
+    def ray_grid(self) -> tuple[np.ndarray, np.ndarray]:
+        """Undisturbed places of the rays along right and up [m], each of shape (pixels, rays)."""
+        return self.place[..., 0], self.place[..., 1]
 
 
-def shown_as(lights: Iterable[LineOfSight], make: Make, exposure: float) -> np.ndarray:
-    """Return the brightness of made light at an exposure, 0 black to 1 white, shape (ny, nx)."""
-    return np.clip(exposure * make(lights), 0.0, 1.0)
+# Rays of some pixels -> their brightness, shape (pixels,).
+Number = Callable[[SomeLight], np.ndarray]
 
 
-def picture_error(shown: np.ndarray, lights: Sequence[ParallelLight], make: Make) -> np.ndarray:
-    """Return the error of a picture's brightness, shape (ny, nx); NaN on a mesh without coarser versions.
+def error_of(
+    shown: np.ndarray,
+    traced: LineOfSight,
+    number: Number,
+    square: float | None = None,
+    curved: float = SMOOTH,
+    is_same: bool = True,
+) -> Callable[[], np.ndarray] | None:
+    """Return a function that returns `picture_error` of a picture of traced light; None if the light is not known."""
+    if traced.light is None:
+        return None
+    hidden = traced.pixel_mean(traced.through.astype(np.float64)) == 0.0
+    return partial(picture_error, shown, hidden, traced.light, number, square, curved, is_same)
+
+
+def picture_error(
+    shown: np.ndarray,
+    hidden: np.ndarray,
+    light: ParallelLight,
+    number: Number,
+    square: float | None,
+    curved: float,
+    is_same: bool,
+) -> np.ndarray:
+    """Return the error of a picture's brightness, shape (ny, nx).
 
     Args:
         shown: The brightness, shape (ny, nx).
-        lights: The light that the picture was made from: one for each point of its source.
-        make: Makes the brightness from this light, traced.
+        hidden: Pixels without light, shape (ny, nx).
+        light: The light that the picture was made from.
+        number: Makes the brightness of some pixels.
+        square: Side of the squares at whose corners the rays of a pixel are [m]; None takes the pixel's own rays.
+        curved: Error of a mean over a pixel by one ray, as a share of the second difference.
+        is_same: Whether the picture is made of the pixels' own rays alone.
     """
-    field = lights[0].field
-    base = field if field.source is None else field.source
-    levels = base.refinement
-    if levels is None:
-        return np.full(shown.shape, np.nan)
+    k, window = light.rays_per_pixel, light.window
+    few = min(k, MOST_RAYS)
+    inner = (np.arange(few) - 0.5 * (few - 1)) / few
+    lines = [inner * pitch if square is None else np.array([-0.5, 0.5]) * square for pitch in window.pitch]
+    right, up = (line.ravel() for line in np.meshgrid(*lines))
+    pixels = SomePixels(shown.shape, len(right))
+    row, column = pixels.place.T
+    place = np.stack([window.horizontal[column][:, None] + right, window.vertical[row][:, None] + up], axis=-1)
+    pixels.trace(light.field, light.rays(place[..., 0], place[..., 1]), light.until, light.options)
+    sampling = _sampling(shown, k, curved)
+    if pixels.found is None:
+        return sampling
+    kept, wavelength = place[pixels.kept], light.field.wavelength_for(light.options["wavelength"])
 
-    outline = np.zeros(shown.shape, dtype=bool)
+    def brightness(rays: Rays) -> np.ndarray:
+        seen = light.seen(kept[..., 0], kept[..., 1], rays)
+        return number(SomeLight(window, wavelength, light.focus, kept, *seen))
 
-    def lit(one: ParallelLight) -> LineOfSight:
-        traced = one.trace()
-        share = traced.pixel_mean(traced.blocked.astype(np.float64))
-        outline[...] |= _range_around(share) > 0.0
-        return traced
-
-    def again(through: IndexField, finer: int = 1) -> np.ndarray:
-        options = lights[0].options
-        tight = {**options, "tolerance": TIGHTER * options["tolerance"], "precision": "float64"}
-        return make(
-            lit(replace(one, field=through, options=tight, rays_per_pixel=finer * one.rays_per_pixel)) for one in lights
-        )
-
-    traced = again(field)
-    versions = [one for one in (levels.fine, levels.coarse, levels.coarser) if one is not None]
-    through = [traced if one is field else again(one) for one in versions]
-    pitch = min(lights[0].window.pitch)
-    around = pixels_around(base, pitch, (shown.shape[0], shown.shape[1]))
-    left = remaining_error(levels, changes_between(through), around)
-    if base is not field:
-        flow = through[0] if levels.fine is base else again(base)
-        left = left + _greatest_around(flow - traced, pixels_around(field, pitch, (shown.shape[0], shown.shape[1])))
-    finer = [again(field, factor) for factor in FINER]
-    rays = SAFETY * np.max([_greatest_around(one - traced, 3) for one in finer], axis=0)
-    strip = _range_around(finer[-1]) / (2.0 * FINER[-1] * lights[0].rays_per_pixel)
-    return np.asarray(_greatest_around(traced - shown, 3) + rays + np.where(outline, strip, 0.0) + left)
+    errors = pixels.errors(brightness, shown if square is None and few == k and is_same else None)
+    return np.hypot(np.where(hidden, 0.0, pixels.whole_map(total(errors))), sampling)
 
 
-def _range_around(values: np.ndarray) -> np.ndarray:
-    """Return the greatest value less the least one of a pixel and its neighbours."""
-    from scipy.ndimage import maximum_filter, minimum_filter
+def light_on_squares(some: SomeLight, shift: np.ndarray, share: np.ndarray | None = None) -> np.ndarray:
+    """Return the irradiance on the squares of some pixels' rays, 1 where nothing is shifted, shape (pixels,).
 
-    return np.asarray(maximum_filter(values, 3, mode="nearest") - minimum_filter(values, 3, mode="nearest"))
+    Args:
+        some: The rays at the corners of squares.
+        shift: Displacements of their landing points [m], shape (pixels, 4, 2).
+        share: Shares of their light that are transmitted, shape (pixels, 4); None for all.
+    """
+    before, after = (_area(corners) for corners in (some.place, some.place + shift))
+    lit = 1.0 if share is None else share.mean(axis=1)
+    return np.asarray(lit * before / np.maximum(np.abs(after), 1e-300))
 
 
-def _greatest_around(change: np.ndarray, width: int) -> np.ndarray:
-    from scipy.ndimage import maximum_filter
+def _area(corners: np.ndarray) -> np.ndarray:
+    """Return twice the areas of quadrilaterals, shape (n,), of corners row by row, shape (n, 4, 2)."""
+    one, other = corners[:, 3] - corners[:, 0], corners[:, 2] - corners[:, 1]
+    return np.asarray(one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0])
 
-    return np.asarray(maximum_filter(np.abs(change), size=width, mode="nearest"))
+
+def _sampling(shown: np.ndarray, k: int, curved: float) -> np.ndarray:
+    """Return the error of a picture by k x k rays for each pixel, of its shape."""
+    from scipy.ndimage import uniform_filter
+
+    (second, other), fourth = ([_difference(shown, axis, order) for axis in (0, 1)] for order in (2, 4))
+    smooth = curved * (second + other) / k**2
+    jumping = JUMPING * np.abs(fourth).sum(axis=0) / k
+    return np.asarray(FACTOR * np.sqrt(uniform_filter(smooth**2 + jumping**2, 3, mode="nearest")))
+
+
+def _difference(values: np.ndarray, axis: int, order: int) -> np.ndarray:
+    """Return differences of an even order about each value; beyond the ends those nearest to them."""
+    if values.shape[axis] <= order:
+        return np.zeros(values.shape)
+    width = [(order // 2, order // 2) if one == axis else (0, 0) for one in (0, 1)]
+    return np.pad(np.diff(values, order, axis=axis), width, mode="edge")

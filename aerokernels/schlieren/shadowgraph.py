@@ -16,7 +16,7 @@ size: exact where light is stretched along the picture's axes, of second order i
 Reference: G. S. Settles, Schlieren and Shadowgraph Techniques (Springer, 2001), chapter 6.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -32,7 +32,7 @@ from ..tracing.pupil.air import GREATEST_SHARE
 from .bench import Bench
 from .line_of_sight import LineOfSight, check_exposure, line_of_sight
 from .picture import traced_dataset
-from .picture_error import error_of, shown_as
+from .picture_error import SPREAD, SomeLight, error_of, light_on_squares
 from .source_blur import blurred
 from .source_shape import check_source
 from .view import TracedPicture
@@ -153,8 +153,8 @@ def shadow_picture(
     window = traced.window
     if min(traced.through.shape) < 2:
         raise ValueError(f"a shadowgraph needs at least 2 x 2 rays, got {traced.through.shape}: raise pixel_count")
-    make = partial(_irradiance, distance=distance, source_angle=source_angle, source=source)
-    irradiance = make([traced])
+    light = spread(traced, _landing(traced, distance))
+    irradiance = _blurred(light, window, distance, source_angle, source)
     brightness = np.clip(exposure * irradiance, 0.0, 1.0)
     known = traced.known
     if traced.doubtful is not None and traced.doubtful.any():
@@ -168,17 +168,22 @@ def shadow_picture(
         source_angle=float(source_angle),
         exposure=float(exposure),
         source=source,
-        measure_error=error_of(brightness, [traced.light], partial(shown_as, make=make, exposure=exposure)),
+        measure_error=error_of(
+            brightness,
+            traced,
+            partial(_of_pixels, distance=distance, exposure=exposure),
+            square=max(*window.pitch, abs(distance) * source_angle),
+            curved=SPREAD,
+        ),
     )
 
 
-def _irradiance(lights: Iterable[LineOfSight], distance: float, source_angle: float, source: str | Pupil) -> np.ndarray:
-    """Return the irradiance of traced light on a screen, shape (ny, nx)."""
-    (traced,) = lights
-    return _blurred(spread(traced, _landing(traced, distance)), traced.window, distance, source_angle, source)
+def _of_pixels(some: SomeLight, distance: float, exposure: float) -> np.ndarray:
+    """Return the brightness of some pixels."""
+    return np.clip(exposure * light_on_squares(some, _landing(some, distance)), 0.0, 1.0)
 
 
-def _landing(traced: LineOfSight, distance: float) -> np.ndarray:
+def _landing(traced: LineOfSight | SomeLight, distance: float) -> np.ndarray:
     """Return the displacement of the rays on a screen [m]: they go straight on from the focal plane."""
     sine = traced.deflection
     tangent = sine / np.sqrt(1.0 - np.sum(sine**2, axis=-1, keepdims=True))

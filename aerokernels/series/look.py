@@ -133,7 +133,7 @@ def look_map(
         index = one if isinstance(one, IndexField) else one.index_field(length, relation, constant=constant)
         share = (number / len(fields), 1.0 / len(fields))
         maps.append(_hemisphere(index, angles[0], angles[1], pupil, options, progress, share))
-    length = length if options.get("wavelength") is None else wavelength
+    length = wavelength if wavelength is not None and "wavelength" in options else length
     columns, rows = np.meshgrid(*angles, indexing="ij")
     looks = direction_of(columns, rows).reshape(-1, 3)
     middle = RayBundle(np.broadcast_to(pupil.center, looks.shape), looks)  # one ray a direction

@@ -88,7 +88,7 @@ def batch_looks(
         given.append(Look(numbers, axes[k], found["tilt"][k], bool(met), sampling, rays))
     rows = np.flatnonzero(found["met"])
     few, _ = few_of(looks[rows], found["rms"][rows])
-    agree = all(given[k].model.agrees for k in rows[few])  # type: ignore[union-attr]
+    agree = all(given[k].model.agrees for k in rows[few])
     return given if agree else None
 
 

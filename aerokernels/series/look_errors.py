@@ -82,7 +82,7 @@ def tell_errors(found: list[Look], looks: np.ndarray) -> np.ndarray:
     along = axes.copy()
     if len(rows):
         few, nearest = few_of(looks[rows], np.array([found[k].numbers["opd_rms"] for k in rows]))
-        computed = np.stack([found[k].model() for k in rows[few]])  # type: ignore[misc]
+        computed = np.stack([found[k].model() for k in rows[few]])
         model[rows] = computed[nearest]
         along[rows] = axes[rows[few]][nearest]
     total = np.hypot(model, np.stack([one.sampling for one in found]))

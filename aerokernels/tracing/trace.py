@@ -147,10 +147,10 @@ def _variants(field: IndexField, rays: RayBundle, until, wavelength: float, resu
     if not len(rows):
         return None
     some, run = rays.rows(rows), rerun(until, wavelength)
-    if result.ends is None:
+    if (ends := result.ends) is None:
         base, _ = run(field, some, replace(result.plan, bundle=None))
     else:
-        base = Rays(np.zeros(len(rows)), result.direction[rows], result.position[rows])
+        base = Rays(np.zeros(len(rows)), ends[1][rows], ends[0][rows])
     base = base if result.opd is None else replace(base, opd=result.opd[rows])
     weight = np.broadcast_to(result.weight, (result.ray_count,))[rows]
     return variants(field, some, base, result.plan, until, run, weight=weight, lost=result.truncation[rows])

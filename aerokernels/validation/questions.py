@@ -20,7 +20,6 @@ from aerokernels.jobs.sweeps.run import sweep
 from aerokernels.pupils import Disc
 from aerokernels.scene import Scene
 from aerokernels.series import look_map
-from aerokernels.series.strehl_bound import strehl_error
 
 from .report import markdown_table, saved_figure
 
@@ -226,16 +225,10 @@ def look_angle(
         field = Scene.load(SCENE, {"flow.source": flow}).density_field()
         index = field.index_field(scene.flow.wavelength, scene.flow.relation)  # as in the other questions
         maps.append(look_map(index, [0.0], np.radians(angles), pupil, ray_count=ray_count, tolerance=tolerance))
-    strehl, sampling, boresight, known = (
+    strehl, error, boresight, boresight_error, known = (
         np.array([one[name].values[0] for one in maps])
-        for name in ("strehl", "strehl_standard_error", "boresight", "known")
+        for name in ("strehl", "strehl_error", "boresight", "boresight_error", "known")
     )
-    phase = 2.0 * np.pi * tolerance
-    error = np.hypot(
-        2.0 * sampling, np.vectorize(lambda value: strehl_error(float(np.clip(value, 0, 1)), phase))(strehl)
-    )
-    # A tilt of t over a disc of diameter D is t D / 4 of OPD, rms.
-    tilt_error = 4.0 * tolerance * float(maps[0].attrs["wavelength"]) / scene.receiver.diameter
     sentences = []
     for a, flow in enumerate(flows):
         most = int(np.nanargmax(boresight[a]))
@@ -243,7 +236,7 @@ def look_angle(
             f"At {MACH[flow]} at sea level the Strehl ratio is {with_error(strehl[a, 0], error[a, 0])} straight ahead "
             f"and {with_error(strehl[a, -1], error[a, -1])} at {angles[-1]:g} degrees; of the angles tried the "
             f"boresight error is greatest at {angles[most]:g} degrees, "
-            f"{with_error(boresight[a, most], tilt_error, 1e6)} µrad."
+            f"{with_error(boresight[a, most], boresight_error[a, most], 1e6)} µrad."
         )
     lost = int((known < 0.5).sum())
     sentences.append(
@@ -253,7 +246,7 @@ def look_angle(
         "and the numbers hold the known part only."
     )
     ratio = Curves("Strehl ratio", strehl, error)
-    away = Curves("boresight error [µrad]", 1e6 * boresight, np.full(boresight.shape, 1e6 * tilt_error))
+    away = Curves("boresight error [µrad]", 1e6 * boresight, 1e6 * boresight_error)
     return by_flow(
         sentences,
         flows,

@@ -40,8 +40,8 @@ def removed_again(wave: Any) -> Any:
     if not wave.removed:
         return wave
     opd = np.full(wave.opd.shape, np.nan)
-    own, weight = wave.samples
-    opd[wave.lit] = remove_named(own, weight, wave.points, wave.removed, wave.radius)
+    path, weight = wave.samples
+    opd[wave.lit] = remove_named(path, weight, wave.points, wave.removed, wave.radius)
     return replace(wave, opd=opd)
 
 

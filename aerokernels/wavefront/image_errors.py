@@ -15,6 +15,8 @@ from .transfer import autocorrelation, encircler, sensitivity, transfer_function
 
 # Angles per resolution element at which errors of intensities are computed, and most angles along a side.
 ANGLES, MOST_ANGLES = 2, 257
+# Greatest difference of the amplitudes of neighbours on an edge along rows or columns.
+ALIKE = 1e-6
 # Samples per resolution element by which changes of a spot's width are found.
 SAMPLES = 16
 
@@ -54,11 +56,21 @@ def transfer_errors(wave: Any, of_magnitude: bool) -> np.ndarray:
         value = _transfer(one, wave.pixel)
         return np.abs(value)[None] if of_magnitude else np.stack([value.real, value.imag])
 
-    # Edges that lie on one another after a shift are those of parts of pixels: up to so much more light is common.
-    rest = np.sqrt(np.maximum(np.asarray(wave.intensity) - np.asarray(wave.weight) ** 2, 0.0))
-    common = autocorrelation(rest).real / wave.power
+    return np.asarray(np.hypot(np.linalg.norm(of_map(wave, number), axis=0), _coincident(wave)))
+
+
+def _coincident(wave: Any) -> np.ndarray:
+    """Return how much more light edges along rows and columns have in common where they lie on one another.
+
+    The mean product of two pixels' amplitudes is that of their means and at most that of their spreads more. Edges
+    askew to the pixels have parts of all sizes in common: that cancels.
+    """
+    weight = np.asarray(wave.weight)
+    rest = np.sqrt(np.maximum(np.asarray(wave.intensity) - weight**2, 0.0))
+    alike = [np.abs(np.roll(weight, step, axis) - weight) < ALIKE for axis in (0, 1) for step in (1, -1)]
+    common = autocorrelation(np.where(np.any(alike, axis=0), rest, 0.0)).real / wave.power
     common[len(common) // 2, len(common) // 2] = 0.0
-    return np.asarray(np.hypot(np.linalg.norm(of_map(wave, number), axis=0), common))
+    return np.asarray(common)
 
 
 def _transfer(wave: Any, pixel: float) -> np.ndarray:

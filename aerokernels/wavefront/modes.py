@@ -141,8 +141,8 @@ def structure_function(wavefront: WavefrontMap) -> StructureFunction:
     standard error of D / r^2 over four parts of the ring, by the sum of a shift's rows and columns, which are alike
     under quarter turns; and what the spread of the distances makes of a function that grows as r^2.
     """
-    separation, value, pairs, by_rings = _rings(wavefront)
-    return StructureFunction(separation, value, pairs, partial(_structure_errors, wavefront, by_rings))
+    separation, value, share, by_rings = _rings(wavefront)
+    return StructureFunction(separation, value, share, partial(_structure_errors, wavefront, by_rings))
 
 
 def _structure_errors(wavefront: WavefrontMap, by_rings: np.ndarray) -> np.ndarray:

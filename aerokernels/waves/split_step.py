@@ -215,10 +215,12 @@ def _pixels_error(pupil: Pupil, wave: Wave, path: np.ndarray) -> float:
     lit = weight > 0.0
     place = np.argwhere(lit) - np.array(weight.shape) // 2  # from the pixel whose middle is the pupil's centre
     reach = int(np.abs(place).max())
-    opd, share = np.zeros((2, 2 * reach + 1, 2 * reach + 1))
-    for square, values in ((opd, path), (share, weight)):
+    maps = []
+    for values in (path, weight):
+        square = np.zeros((2 * reach + 1, 2 * reach + 1))
         square[tuple((place + reach).T)] = values[lit]
-    return float(of_pixels(Wavefront(opd, share, wave.pixel, wave.wavelength, pupil=pupil), Wavefront.strehl))
+        maps.append(square)
+    return float(of_pixels(Wavefront(maps[0], maps[1], wave.pixel, wave.wavelength, pupil=pupil), Wavefront.strehl))
 
 
 def _changes(light: Wave, path: np.ndarray, other: np.ndarray) -> tuple[float, float]:

@@ -48,7 +48,10 @@ def one(kind: str, seed: int) -> dict[str, Any]:
     got = Rays(traced.opd, traced.direction - scene.way, _moved(traced.position, rays.position, scene.way))
     found = traced.variants
     x = (position - scene.center) @ _axes(scene.way).T / scene.radius
-    numbers, of_all = Numbers(_of(found, x, rays), scene.radius * CELL, WAVELENGTH), Numbers(x, scene.radius * CELL, WAVELENGTH)
+    numbers, of_all = (
+        Numbers(_of(found, x, rays), scene.radius * CELL, WAVELENGTH),
+        Numbers(x, scene.radius * CELL, WAVELENGTH),
+    )
     value, exact = of_all(got), of_all(true)
     bent = 4.0 * float(np.mean(np.sum(true.direction**2, axis=1)) * np.linalg.norm(end - start, axis=1).mean() * CELL)
     told = np.sqrt(sum(error**2 for error in errors(numbers, found).values()))

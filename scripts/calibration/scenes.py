@@ -1,8 +1,8 @@
 """Random scenes: a contrast at nodes or as averages of cells, its true integrals, a pupil and lines through the box.
 
-A kind is made of words: turb3, turb5, turb8 (share of Nyquist in tenths), blob, shockA, shockB, shockC (tanh(x / w), w of
-0.1 to 0.5, 0.5 to 1.5 and 1.5 to 4 cells), ramp (in place of tanh), along (nearly in the planes of nodes), faded (along
-z), planar, axi, across (axisymmetric, seen from the side), linear, averages.
+A kind is made of words: turb3, turb5, turb8 (share of Nyquist in tenths), blob, shockA, shockB, shockC (tanh(x / w),
+w of 0.1 to 0.5, 0.5 to 1.5 and 1.5 to 4 cells), ramp (in place of tanh), along (nearly in the planes of nodes), faded
+(along z), planar, axi, across (axisymmetric, seen from the side), linear, averages.
 """
 
 from dataclasses import dataclass
@@ -59,11 +59,17 @@ def make(kind: str, seed: int) -> Scene:
         off = 0.0 if rng.random() < 0.3 else rng.uniform(0.0, middle - radius)
         center, way = np.array([0.0, off, middle]), np.array([0.0, 0.0, 1.0])
         if "across" in kind:
-            center, way, radius = np.array([rng.uniform(2.0, 8.0), 0.0, middle]), np.array([0.0, 1.0, 0.0]), rng.uniform(6.0, 10.0)
+            center, way, radius = (
+                np.array([rng.uniform(2.0, 8.0), 0.0, middle]),
+                np.array([0.0, 1.0, 0.0]),
+                rng.uniform(6.0, 10.0),
+            )
     way = way / np.linalg.norm(way)
     parts = []
     if "turb" in kind:
-        parts.append(Waves.random(rng, float(kind.split("turb")[1][0]) / 10.0, count, "faded" in kind, geometry == "planar"))
+        parts.append(
+            Waves.random(rng, float(kind.split("turb")[1][0]) / 10.0, count, "faded" in kind, geometry == "planar")
+        )
     if "blob" in kind:
         parts.append(Formula(_blobs(rng, geometry, center, radius, middle)))
     if "shock" in kind:
@@ -94,7 +100,9 @@ def _blobs(rng: np.random.Generator, geometry: str, center: np.ndarray, radius: 
                 found += size[k] * sum(near)
             else:
                 first = 1 if geometry == "planar" else 0
-                found += size[k] * np.exp(-np.sum((points - place[k])[..., first:] ** 2, axis=-1) / (2.0 * width[k] ** 2))
+                found += size[k] * np.exp(
+                    -np.sum((points - place[k])[..., first:] ** 2, axis=-1) / (2.0 * width[k] ** 2)
+                )
         return found
 
     return call
@@ -113,7 +121,7 @@ def _shock(rng: np.random.Generator, kind: str, geometry: str, center: np.ndarra
         if "across" in kind:
             big, apex = rng.uniform(12.0, 26.0), middle - 10.0
         start = np.zeros(3) if geometry == "axisymmetric" else center * [1.0, 1.0, 0.0]
-        start = start + [0.0, 0.0, apex + big]
+        start = start + np.array([0.0, 0.0, apex + big])
         if geometry == "volume":
             start[:2] += rng.uniform(-0.3, 0.3, 2) * big
         first = 1 if geometry == "planar" else 0

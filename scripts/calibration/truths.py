@@ -12,7 +12,9 @@ LONGEST, WAVES = 40.0, 300
 GAUSS = np.array([-1.0, 1.0]) / np.sqrt(3.0)
 
 
-def integrals(call: Callable, start: np.ndarray, end: np.ndarray, pieces_per_cell: float) -> tuple[np.ndarray, np.ndarray]:
+def integrals(
+    call: Callable, start: np.ndarray, end: np.ndarray, pieces_per_cell: float
+) -> tuple[np.ndarray, np.ndarray]:
     """Return int f ds and int (length left) f ds of a function of points, along lines, by Gauss points; (n,) each."""
     length = np.linalg.norm(end - start, axis=1)
     pieces = int(np.ceil(length.max() * pieces_per_cell))

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
+from aerokernels.tracing.error_budget.budget import SAFETY
 
 from aerokernels import Disc, RayBundle, estimate_strehl, flow, trace
 from aerokernels.flow.reading.volumes.resampling import VolumeResampling
-from aerokernels.tracing.error_budget.budget import SAFETY
 
 WAVE = 905e-9
 

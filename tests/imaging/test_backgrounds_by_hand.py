@@ -1,20 +1,16 @@
 """Backgrounds, cameras and errors of displacements by hand: pixel by pixel, dot by dot."""
 
 import math
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from aerokernels import Camera, Disc, DotPattern, IndexField, Rectangle
+from aerokernels import Camera, Disc, DotPattern
 from aerokernels.imaging.camera import rows_and_columns
-from aerokernels.imaging.displacement_error import _around, by_points
 from aerokernels.imaging.dots import Background, _box
 from aerokernels.imaging.render import hat
-from aerokernels.imaging.shift import _others, aperture
+from aerokernels.imaging.shift import aperture
 from aerokernels.imaging.through import filled
-from aerokernels.medium.level_maps import changes_between, pixels_around, remaining_error
-from aerokernels.medium.levels import LOWEST_ORDER, RefinementLevels
 
 
 def test_a_camera_by_the_lens_equation():
@@ -119,54 +115,6 @@ def test_dots_are_gaussians_that_do_not_exceed_white():
     with pytest.raises(ValueError, match="below one pixel"):
         DotPattern(diameter=0.99)
     assert DotPattern(diameter=1.0).diameter == 1.0
-
-
-def test_the_error_of_a_mean_over_points_is_the_greatest_change_around():
-    """One and a half times; pixels that see nothing have none, and count as none."""
-    change = np.zeros((5, 6, 2))
-    change[1, 2], change[4, 5] = (0.3, -0.4), (1.0, 0.0)
-    change[3, 1] = np.nan
-    found = by_points(change)
-    expected = np.zeros((5, 6))
-    expected[0:3, 1:4], expected[3:5, 4:6] = 0.75, 1.5
-    expected[3, 1] = np.nan
-    np.testing.assert_allclose(found, expected)
-
-
-def field_of(interpolation: str) -> IndexField:
-    return IndexField.from_samples(
-        np.random.default_rng(1).normal(size=(9, 9)) * 1e-6, origin=(-0.02, 0.5), spacing=(5e-3, 4e-3),
-        geometry="planar", interpolation=interpolation,
-    )  # fmt: skip
-
-
-def test_errors_are_extrapolated_by_the_order_around_each_pixel():
-    """Changes d and D of the finest and the coarser levels, the greatest around: 1.5 d / (D / d - 1), clipped."""
-    camera = Camera(Rectangle(1e-3, 1e-3, (0.0, 0.0, -0.5)), 0.05, 5e-5, 12)
-    field = field_of("cubic")
-    low, high = (np.where(np.isfinite(c), c, 0.0) for c in field.box)
-    away = float((0.5 * (low + high) - camera.pupil.center) @ camera.pupil.normal)
-    width = 5e-3 / (away * camera.pixel_tangent)
-    around = 2 * min(max(math.ceil(4.0 * width), 1), 12) + 1
-    assert _around(field, camera, (12, 12, 2)) == around
-    assert pixels_around(SimpleNamespace(is_uniform=False), 1e-3, (12, 12)) == 3
-    near = Camera(Rectangle(1e-3, 1e-3, (0.0, 0.0, 0.51)), 0.05, 5e-5, 12)
-    size = math.hypot(0.04, 0.032)
-    assert _around(field, near, (400, 3)) == 2 * min(math.ceil(4.0 * 5e-3 / (size * near.pixel_tangent)), 400) + 1
-    levels = RefinementLevels(field, field, field, 0.3)
-    for first, second, order in ((1e-3, 4e-3, 2.0), (1e-3, 1e-1, 4.0), (1e-3, 1e-4, LOWEST_ORDER)):
-        changes = [np.full((12, 12), first), np.full((12, 12), second)]
-        np.testing.assert_allclose(remaining_error(levels, changes, around), 1.5 * first / (2.0**order - 1.0))
-    np.testing.assert_allclose(remaining_error(levels, [np.full((12, 12), 0.2)], around), 1.5 * 0.06)
-    spot = np.zeros((12, 12))
-    spot[6, 6] = 1.0
-    for width, lit in ((1, 1), (3, 9), (5, 25), (13, 144)):
-        wide = remaining_error(levels, [spot], width)
-        assert np.count_nonzero(wide) == lit and wide.max() == 1.5 * 0.3
-    maps = changes_between([spot, 3.0 * spot, np.full((12, 12), np.nan)])
-    assert maps[0].max() == 2.0 and np.isnan(maps[1]).all()
-    assert not remaining_error(levels, maps[1:], 3).any()
-    assert (_others(4, 16), _others(15, 16), _others(16, 16), _others(4, 3), _others(40, 16)) == (16, 16, 4, 2, 10)
 
 
 def test_points_of_an_aperture_have_the_square_of_its_transmission():

@@ -30,7 +30,6 @@ from aerokernels.flow.sampled_density import GridDensity, VertexDensity
 from aerokernels.flow.series import GridMesh, InOrder, times_of
 from aerokernels.inputs.checks import as_finite_array, as_waveform
 from aerokernels.medium.bodies.section import outlines
-from aerokernels.medium.levels import refinement
 from aerokernels.schlieren.bench import Bench
 from aerokernels.schlieren.picture import Picture
 from aerokernels.series.spectra import sample_rate, welch
@@ -201,13 +200,6 @@ def test_an_index_that_is_given_as_a_contrast_is_warned_of(index):
     """Of air, water, glass, diamond and germanium."""
     with pytest.warns(UserWarning, match="it is n - ambient_index, not n itself"):
         samples(np.full((3, 3), index))
-
-
-@pytest.mark.parametrize("interpolation", ["cubic", "linear"])
-def test_a_grid_too_small_to_be_thinned_is_compared_with_another_interpolant(interpolation):
-    """3 x 3 nodes: there is no coarser grid; the other interpolant stands for it."""
-    levels = refinement(samples(1e-4 * np.arange(9.0).reshape(3, 3), interpolation=interpolation))
-    assert levels is not None and levels.fine.interpolation == interpolation != levels.coarse.interpolation
 
 
 def test_nothing_is_cut_where_nothing_is_above():

@@ -135,8 +135,6 @@ def test_a_flows_index_field_keeps_its_wavelength(make):
     assert field.with_interpolation(field.interpolation).wavelength == GREEN
     grid = field.resample(0.1 * float(field.samples.high[0]))
     assert grid.wavelength == GREEN
-    for level in (field.refinement.fine, field.refinement.coarse, field.refinement.coarser):
-        assert level.wavelength == GREEN
 
 
 def test_raw_contrast_has_no_wavelength():

@@ -56,7 +56,7 @@ def test_a_series_gives_maps_statistics_and_a_report(folder: Path, command_line)
     assert done.returncode == 0, done.stderr
     assert "Strehl ratio, exact mean\t" in done.stdout and " +- " in done.stdout
     said = done.stderr.splitlines()
-    assert sum("disturbed air that ends at the face z = 30 mm" in line for line in said) == 1  # waves fill the box
+    assert not any("disturbed air" in line for line in said)  # waves fill the box, which is the flow
     assert sum("independent snapshots (of 24)" in line for line in said) == 1
     assert all(line.startswith(("layer: ", "wrote ", "warning: ")) for line in said), done.stderr
     out = folder / "out"

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from aerokernels import Body, IndexField, QuadMesh
-from aerokernels.medium.levels import REFINED_SHARE, RefinementLevels, refinement, richardson_error
 from aerokernels.medium.resample_grid import node_counts
 from aerokernels.sobol import sobol_points
 
@@ -136,91 +135,3 @@ def test_a_grid_divides_its_region_evenly():
 
 
 # --- levels ----------------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("counts", [(12, 4), (9, 9), (5, 3), (4, 4)])
-def test_levels_of_a_mesh_keep_every_second_and_fourth_vertex(counts: tuple[int, int]):
-    """And always the last one; an axis with hardly more vertices than twice the stride keeps all of them."""
-    field = source(None, counts=counts, on_mesh=True)
-    values, levels = field.samples.values.reshape(counts), refinement(field)
-    if max(counts) < 5:
-        assert levels.coarser is None and levels.share == REFINED_SHARE and len(levels.coarse.mesh.cells) == 36
-        return
-    assert levels.fine is field and levels.share == 1.0 and (levels.coarser is None) == (max(counts) <= 8)
-    for stride, level in ((2, levels.coarse), (4, levels.coarser)):
-        if level is None:
-            continue
-        rows, columns = (sorted({*range(0, n, stride if n > 2 * stride else 1), n - 1}) for n in counts)
-        kept = values[np.ix_(rows, columns)]
-        assert level.mesh.shape == kept.shape
-        np.testing.assert_array_equal(level.samples.values.reshape(kept.shape), kept)
-        vertices = field.mesh.vertices.reshape(*counts, 2)[np.ix_(rows, columns)]
-        np.testing.assert_array_equal(level.mesh.vertices, vertices.reshape(-1, 2))
-
-
-def test_cells_are_compared_with_what_is_bilinear_and_cut_cells_with_whole_ones():
-    """A field of "cells" beside "bilinear"; cells cut in four beside those that they were cut from."""
-    y, z = np.meshgrid(np.linspace(0.0, 1.0, 7), np.linspace(0.0, 1.5, 6), indexing="ij")
-    mesh = QuadMesh.structured(y, z, "planar")
-    average = 1e-4 * np.random.default_rng(141).uniform(1.0, 2.0, 30)
-    levels = refinement(IndexField.from_mesh(mesh, average, interpolation="cells"))
-    assert levels.fine.interpolation == "cells" and levels.coarse.interpolation == "bilinear" and levels.coarser is None
-    levels = refinement(IndexField.from_mesh(mesh, average, interpolation="conserving"))
-    assert len(levels.fine.mesh.cells) == 120 and levels.coarse.mesh is levels.fine.mesh.whole
-    whole = IndexField.from_mesh(mesh, average, interpolation="bilinear")
-    np.testing.assert_allclose(levels.coarse.samples.values, whole.samples.values, rtol=1e-9)
-    assert levels.richardson_error(np.array([3.0]), np.array([1.0]), None) == 2.0
-    half = RefinementLevels(levels.fine, levels.coarse, None, 0.25)
-    assert half.richardson_error(np.array([3.0]), np.array([1.0]), None) == 0.5
-    third = RefinementLevels(whole, whole, whole)
-    given = np.array([1.0, 2.0]), np.array([2.0, 1.0]), np.array([9.0, 5.0])
-    np.testing.assert_array_equal(third.richardson_error(*given), richardson_error(*given, 2.0))
-
-
-def test_few_values_have_no_sharpest_ones():
-    """Up to 31 values share one order; of 32 the sharpest eighth, four, have their own."""
-    for count, own in ((31, False), (32, True)):
-        change = np.r_[np.ones(count - 4), np.full(4, 10.0)]
-        before = np.r_[np.full(count - 4, 16.0), np.full(4, 20.0)]
-        found = richardson_error(change + before, before, 0.0 * change, 4.0)
-        order = np.log2(np.sqrt(np.mean(before**2) / np.mean(change**2)))
-        share = 1.0 / (2.0**order - 1.0)
-        np.testing.assert_allclose(found[:-4], share, rtol=1e-12)
-        np.testing.assert_allclose(found[-4:], 10.0 * (max(share, 1.0) if own else share), rtol=1e-12)
-
-
-@pytest.mark.parametrize(("count", "stride"), [(4, 1), (5, 2), (6, 2), (8, 2), (9, 4), (10, 4), (13, 4), (16, 4)])
-def test_how_far_an_axis_of_a_grid_is_thinned(count: int, stride: int):
-    """Every fourth of nine nodes and more, every second of five; what is left over is cut off where less varies.
-
-    Of an axisymmetric grid the nodes on the axis are kept, whatever varies there.
-    """
-    samples = np.zeros((9, count))
-    samples[:, 0] = 1e-4  # varies most at the low end
-    surplus = (count - 1) % stride
-    for geometry in ("planar", "axisymmetric"):
-        for turned in (False, True):
-            given = samples.T if turned else samples
-            field = IndexField.from_samples(given, origin=(0.0, 0.0), spacing=(0.5, 0.25), geometry=geometry)
-            levels, axis = refinement(field), 0 if turned else 1
-            assert levels.fine.samples.shape[axis] == count - surplus and levels.fine.samples.origin[axis] == 0.0
-            thinned = levels.coarser.samples
-            assert thinned.shape[axis] == (count - 1 - surplus) // stride + 1 and thinned.shape[1 - axis] == 3
-            assert thinned.spacing[axis] == field.spacing[axis] * stride
-            assert levels.coarse.samples.spacing[axis] == field.spacing[axis] * min(stride, 2)
-            mirrored = IndexField.from_samples(
-                np.flip(given, axis), origin=(0.0, 0.0), spacing=(0.5, 0.25), geometry=geometry
-            )
-            low = 0.0 if geometry == "axisymmetric" and turned else surplus * field.spacing[axis]
-            assert refinement(mirrored).fine.samples.origin[axis] == low
-
-
-def test_estimates_scale_with_what_they_are_of():
-    """In other units of either sign: the same numbers times the factor, with sharpest values of one sign and of two."""
-    rng = np.random.default_rng(142)
-    fine, coarse, coarser = rng.normal(size=(3, 64)) * np.r_[np.ones(56), np.full(8, 50.0)]
-    for given in ((fine, coarse, coarser), (fine, 2.0 * np.abs(fine) + fine, 5.0 * np.abs(fine) + fine)):
-        expected = richardson_error(*given, 4.0)
-        for scale in (1e-9, -1e-9, 1e6):
-            found = richardson_error(*(scale * one for one in given), 4.0)
-            np.testing.assert_allclose(found, scale * expected, rtol=1e-9)

@@ -182,8 +182,8 @@ def test_a_dense_field_is_traced_where_straight_lines_are_not_good_enough():
     np.testing.assert_array_equal(auto.opd, traced.opd)
     weight = auto.weight
     bending = float(np.sqrt(((linear.opd - traced.opd)[0] ** 2 * weight).sum()))
-    assert bending == pytest.approx(float(auto.probe[0]), rel=0.3)  # 96 rays of the pupil's 208
-    assert np.isnan(linear.error).all()  # not measured: nothing is claimed
+    assert bending == pytest.approx(float(auto.probe[0]), rel=0.3)  # 128 rays of the pupil's 208
+    assert float(linear.error[0]) > bending  # what straight lines leave out is told
 
 
 def test_the_tilt_of_the_bending_is_in_the_errors_of_boresight_and_rms():
@@ -202,10 +202,10 @@ def test_the_tilt_of_the_bending_is_in_the_errors_of_boresight_and_rms():
             optical_series(series, pupil, pixel_count=48, tolerance=1e-2, wavelength=633e-9, method=method).isel(time=0)
             for method in ("auto", "trace")
         )
-    assert not found.traced and found.probe_tilt > 5.0 * found.probe
+    assert not found.traced
     for name in ("boresight_x", "boresight_y", "opd_rms", "opd_rms_with_tilt", "strehl"):
         assert abs(found[name] - traced[name]) <= found[f"{name}_error"], name
-    assert found.boresight_x_error < 2.0 * abs(found.boresight_x - traced.boresight_x)
+    assert found.boresight_x_error < 4.0 * abs(found.boresight_x - traced.boresight_x)
 
 
 @pytest.mark.parametrize("interpolation", [None, "conserving"])

@@ -11,7 +11,7 @@ from scipy.interpolate import RegularGridInterpolator
 from aerokernels.flow import GridMesh
 from aerokernels.medium import spline
 from aerokernels.series import line_integrals, sheared_products
-from aerokernels.series.bending import _sum_to, _window_rows, at_planes, bending, interpolation_error
+from aerokernels.series.bending import _sum_to, _window_rows, at_planes, bending
 from aerokernels.series.line_integrals import LineIntegrals, NotLinearError, basis_integrals, contracted, main_axis
 from aerokernels.series.plane_values import (
     PlaneValues,
@@ -298,10 +298,7 @@ def test_contrasts_and_slopes_where_rays_cross_planes(direction):
     middle = 0.5 * spacing * (np.array(shape) - 1.0)
     start = middle + draw.uniform(-0.3, 0.3, (11, 3)) - 1.6 * along
     lines = LineIntegrals(mesh, start, along)
-    value, gradient = at_planes(lines, samples, lambda x: 2.0 * x + 1.0, True)
-    alone, empty = at_planes(lines, samples, lambda x: 2.0 * x + 1.0, False)
-    np.testing.assert_array_equal(alone, value)
-    assert empty.size == 0
+    value, gradient = at_planes(lines, samples, lambda x: 2.0 * x + 1.0)
     others = [k for k in range(3) if k != lines.axis]
     for plane, values in enumerate(np.moveaxis(samples, lines.axis, 0)):
         coefficients = spline.spline_along(spline.spline_along(2.0 * values + 1.0, 0, False).T, 0, False).T
@@ -328,39 +325,3 @@ def test_contrasts_and_slopes_where_rays_cross_planes(direction):
     np.testing.assert_allclose(weight.sum(axis=-1), 1.0, atol=1e-4)
     np.testing.assert_allclose((weight * nodes).sum(axis=-1), [[3.3, 22.9]], atol=1e-3)
     np.testing.assert_allclose((slope * nodes).sum(axis=-1), 1.0, atol=1e-3)
-
-
-@pytest.mark.parametrize("shape", [(4, 4, 4), (6, 8, 7)])
-def test_the_interpolation_error_of_small_grids_is_the_difference_from_lines_between_nodes(shape):
-    """Fewer than nine nodes along each axis: three times what linear interpolation changes."""
-    mesh = GridMesh("volume", np.zeros(3), np.full(3, 0.1), shape)
-    samples = np.random.default_rng(8).uniform(1.0, 2.0, shape)
-    along = np.array([0.1, 0.05, 1.0]) / math.sqrt(1.0125)
-    start = np.array([[0.1, 0.12, -0.1], [0.15, 0.2, -0.1]])
-    cubic, linear = (LineIntegrals(mesh, start, along, kind) for kind in ("cubic", "linear"))
-    found = interpolation_error(cubic, samples, lambda x: 3.0 * x)
-    np.testing.assert_allclose(found, 3.0 * np.abs(cubic(3.0 * samples) - linear(3.0 * samples)), rtol=1e-9)
-
-
-@pytest.mark.parametrize("shape", [(11, 14, 19), (9, 5, 17), (8, 9, 17), (4, 9, 17)])
-def test_the_interpolation_error_of_larger_grids_is_that_of_every_second_and_fourth_node(shape):
-    """Three times Richardson's of fourth order, from nodes that all three levels share."""
-    from aerokernels.medium.levels import richardson_error
-
-    mesh = GridMesh("volume", np.zeros(3), np.array([0.1, 0.07, 0.05]), shape)
-    draw = np.random.default_rng(9)
-    samples = 1.5 + 0.1 * draw.normal(size=shape)
-    start = np.array([0.1, 0.07, 0.0]) * shape * [[0.3, 0.4, 0.0], [0.4, 0.3, 0.0], [0.21, 0.22, 0.0]] - [0, 0, 0.1]
-    along = np.array([0.05, 0.03, 1.0]) / np.linalg.norm([0.05, 0.03, 1.0])
-    lines = LineIntegrals(mesh, start, along)
-    found = interpolation_error(lines, samples, lambda x: 2.0 * x)
-    # Along an axis of fewer than nine nodes every second one is the coarsest, of fewer than five all are kept.
-    every = [4 if count >= 9 else 2 if count >= 5 else 1 for count in shape]
-    kept = samples[tuple(slice(0, count - (count - 1) % one) for count, one in zip(shape, every, strict=True))]
-    levels = []
-    for greatest in (1, 2, 4):
-        strides = [min(one, greatest) for one in every]
-        some = kept[:: strides[0], :: strides[1], :: strides[2]]
-        thin = GridMesh("volume", mesh.origin, mesh.spacing * strides, some.shape)
-        levels.append(LineIntegrals(thin, start, along)(2.0 * some))
-    np.testing.assert_allclose(found, 3.0 * np.abs(richardson_error(*levels, 4)), rtol=1e-2, atol=1e-6)

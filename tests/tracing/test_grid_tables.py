@@ -146,17 +146,3 @@ def test_a_processor_prepares_grids_of_many_nodes_at_their_first_trace(monkeypat
             engine = engine_of(choices["backend"], choices["device"])
             assert (field.samples.held(engine.grid_key) is not None) == (backend == "opencl" and many <= 6 * 9 * 9)
         np.testing.assert_allclose(traced[backend, 487], traced[backend, 486], rtol=1e-6)
-
-
-def test_the_coarser_fields_of_a_budget_are_prepared_like_the_field(monkeypatch):
-    """Beside NumPy's tables, which are those of a field that is too small for the kernels."""
-    rays = RayBundle([[3e-4, 8e-4, -1e-4]], [[0.0, 0.05, 1.0]])
-    choices, told = on("opencl-cpu"), []
-    engine = engine_of(choices["backend"], choices["device"])
-    monkeypatch.setattr(grid_tables, "LEAST_NODES", 0)
-    for many in (200, 10_000):
-        monkeypatch.setattr(grid_tables, "MANY_NODES", many)
-        field = volume((9, 9, 17), 3)
-        told.append(trace(field, rays, **choices).error["interpolation"])
-        assert (field.refinement.coarse.samples.held(engine.grid_key) is not None) == (many == 200)
-    assert told[0] == pytest.approx(told[1], rel=1e-5) and told[0] > 0.0

@@ -10,7 +10,6 @@ from aerokernels import IndexField, RayBundle
 from aerokernels.tracing import ArcLength, Plane
 from aerokernels.tracing.bundle.family import find_family
 from aerokernels.tracing.bundle.nodes import FaceClasses, undisturbed_length
-from aerokernels.tracing.error_budget.rays import roughness
 from aerokernels.tracing.lever_arms import lever_arms_of, obliquity
 from aerokernels.tracing.lines import FACES, SIDE, box_span, cell_along, crossing_of_box
 from tests.moved_air import BOX, PITCH, PLAIN, Moved, beams, same, some_rays
@@ -61,15 +60,6 @@ def test_lines_in_a_cylinder_leave_it_on_its_circle():
     np.testing.assert_allclose(np.abs(place[~side, 2]), half, rtol=1e-12)
     along = np.where(side, (place[:, :2] * direction[rows, :2]).sum(axis=1) / radius, direction[rows, 2])
     np.testing.assert_allclose(np.abs(cosine), np.abs(along), atol=1e-9)
-
-
-@pytest.mark.parametrize("interpolation", ["cubic", "linear"])
-def test_how_sharp_samples_are_along_rays(changed: Moved, interpolation: str):
-    position, direction = some_rays()
-    before = roughness(PLAIN.field(interpolation), position, direction)
-    assert (before > 0.0).sum() > 40
-    after = roughness(changed.field(interpolation), changed.place(position), changed.way(direction))
-    same(after, before)
 
 
 def test_lever_arms_and_obliquities(changed: Moved):

@@ -16,6 +16,7 @@ Changes of a uniform grid are integrated along the traced paths, to first order.
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -49,6 +50,8 @@ TIGHTER, LARGEST_TOLERANCE = 0.1, 1e-3
 REFINED, KEPT = 4.0 / 3.0, np.sqrt(1.0 / 5.0)
 # (field, rays, plan) -> what the rays bring, and their status
 Run = Callable[[IndexField, RayBundle, TracePlan], tuple[Rays, np.ndarray]]
+# (field, another in its place) -> what that changes
+Change = Callable[[IndexField, IndexField], Rays]
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,9 +103,12 @@ def sample_rows(field: Any, rays: RayBundle, good: np.ndarray) -> np.ndarray:
     return rows[np.argsort(key, kind="stable")][part][np.argsort(block, kind="stable")]
 
 
-def few_rows(count: int) -> np.ndarray:
-    """Return the places of the few among so many rays that are traced again."""
-    return np.arange(0, count, max(1, count // TRACED))
+def few_rows(count: int, few: int = TRACED) -> np.ndarray:
+    """Return the places of the few among so many rays that are traced again, at random.
+
+    Every other point of a Sobol sequence is in one half of the pupil.
+    """
+    return np.sort(np.random.default_rng(1).permutation(count)[:few])
 
 
 def _spread_out(rays: RayBundle) -> np.ndarray:
@@ -121,6 +127,7 @@ def variants(
     *,
     weight: np.ndarray | None = None,
     lost: np.ndarray | None = None,
+    group: int = 1,
 ) -> Variants:
     """Return how some rays of a run change by each cause.
 
@@ -133,28 +140,46 @@ def variants(
         run: Traces rays by a plan to the same stop.
         weight: Their shares in means over the bundle, shape (n,); None for equal ones.
         lost: Optical path that the source has beyond the field's cuts [m], shape (n,); None for no cut.
+        group: Number of consecutive rays that belong together, as those of a pixel: few whole groups are traced again.
     """
     paths = paths_of(field, rays.position, rays.direction, until, (base.position, base.direction))
     lost = np.zeros(rays.ray_count) if lost is None else lost
-    traced = _Traced(field, rays, base, plan, run)
+    traced = _Traced(field, rays, base, plan, run, group)
     causes = traced.steps()
-    if field.resampling is None:
-        causes |= _by_index(field, paths, traced)
-    else:
-        causes |= _by_source(field, paths, traced, until, lost)
-    if np.any(lost):
-        causes["truncation"] = Cause(known=(replace(Rays.still(len(lost)), opd=lost),))
-    made = field.upstream
-    if made is not None:
-        turned, moved = base.direction - rays.direction, _moved(base, rays)
-        causes["refractivity"] = Cause(known=(Rays(base.opd, turned, moved) * made.refractivity,))
-        if made.columns > 0.0:
-            size, before = np.full(rays.ray_count, made.columns), causes.get("resampling", Cause())
-            causes["resampling"] = replace(before, draws=patterns(field, paths, size, float(np.max(field.spacing))))
+
+    def to_source(one: IndexField, source: IndexField) -> Rays:
+        if until is None:  # the rays end on faces that the source does not have
+            return along(paths)(one, source)
+        change = traced.change(one, source)
+        return replace(change, opd=change.opd - lost)
+
+    bent = Rays(base.opd, base.direction - rays.direction, _moved(base, rays))
+    causes |= _of_field(field, paths, traced.change, to_source, bent, lost)
     weight = np.full(rays.ray_count, 1.0 / rays.ray_count) if weight is None else weight
     return Variants(
         rays.position, rays.direction, weight, base, {name: causes[name] for name in CAUSES if name in causes}
     )
+
+
+def line_variants(field: IndexField, paths: Paths, lost: np.ndarray) -> Variants:
+    """Return how integrals along given paths change by each cause; `lost` is what cuts leave out of each [m], (n,)."""
+    base, change = paths.integral(field.evaluate, shortest_cell(field, paths)), along(paths)
+    count = len(paths.length)
+    causes = _of_field(field, paths, change, change, base, lost)
+    return Variants(paths.first, paths.ahead, np.full(count, 1.0 / count), base, causes)
+
+
+def along(paths: Paths) -> Change:
+    """Return what integrates changes of the field along paths."""
+
+    def change(field: IndexField, other: IndexField) -> Rays:
+        def difference(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            (value, slope), (before, slope_before) = other.evaluate(points), field.evaluate(points)
+            return value - before, slope - slope_before
+
+        return paths.integral(difference, min(shortest_cell(field, paths), shortest_cell(other, paths)))
+
+    return change
 
 
 def _moved(base: Rays, rays: RayBundle) -> np.ndarray:
@@ -163,7 +188,30 @@ def _moved(base: Rays, rays: RayBundle) -> np.ndarray:
     return np.asarray(way - np.sum(way * rays.direction, axis=1, keepdims=True) * rays.direction)
 
 
-def _by_index(field: IndexField, paths: Paths, traced: "_Traced") -> dict[str, Cause]:
+def _of_field(
+    field: IndexField, paths: Paths, change: Change, to_source: Change, bent: Rays, lost: np.ndarray
+) -> dict[str, Cause]:
+    """Return the changes by the samples, the source and the model; `bent` is what the contrast makes of rays."""
+    if field.resampling is None:
+        causes = _by_index(field, paths, change)
+    elif field.source is None:
+        causes = {"resampling": Cause(known=(bent * np.nan,))}
+    else:
+        by_source = to_source(field, field.source)
+        causes = _by_index(field.source, paths, change)
+        causes["resampling"] = Cause(known=(by_source,))
+    if np.any(lost):
+        causes["truncation"] = Cause(known=(replace(Rays.still(len(lost)), opd=lost),))
+    made = field.upstream
+    if made is not None:
+        causes["refractivity"] = Cause(known=(bent * made.refractivity,))
+        if made.columns > 0.0:
+            size, before = np.full(len(lost), made.columns), causes.get("resampling", Cause())
+            causes["resampling"] = replace(before, draws=patterns(field, paths, size, float(np.max(field.spacing))))
+    return causes
+
+
+def _by_index(field: IndexField, paths: Paths, change: Change) -> dict[str, Cause]:
     """Return the changes by the order of interpolation and by jumps of a field that was not resampled."""
     if isinstance(field.samples, UniformGrid):
         orders = ORDERS[field.interpolation]
@@ -175,36 +223,19 @@ def _by_index(field: IndexField, paths: Paths, traced: "_Traced") -> dict[str, C
         order = paths.integral(next_order(field), shortest_cell(field, paths))
     else:
         share = REFINED * (KEPT if field.samples.averages is not None else 1.0)
-        order = traced.change(field, finer) * share
+        order = change(field, finer) * share
     return {"interpolation": Cause(like=(order,)), "jumps": Cause(like=(lacking(field, paths),))}
-
-
-def _by_source(field: IndexField, paths: Paths, traced: "_Traced", until, lost: np.ndarray) -> dict[str, Cause]:
-    """Return the changes by the source of a resampled field."""
-    source = field.source
-    if source is None:
-        return {"resampling": Cause(known=(Rays.still(len(paths.length)) * np.nan,))}
-    if until is not None:
-        change = traced.change(field, source)
-        change = replace(change, opd=change.opd - lost)
-    else:  # the rays end on faces that the source does not have
-
-        def difference(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-            (value, slope), (before, slope_before) = source.evaluate(points), field.evaluate(points)
-            return value - before, slope - slope_before
-
-        change = paths.integral(difference, min(shortest_cell(field, paths), shortest_cell(source, paths)))
-    return {**_by_index(source, paths, traced), "resampling": Cause(known=(change,))}
 
 
 class _Traced:
     """Traces few of some rays again, by other plans and through other fields; each stands for those nearest to it."""
 
-    def __init__(self, field: IndexField, rays: RayBundle, base: Rays, plan: TracePlan, run: Run):
-        """Take the rays, all of which arrived, and what they brought by a plan."""
+    def __init__(self, field: IndexField, rays: RayBundle, base: Rays, plan: TracePlan, run: Run, group: int):
+        """Take the rays, all of which arrived, in groups of a size, and what they brought by a plan."""
         self.field, self.base, self.plan, self.run = field, base, plan, run
-        self.rays = rays
-        self.few = few_rows(rays.ray_count)
+        self.rays, self.group = rays, group
+        self.groups = few_rows(rays.ray_count // group, max(TRACED // group, 1))
+        self.few = (self.groups[:, None] * group + np.arange(group)).ravel()
         self.some = rays.rows(self.few)
 
     def tight(self, field: IndexField) -> TracePlan:
@@ -251,13 +282,12 @@ class _Traced:
         """Return the changes from one to the next, for all rays those of the nearest few; NaN where none arrived."""
         from scipy.spatial import cKDTree
 
-        names = list(chain)
-        good = np.logical_and.reduce([reached(status) for _, status in chain.values()])
+        names, group = list(chain), self.group
+        good = np.logical_and.reduce([reached(status) for _, status in chain.values()]).reshape(-1, group).all(axis=1)
         if not good.any():
             return dict.fromkeys(names[1:], self.base * np.nan)
-        places = _spread_out(self.rays)
-        _, nearest = cKDTree(places[self.few[good]]).query(places)
-        return {
-            name: (chain[name][0] - chain[before][0])[good][nearest]
-            for before, name in zip(names, names[1:], strict=False)
-        }
+        places = _spread_out(self.rays).reshape(-1, group, 3).mean(axis=1)
+        there = np.flatnonzero(good)
+        _, nearest = cKDTree(places[self.groups[there]]).query(places)
+        rows = (there[nearest][:, None] * group + np.arange(group)).ravel()
+        return {name: (chain[name][0] - chain[before][0])[rows] for before, name in pairwise(names)}

@@ -1,7 +1,7 @@
 """What the place of jumps between nodes, which no order of interpolation shows, may change.
 
-A sum over nodes h apart sees what the field has at the wave number 2 pi / h; thinned by j it sees 2 pi / (j h). How the
-changes of sums thinned by two, three and four decay tells what is left in the sum over all nodes. A step does not decay:
+A sum over nodes h apart sees what the field has at the wave number 2 pi / h; thinned by j it sees 2 pi / (j h). How
+the changes by two, three and four decay tells what is left in the sum over all nodes. A step does not decay:
 thinned by two it is half a cell off to either side, and 1 / sqrt(3) of that is the rms of a place drawn in its cell.
 """
 
@@ -25,8 +25,8 @@ NEAR, NEAR_DECAY, COMPARED, BINS = 12, 64, 512, 25
 def left_over(size: dict[int, np.ndarray]) -> np.ndarray:
     """Return the change of sums over all nodes over that of sums thinned by two, from the rms changes by 2, 3 and 4.
 
-    They are over those of a step, each of shape (n,). The result rises to 1 where the three are not of one shock: kinks,
-    or several structures.
+    They are over those of a step, each of shape (n,). The result rises to 1 where the three are not of one shock:
+    kinks, or several structures.
     """
 
     def decay(thin: int) -> np.ndarray:

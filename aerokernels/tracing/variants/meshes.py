@@ -25,7 +25,8 @@ COLUMNS = 64
 
 def next_order(field: IndexField) -> Contrast:
     """Return the change of the contrast by the next order of a mesh's interpolant."""
-    samples: MeshSamples = field.samples
+    samples = field.samples
+    assert isinstance(samples, MeshSamples)
     bilinear = samples if samples.interpolation == "bilinear" else replace(samples, interpolation="bilinear")
 
     def contrast(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -77,11 +78,12 @@ def lacking(field: IndexField, paths: Paths) -> Rays:
     known = None if field.is_uniform else field.samples.lacking_by_cell
     if known is None or not known[1].any():
         return found
-    rows = np.flatnonzero(paths.length > 0.0)[:COLUMNS]
+    lost = np.zeros(min(COLUMNS, len(paths.length)))
+    rows = np.flatnonzero(paths.length[: len(lost)] > 0.0)
     chord = paths.last[rows] - paths.first[rows]
     direction = chord / np.linalg.norm(chord, axis=1, keepdims=True)
     ends = np.stack([np.zeros(len(rows)), paths.length[rows]])
     mesh, lacks = known
-    lost = mesh_columns(mesh, lacks, paths.first[rows], direction, ends)
+    lost[rows] = mesh_columns(mesh, lacks, paths.first[rows], direction, ends)
     # Lines are exact integrals through every cell, which takes long: each stands for those in turn.
     return replace(found, opd=np.resize(lost, len(found.opd)))

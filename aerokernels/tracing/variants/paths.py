@@ -5,8 +5,9 @@ a change e of the contrast adds int e ds to the optical path, turns the ray by i
 at its stop by int (length left) grad e ds / n.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -18,6 +19,8 @@ from .rays import Rays
 GAUSS = 0.5 + np.array([-0.5, 0.5]) / np.sqrt(3.0)
 # Least and greatest number of pieces of a path, each with two Gauss points.
 LEAST_PIECES, MOST_PIECES = 8, 2048
+# Attributes of paths that have an entry for each ray.
+OF_RAYS = ("first", "last", "ahead", "onward", "length", "rest")
 # points (m, 3) [m] -> contrast (m,) and its gradient [1/m] (m, 3)
 Contrast = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 
@@ -57,11 +60,16 @@ class Paths:
 
     def rows(self, rows: np.ndarray) -> "Paths":
         """Return some of the paths."""
-        parts = (self.first, self.last, self.ahead, self.onward, self.length, self.rest)
-        return Paths(*(part[rows] for part in parts), self.normal, self.index)
+        return replace(self, **{name: getattr(self, name)[rows] for name in OF_RAYS})
+
+    @classmethod
+    def joined(cls, paths: Sequence["Paths"], normal: np.ndarray | None = None) -> "Paths":
+        """Return the paths of several bundles in one; `normal` is that of the plane at which all stop."""
+        together: dict[str, Any] = {name: np.concatenate([getattr(one, name) for one in paths]) for name in OF_RAYS}
+        return replace(paths[0], normal=normal, **together)
 
     def integral(self, contrast: Contrast, cell: float) -> Rays:
-        """Return what a change of the contrast adds to each ray, by Gauss points of pieces not longer than `cell` [m]."""
+        """Return what a change of the contrast adds to each ray, by Gauss points of pieces of at most `cell` [m]."""
         found = Rays.still(len(self.length))
         rows = np.flatnonzero(self.length > 0.0)
         if not len(rows):

@@ -1,7 +1,7 @@
 """The next order's change and thinned sums of a grid's samples, on each ray's crossings with planes of nodes.
 
-Along the axis that a ray follows most, each order of interpolation has nearly the sum over the planes of nodes. What the
-next order changes is the interpolation within the planes, so that a path's integral is a sum over the planes that it
+Along the axis that a ray follows most, every order of interpolation has nearly the sum over the planes of nodes. The
+next order changes the interpolation within the planes, so that a path's integral is a sum over the planes that it
 crosses, of a spline along two axes. The sum over every j-th plane less the sum over all, on which `jumps.py` builds, is
 made of the same values.
 """
@@ -13,6 +13,7 @@ import numpy as np
 
 from ...medium import IndexField
 from ...medium.grid import UniformGrid
+from ...medium.mesh_samples import MeshSamples
 from .paths import Paths
 from .rays import Rays
 from .splines import Surface, in_space
@@ -53,7 +54,9 @@ def crossings(field: IndexField, paths: Paths) -> Iterator[Crossings]:
     Rays that mostly run along r have none.
     """
     grid = field.samples
-    begin, end = ((field.local_coordinates(points) - grid.origin) / grid.spacing for points in (paths.first, paths.last))
+    begin, end = (
+        (field.local_coordinates(points) - grid.origin) / grid.spacing for points in (paths.first, paths.last)
+    )
     way = np.abs(end - begin)
     if field.geometry == "axisymmetric":
         chord = (paths.last - paths.first) / grid.spacing[0]
@@ -73,12 +76,14 @@ def crossings(field: IndexField, paths: Paths) -> Iterator[Crossings]:
         local = (field.local_coordinates(points.reshape(-1, 3)) - grid.origin) / grid.spacing
         others = _others(grid, axis)
         place = np.zeros((*share.shape, 2))
-        place[..., : len(others)] = np.clip(local[:, others], 0.0, np.array(grid.shape)[others] - 1.0).reshape(*share.shape, -1)
+        place[..., : len(others)] = np.clip(local[:, others], 0.0, np.array(grid.shape)[others] - 1.0).reshape(
+            *share.shape, -1
+        )
         yield Crossings(rows, one, axis, plane, share, weight, points, place)
 
 
-def _others(grid: UniformGrid, axis: int) -> list[int]:
-    return [k for k in range(grid.samples.ndim) if k != axis]
+def _others(grid: UniformGrid | MeshSamples, axis: int) -> list[int]:
+    return [k for k in range(len(grid.low)) if k != axis]
 
 
 def values_at(field: IndexField, found: Crossings, order: int) -> tuple[np.ndarray, np.ndarray]:
@@ -115,7 +120,7 @@ def order_change(field: IndexField, paths: Paths, orders: tuple[int, int]) -> Ra
 def thinned_sums(field: IndexField, paths: Paths, order: int) -> tuple[Rays, dict[int, np.ndarray]]:
     """Return the change of sums over every second plane, and the sizes of those over every second, third and fourth.
 
-    A size is the rms change of each ray's sums over every j-th plane, over that of a step at a random place, shape (n,).
+    A size is the rms change of a ray's sums over every j-th plane, over that of a step at a random place, shape (n,).
     Pairs of averages of cells have the sum of their mean: thinned by two, they change by half of what their slopes
     within the planes change from one to the next, times the ray's way along the planes.
     """
@@ -123,8 +128,8 @@ def thinned_sums(field: IndexField, paths: Paths, order: int) -> tuple[Rays, dic
     for found in crossings(field, paths):
         value, slope = values_at(field, found, order)
         if field.samples.keeps_averages:
-            spacing = field.samples.spacing[found.axis]
-            value = 0.5 * spacing * slope[..., found.axis + 3 - field.samples.samples.ndim]
+            along = slope[..., found.axis + 3 - len(field.samples.low)]
+            value = 0.5 * float(field.samples.spacing[found.axis]) * along
             slope = np.zeros(slope.shape)
         weight = found.weight.max(axis=1, keepdims=True)
         for thin in THINNED:
@@ -165,5 +170,5 @@ def _taper(found: Crossings, thin: int) -> np.ndarray:
     box = (there & (left >= len(kernel))).astype(np.float64)
     taper = np.zeros(box.shape)
     for shift, share in enumerate(kernel):
-        taper[:, shift:] += share * box[:, : box.shape[1] - shift]
+        taper[:, shift:] += share * box[:, : max(box.shape[1] - shift, 0)]
     return taper

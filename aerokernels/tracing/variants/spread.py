@@ -1,12 +1,12 @@
 """The error of a number by each cause: the number computed again where rays change, and what it changes by.
 
-One eighth of the rays is changed at a time; eight times the number's change is a sample of its error. Of changes to what
-is right, such as those by the source of a resampled field, the error is their mean and its standard error. Of changes
-that are only like those to what is right, such as those by the next order of interpolation, the mean may vanish by
-chance: the error is the root mean square. What all rays share, the mean change of their paths, is applied by itself. Of
-draws the error is the root mean square of the number's change by each of them, of all rays. What each ray has of its
-own, as the pixels of a picture, has the root mean square over rays, all or those about it. Everything times FACTOR;
-causes add as independent.
+One eighth of the rays is changed at a time: eight times the number's change is a sample of its error. Of changes to
+what is right, such as those by the source of a resampled field, the error is their mean and its standard error. Of
+changes that are only like those to what is right, such as those by the next order of interpolation, the mean may
+vanish by chance: the error is the root mean square. What all rays share, the mean change of their paths, is applied
+by itself. Of draws the error is the root mean square of the number's change by each of them, of all rays. What each
+ray has of its own, as the pixels of a picture, has the root mean square over rays, all or those about it. Everything
+times FACTOR; causes add as independent.
 """
 
 from collections.abc import Callable
@@ -44,9 +44,10 @@ def of_each(pick: Number, found: Variants, near: np.ndarray | None = None) -> di
     """Return the error by cause of what each ray has of its own.
 
     Args:
-        pick: Returns it for changes of the rays, shape (n,); the same for a change as for the rays themselves.
+        pick: Returns it for changes of the rays, shape (n, ...), 0 for none; n pixels may have several rays each.
         found: The rays and their changes.
-        near: Rays about each ray, by which its error is found, shape (n, k); None for one error of all rays.
+        near: Rays about each ray, or pixels about each pixel, by which its error is found, shape (m, k); None for one
+            error of all rays.
     """
     everywhere = np.arange(len(found.base.opd))[None] if near is None else near
 
@@ -55,7 +56,7 @@ def of_each(pick: Number, found: Variants, near: np.ndarray | None = None) -> di
 
     errors = {}
     for name, cause in found.causes.items():
-        total = np.zeros(len(everywhere)) + sum(map(square, (*cause.known, *cause.like)))
+        total = square(Rays.still(len(found.base.opd))) + sum(map(square, (*cause.known, *cause.like)))
         total = total + sum(map(square, cause.draws)) / max(len(cause.draws), 1)
         errors[name] = FACTOR * np.sqrt(total)
     return errors

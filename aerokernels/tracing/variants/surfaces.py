@@ -16,8 +16,9 @@ LEAST_LEFT = 5
 
 
 def spline_of(field: IndexField, local: np.ndarray, order: int, axis: int = 0, step: int = 1) -> Contrast:
-    """Return the spline through a grid's samples, or every `step`-th of them along an axis, near local points (m, 2)."""
-    grid: UniformGrid = field.samples
+    """Return the spline through a grid's samples, or every `step`-th along an axis, near local points (m, 2)."""
+    grid = field.samples
+    assert isinstance(grid, UniformGrid)
     samples = grid.samples[:: step if axis == 0 else 1, :: step if axis == 1 else 1]
     spacing = grid.spacing * np.where(np.arange(2) == axis, step, 1)
     place = (local - grid.origin) / spacing
@@ -41,10 +42,12 @@ def order_change(field: IndexField, paths: Paths, orders: tuple[int, int]) -> Ra
 
 
 def thinned_along_r(field: IndexField, paths: Paths, order: int) -> tuple[Rays, dict[int, np.ndarray]]:
-    """As `planes.thinned_sums`, of rays that mostly run along r: through every second, third and fourth row of nodes."""
+    """As `planes.thinned_sums`, of rays that mostly run along r, through rows of nodes."""
     grid, count = field.samples, len(paths.length)
     chord = np.abs(paths.last - paths.first)
-    along = (np.hypot(chord[:, 0], chord[:, 1]) / grid.spacing[0] > chord[:, 2] / grid.spacing[1]) & (paths.length > 0.0)
+    along = (np.hypot(chord[:, 0], chord[:, 1]) / grid.spacing[0] > chord[:, 2] / grid.spacing[1]) & (
+        paths.length > 0.0
+    )
     rows = np.flatnonzero(along)
     if field.geometry != "axisymmetric" or not len(rows) or (grid.shape[0] - 1) // max(THINNED) + 1 < LEAST_LEFT:
         return Rays.still(count), {thin: np.zeros(count) for thin in THINNED}
@@ -54,10 +57,15 @@ def thinned_along_r(field: IndexField, paths: Paths, order: int) -> tuple[Rays, 
     last = np.min([(grid.shape[0] - 1) // thin * thin for thin in THINNED])
     high = np.array([last * grid.spacing[0], np.inf])
     thinned = {
-        thin: some.integral(_change(field, base, spline_of(field, local, order, 0, thin), high), cell) for thin in THINNED
+        thin: some.integral(_change(field, base, spline_of(field, local, order, 0, thin), high), cell)
+        for thin in THINNED
     }
     sums = Rays.still(count)
-    sums.opd[rows], sums.direction[rows], sums.position[rows] = thinned[2].opd, thinned[2].direction, thinned[2].position
+    sums.opd[rows], sums.direction[rows], sums.position[rows] = (
+        thinned[2].opd,
+        thinned[2].direction,
+        thinned[2].position,
+    )
     size = {thin: np.zeros(count) for thin in THINNED}
     for thin, one in thinned.items():
         size[thin][rows] = np.abs(one.opd) / step_size(thin)
@@ -69,7 +77,7 @@ def _change(field: IndexField, one: Contrast, other: Contrast, high: np.ndarray)
 
     def contrast(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         (value, slope), (before, slope_before) = other(points), one(points)
-        there = (field.local_coordinates(points) <= high).all(axis=1)
+        there = np.all(field.local_coordinates(points) <= high, axis=1)
         return np.where(there, value - before, 0.0), np.where(there[:, None], slope - slope_before, 0.0)
 
     return contrast

@@ -1,1 +1,0 @@
-"""The error budget of a trace, by cause, and what rays may lose where the known air ends."""
