@@ -10,9 +10,9 @@ import numpy as np
 
 # Places with errors of their own; least number of snapshots from one to the next, for which errors take little of the
 # time; most other snapshots with errors of their own.
-MOST, LEAST_STEP, MOST_MORE = 8, 16, 16
+MOST, LEAST_STEP, MOST_MORE = 8, 128, 8
 # Factor of the slopes' mean square by which a wavefront is another one.
-OTHER = 4.0
+OTHER = 3.0
 
 
 class Chosen:

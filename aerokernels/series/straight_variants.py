@@ -8,8 +8,11 @@ import numpy as np
 from ..medium import IndexField
 from ..rays import RayBundle
 from ..tracing import Plane
+from ..tracing.allowance import step_allowance
 from ..tracing.cuts import lost
-from ..tracing.planning import make_plan
+from ..tracing.engines.choice import choose_backend
+from ..tracing.plan import TracePlan
+from ..tracing.planning import backend_for
 from ..tracing.stop import stop_distance
 from ..tracing.trace import rerun
 from ..tracing.variants.causes import Run, Variants, variants
@@ -38,19 +41,10 @@ def straight_variants(
         options: backend and device of rays that are traced.
         run: Traces rays in full; None takes the package's own tracer.
     """
-    plan = make_plan(
-        field,
-        method="adaptive",
-        backend=options.get("backend") or "auto",
-        device=options.get("device"),
-        precision="float64",
-        step=None,
-        tolerance=tolerance,
-        max_steps=None,
-        path_length=None,
-        wavelength=wavelength,
-        directions=rays.direction,
-    )
+    backend = backend_for(field, options.get("backend") or "auto")
+    backend, device, _ = choose_backend(backend, options.get("device"))
+    allowance = step_allowance(field, "adaptive", None, None)
+    plan = TracePlan("adaptive", backend, device, "float64", allowance, None, tolerance)
     way = stop_distance(rays.position, rays.direction, until)
     base = Rays(np.asarray(opd, np.float64), rays.direction, rays.position + way[:, None] * rays.direction)
     weight = np.broadcast_to(np.asarray(rays.weight, np.float64), way.shape)

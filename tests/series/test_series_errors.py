@@ -46,8 +46,8 @@ def test_each_snapshot_has_the_errors_of_the_nearest():
     series = opened(5, 17, 20, lambda k: 3.0 if 7 <= k < 10 else 1.0)
     found = optical_series(series, Disc(0.02), pixel_count=24)
     error = found.error.values
-    assert np.isfinite(error).all() and np.unique(error).size == 4  # at 0, 7, 10 and 16
-    assert (error[:4] == error[0]).all() and (error[5:9] == error[7]).all() and (error[16:] == error[16]).all()
+    assert np.isfinite(error).all() and np.unique(error).size == 3  # at 0, 7 and 10
+    assert (error[:4] == error[0]).all() and (error[5:9] == error[7]).all() and (error[10:] == error[10]).all()
     assert error[7] == pytest.approx(3.0 * error[0], rel=0.4)
     own = found.strehl_error.values
     assert np.unique(own).size > 4  # the part of the pixels is each one's own
@@ -63,11 +63,12 @@ def test_places_of_a_series_that_has_grown_are_among_those_of_the_shorter_one():
         assert set(rows[rows < max(total // 3, 1)]) <= set(earlier)
     alternating = Chosen(1000)
     assert sum(alternating(10.0 ** (k % 2)) for k in range(1000)) <= MOST + MOST_MORE
-    errors = np.full(40, np.nan)
-    errors[[0, 16, 32]] = 1.0, 2.0, 3.0
-    told = nearest_in_time(errors, np.ones(40), 40)
-    assert (told[:9] == 1.0).all() and (told[9:25] == 2.0).all() and (told[25:] == 3.0).all()
-    assert np.isnan(nearest_in_time(errors * np.nan, np.ones(40), 40)).all()
+    errors, step = np.full(400, np.nan), LEAST_STEP
+    errors[[0, step, 2 * step, 3 * step]] = 1.0, 2.0, 3.0, 4.0
+    told = nearest_in_time(errors, np.ones(400), 400)
+    assert (told[: step // 2 + 1] == 1.0).all() and (told[step // 2 + 1 : 3 * step // 2 + 1] == 2.0).all()
+    assert (told[3 * step :] == 4.0).all()
+    assert np.isnan(nearest_in_time(errors * np.nan, np.ones(400), 400)).all()
 
 
 def test_parts_of_pixels_continue_parabolas():
