@@ -14,8 +14,8 @@ point of the target. (Group and phase index of air differ by 1.4 %, which is lef
                 share of the beam that is lost (cut_beam.py)
     peaks       twice the rms error of the echo in vacuum where it arrives fractions of a sample later; of the voltage
                 the noise at the peak and half a code of the digitiser
-    ranges      the changes of the reading with the factor, with the samples' position, and by the rounding to codes if
-                no noise dithers them; the spread over noisy records
+    ranges      the changes of the reading with the factor, of the mean path over the points weighted by it, with the
+                samples' position, and by the rounding to codes if no noise dithers them; the spread over noisy records
 """
 
 import math
@@ -262,7 +262,7 @@ def echo_errors(result: EchoResult, probe: EchoProbe) -> dict[str, ErrorBudget]:
 
 def _sampling(result: EchoResult, probe: EchoProbe) -> dict[str, float]:
     """Return the errors that no ray shows, by number."""
-    strehl, share = factor_errors(result, probe.scene, probe.field, probe.vacuum.plane)
+    strehl, share, path = factor_errors(result, probe.scene, probe.field, probe.vacuum.plane)
     share = math.hypot(share, result.information["lost_share_error"] / result.information["beam_share"])
     power, voltage, place = probe.read_shifted()
     noise, peak_noise = float(result.noise_rms), 0.0
@@ -283,5 +283,5 @@ def _sampling(result: EchoResult, probe: EchoProbe) -> dict[str, float]:
         walk = max((abs(one[method] - value) for one in steps), default=0.0 if share == 0.0 else math.nan)
         spread = random.get(method, math.nan) if noise > 0.0 else 0.0
         others = place.get(method, math.nan), codes.get(method, 0.0), spread
-        found[method] = root_sum_square((walk, *(FACTOR * one for one in others)))
+        found[method] = root_sum_square((walk, path, *(FACTOR * one for one in others)))
     return found

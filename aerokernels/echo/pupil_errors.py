@@ -20,14 +20,14 @@ from .return_paths import factor_of, is_symmetric
 POINTS, FINER, LEAST_RAYS = 16, 4, 256
 
 
-def factor_errors(result: EchoResult, scene: Scene, field: IndexField, plane: Plane) -> tuple[float, float]:
-    """Return the errors of an echo's mean Strehl ratio and, relative, of its return factor.
+def factor_errors(result: EchoResult, scene: Scene, field: IndexField, plane: Plane) -> tuple[float, float, float]:
+    """Return errors of an echo's mean Strehl ratio, relative of its return factor, and of its mean path by that [m].
 
-    NaN and infinite if no ray gets out, or nothing returns. `plane` is the target's.
+    NaN, infinite and 0 if no ray gets out, or nothing returns. `plane` is the target's.
     """
     kind, pupil = scene.receiver.return_factor, scene.receiver.pupil
     if kind == "none":
-        return math.nan, 0.0
+        return math.nan, 0.0, 0.0
     points = np.flatnonzero(np.isfinite(result.return_factor) & (result.beam_share > 0.0))
     share = result.beam_share[points] / result.beam_share[points].sum()
     some = np.random.default_rng(0).choice(points, min(POINTS, len(points)), replace=False, p=share)
@@ -37,10 +37,13 @@ def factor_errors(result: EchoResult, scene: Scene, field: IndexField, plane: Pl
     try:
         sums = reduce_pupils(scene, field, place, *rays)
     except ValueError:
-        return math.nan, math.inf
-    mean = result.beam_mean(result.return_factor)
-    change = result.return_factor[some] - factor_of(kind, sums.strehl, sums.open_share)
-    return _error(result.strehl[some] - sums.strehl), _error(change) / mean if mean > 0.0 else math.inf
+        return math.nan, math.inf, 0.0
+    strehl, mean = _error(result.strehl[some] - sums.strehl), result.beam_mean(result.return_factor)
+    if not mean > 0.0:
+        return strehl, math.inf, 0.0
+    change = (result.return_factor[some] - factor_of(kind, sums.strehl, sums.open_share)) / mean
+    path = result.group_path[some] - result.beam_mean(result.group_path)
+    return strehl, _error(change), _error(change * path)
 
 
 def _error(change: np.ndarray) -> float:
