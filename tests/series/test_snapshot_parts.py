@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 import pytest
-from aerokernels.series.strehl_bound import strehl_error
 
 from aerokernels import Disc, IndexField, QuadMesh, RayBundle, Rectangle, flow, trace
 from aerokernels.pupils import direction_of
