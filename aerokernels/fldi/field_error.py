@@ -43,7 +43,9 @@ def field_errors(field: IndexField, instrument: FLDI, focus: np.ndarray, ends: n
     some = np.resize(rng.permutation(len(focus))[:PLACES], PLACES)
     assert instrument.direction is not None and instrument.normal is not None  # set when it was made
     sides = np.stack([instrument.direction, instrument.normal])
-    moved = focus[some] + (rng.random((PLACES, 2)) - 0.5) * cell_along(field, sides) @ sides
+    cells = cell_along(field, sides)
+    cells = np.where(np.isfinite(cells), cells, 0.0)  # a planar field is the same everywhere along x
+    moved = focus[some] + (rng.random((PLACES, 2)) - 0.5) * cells @ sides
     root, share = np.polynomial.hermite.hermgauss(ACROSS)
     places = np.stack(np.meshgrid(root, root), axis=-1).reshape(-1, 2) / np.sqrt(2.0)
     weight = np.outer(share, share).ravel() / share.sum() ** 2

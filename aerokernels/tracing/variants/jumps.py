@@ -92,8 +92,7 @@ def patterns(field: IndexField, paths: Paths, size: np.ndarray, alike: float) ->
             value, across = only
             phase, wave = 2.0 * np.pi / length * value + start, 2.0 * np.pi / length * across
         turned = -np.sqrt(2.0) * (size * np.sin(phase))[:, None] * wave / paths.index
-        turned = turned - np.sum(turned * paths.onward, axis=1, keepdims=True) * paths.onward
-        found.append(Rays(np.sqrt(2.0) * size * np.cos(phase), turned, turned * left))
+        found.append(paths.landed(np.sqrt(2.0) * size * np.cos(phase), turned, turned * left))
     return tuple(found)
 
 

@@ -99,13 +99,20 @@ class Paths:
         left = (1.0 - share) * self.length[:, None] + self.rest[:, None]
         turned = np.einsum("nk,nki->ni", weight / self.index, slope)
         moved = np.einsum("nk,nki->ni", weight * left / self.index, slope)
+        return self.landed(np.sum(weight * value, axis=1), turned, moved)
+
+    def landed(self, opd: np.ndarray, turned: np.ndarray, moved: np.ndarray) -> Rays:
+        """Return the changes at the stop of rays that are turned, and moved [m] where they would meet it, both (n, 3).
+
+        A plane that is askew to a ray is met sooner or later by the one that is moved, which adds to its path.
+        """
         turned, moved = (
             part - np.sum(part * self.onward, axis=1, keepdims=True) * self.onward for part in (turned, moved)
         )
-        if self.normal is not None:  # along the ray onto the plane
-            slant = (moved @ self.normal) / (self.onward @ self.normal)
-            moved = moved - slant[:, None] * self.onward
-        return Rays(np.sum(weight * value, axis=1), turned, moved)
+        if self.normal is not None:
+            later = -(moved @ self.normal) / (self.onward @ self.normal)
+            opd, moved = opd + self.index * later, moved + later[:, None] * self.onward
+        return Rays(opd, turned, moved)
 
 
 def paths_of(field: IndexField, position: np.ndarray, direction: np.ndarray, until, ends=None) -> Paths:

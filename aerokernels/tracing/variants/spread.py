@@ -9,7 +9,8 @@ ray has of its own, as the pixels of a picture, has the root mean square over ra
 times FACTOR; causes add as independent.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -62,9 +63,20 @@ def of_each(pick: Number, found: Variants, near: np.ndarray | None = None) -> di
     return errors
 
 
-def of_a_ray(pick: Number, found: Variants, unit: str = "") -> ErrorBudget:
-    """Return the error budget of what each ray has of its own: the same for all of them."""
-    return combine({name: float(error[0]) for name, error in of_each(pick, found).items()}, unit)
+def of_a_ray(pick: Number, found: Variants, unit: str = "", others: Mapping[str, Number] | None = None) -> ErrorBudget:
+    """Return the error budget of what each ray has of its own: the same for all of them.
+
+    Args:
+        pick: As for `of_each`.
+        found: The rays and their changes.
+        unit: Unit of the errors.
+        others: What is taken in place of `pick`, by cause.
+    """
+    picks = {name: (others or {}).get(name, pick) for name in found.causes}
+    errors = {
+        name: of_each(one, replace(found, causes={name: found.causes[name]}))[name] for name, one in picks.items()
+    }
+    return combine({name: float(error[0]) for name, error in errors.items()}, unit)
 
 
 def _differs(change: Rays) -> bool:
