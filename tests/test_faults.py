@@ -187,12 +187,12 @@ def test_two_processes_do_not_write_one_series(tmp_path: Path):
     """One that writes holds the other off; one that begins with what it read before the first went on is refused."""
     pytest.importorskip("zarr")
     from aerokernels.series.store import ZarrStore
-    from aerokernels.series.store_arrays import MAPS, NUMBERS
+    from aerokernels.series.store_arrays import KEPT, MAPS
 
     axis, path = np.linspace(-0.01, 0.01, 4), tmp_path / "maps.zarr"
     template = xarray.Dataset(coords={"time": np.arange(3.0), "y": axis, "x": axis})
     maps = {name: np.ones((4, 4), kind) for name, (kind, _, _) in MAPS.items()}
-    numbers = dict.fromkeys(NUMBERS, 1.0)
+    numbers = dict.fromkeys(KEPT, 1.0)
     first, late = (ZarrStore(path, template, {"series": "a"}) for _ in range(2))
     with first.writing():
         first.add(maps, numbers)
@@ -228,11 +228,11 @@ def test_a_series_on_a_full_disk_keeps_what_is_done_and_goes_on(tmp_path: Path):
         "import resource, sys; from pathlib import Path; import numpy as np; import xarray\n"
         "from aerokernels.files.drafts import OutputError\n"
         "from aerokernels.series.store import ZarrStore\n"
-        "from aerokernels.series.store_arrays import MAPS, NUMBERS\n"
+        "from aerokernels.series.store_arrays import KEPT, MAPS\n"
         "axis, path = np.linspace(-0.01, 0.01, 4), Path(sys.argv[1]) / 'maps.zarr'\n"
         "template = xarray.Dataset(coords={'time': np.arange(9.0), 'y': axis, 'x': axis})\n"
         "maps = {name: np.ones((4, 4), kind) for name, (kind, _, _) in MAPS.items()}\n"
-        "numbers = dict.fromkeys(NUMBERS, 1.0)\n"
+        "numbers = dict.fromkeys(KEPT, 1.0)\n"
         "hard = resource.getrlimit(resource.RLIMIT_FSIZE)[1]\n"
         "for size in (0, 30_000, resource.RLIM_INFINITY):\n"
         "    resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))\n"
@@ -313,14 +313,14 @@ def test_a_series_whose_store_has_lost_something_is_not_gone_on_with(tmp_path: P
     """
     pytest.importorskip("zarr")
     from aerokernels.series.store import ZarrStore
-    from aerokernels.series.store_arrays import MAPS, NUMBERS
+    from aerokernels.series.store_arrays import KEPT, MAPS
 
     axis, path = np.linspace(-0.01, 0.01, 4), tmp_path / "maps.zarr"
     template = xarray.Dataset(coords={"time": np.arange(2.0), "y": axis, "x": axis})
     maps = {name: np.ones((4, 4), kind) for name, (kind, _, _) in MAPS.items()}
     with (store := ZarrStore(path, template, {"series": "a"})).writing():
         for _ in range(2):
-            store.add(maps, dict.fromkeys(NUMBERS, 0.5))
+            store.add(maps, dict.fromkeys(KEPT, 0.5))
     store.finish()
     (path / "strehl" / "c" / "0").unlink()
     again = ZarrStore(path, template, {"series": "a"})

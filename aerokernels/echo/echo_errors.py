@@ -50,6 +50,8 @@ from .waveform import SPEED_OF_LIGHT
 NUMBERS = {"strehl": "", "peak_power": "W", "peak_voltage": "V", "group_path": "m"}
 # Fractions of a sample period by which the echo is delayed to measure the effect of the samples' position.
 SHIFTS = np.arange(8) / 8
+# Relative error of the sum over the beam's points (target_points.py).
+QUADRATURE = 1e-7
 # Noise above this fraction of a code dithers the codes: their errors are then random.
 DITHER = 0.5
 # Noisy records from which the random error is measured.
@@ -263,7 +265,7 @@ def echo_errors(result: EchoResult, probe: EchoProbe) -> dict[str, ErrorBudget]:
 def _sampling(result: EchoResult, probe: EchoProbe) -> dict[str, float]:
     """Return the errors that no ray shows, by number."""
     strehl, share, path = factor_errors(result, probe.scene, probe.field, probe.vacuum.plane)
-    share = math.hypot(share, result.information["lost_share_error"] / result.information["beam_share"])
+    share = math.hypot(share, result.information["lost_share_error"] / result.information["beam_share"], QUADRATURE)
     power, voltage, place = probe.read_shifted()
     noise, peak_noise = float(result.noise_rms), 0.0
     if noise > 0.0:  # the signal's own shot noise may be many times the noise between echoes

@@ -184,12 +184,12 @@ class RefractivityModel:
         return np.reshape(inside, np.shape(density)) if np.ndim(inside) else inside
 
 
-@checked
 def default_relation(has_constant: bool, is_mixture: bool) -> str:
     """Return the relation where none is given: Ciddor's for air, unless the constant or the gas is another."""
     return "gladstone-dale" if has_constant or is_mixture else "ciddor"
 
 
+@checked
 def refractivity_model(
     relation: str | None = None, *, constant: float | None = None, composition=None
 ) -> RefractivityModel:

@@ -101,7 +101,10 @@ def run_dataset(result: RunParts, summary: Mapping[str, Any]) -> "xarray.Dataset
             variables[map_name] = variable(("pupil_y", "pupil_x"), opd, "m", words)
             # The rms of the map that the Strehl ratio is computed from is a number of the summary.
             is_summarised = set(removed) == set(result.scene.strehl.remove)
-            error = summary["errors"]["opd_rms_m"] if is_summarised else pupil.opd_error
+            error = pupil.opd_error
+            if is_summarised:  # and what the map's pixels differ from the rays of the summary
+                apart = float(np.sqrt(np.nanmean(opd**2))) - summary["opd_rms_m"]
+                error = float(np.hypot(summary["errors"]["opd_rms_m"], apart))
             variables[map_name][2]["rms_error_m"] = number_or_nan(error)
         coordinates |= {
             "pupil_x": variable("pupil_x", pupil.coordinate, "m", f"along {first} in the pupil"),

@@ -109,7 +109,7 @@ class _Model:
         self._points = traced.points[rows]
         opd, reach = traced.opd(self._look[None], self._axes[None])
         until = Plane(traced.center + reach[0] * self._look, self._look)
-        given = opd.numpy()[rows], until, traced.wavelength, self._options["tolerance"], self._options
+        given = to_host(opd)[rows], until, traced.wavelength, self._options["tolerance"], self._options
         return straight_variants(traced.field, rays.rows(rows), *given)
 
     @property

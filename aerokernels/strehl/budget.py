@@ -74,13 +74,21 @@ class StrehlErrors:
 
     Attributes:
         rays: Some of the pupil's rays and their changes.
-        sampling: Errors by the number of rays, by NUMBERS, shape (5,).
+        standard_error: Standard error of the Strehl ratio over the replicates.
+        moments: Sums of the replicates, shape (replicate_count, at least 10), see tracing/pupil/sums.py.
         remove: Terms removed from the wavefront.
     """
 
     rays: StrehlVariants
-    sampling: np.ndarray
+    standard_error: float
+    moments: np.ndarray
     remove: tuple[str, ...]
+
+    @property
+    def sampling(self) -> np.ndarray:
+        """Errors of NUMBERS by the number of rays, shape (5,)."""
+        fits = [[rms_about(row, self.remove), *fit_moments(row)[1]] for row in self.moments if row[0] > 0.0]
+        return sampling_of(self.standard_error, np.array(fits), self.rays.wavelength)
 
     @cached_property
     def by_cause(self) -> dict[str, np.ndarray] | None:
@@ -107,23 +115,14 @@ class StrehlErrors:
         }
 
 
-def sampling_errors(
-    standard_error: float, moments: np.ndarray, wavelength: float, remove: tuple[str, ...]
-) -> np.ndarray:
+def sampling_of(standard_error: float, fits: np.ndarray, wavelength: float) -> np.ndarray:
     """Return the errors of NUMBERS by the number of rays, shape (5,).
 
     Args:
         standard_error: Standard error of the Strehl ratio over the replicates.
-        moments: Sums of the replicates, shape (replicate_count, at least 10), see tracing/pupil/sums.py.
+        fits: OPD rms [m] and tilt [rad] of each replicate, shape (replicate_count, 3).
         wavelength: Vacuum wavelength [m].
-        remove: Terms removed from the wavefront.
     """
-    fits = np.array([[rms_about(row, remove), *fit_moments(row)[1]] for row in moments if row[0] > 0.0])
-    return sampling_of(standard_error, fits, wavelength)
-
-
-def sampling_of(standard_error: float, fits: np.ndarray, wavelength: float) -> np.ndarray:
-    """Return `sampling_errors` from each replicate's OPD rms [m] and tilt [rad], shape (replicate_count, 3)."""
     rms, *tilt = np.std(fits, axis=0, ddof=1) / np.sqrt(len(fits)) if len(fits) > 1 else np.full(3, np.nan)
     slope = 2.0 * (2.0 * np.pi / wavelength) ** 2 * float(np.mean(fits[:, 0])) if len(fits) else 0.0
     return STANDARD_ERRORS * np.array([standard_error, slope * rms, rms, *tilt])

@@ -22,7 +22,7 @@ from ..tracing.pupil.job import REPLICATES, PupilJob, make_job
 from ..tracing.pupil.new_values import next_job
 from ..tracing.retrace import report_rejected
 from ..wavefront import check_terms
-from .budget import StrehlErrors, StrehlVariants, sampling_errors
+from .budget import StrehlErrors, StrehlVariants
 from .ratio import StrehlEstimate
 from .sums import combined, met_nothing
 
@@ -291,7 +291,6 @@ class PreparedStrehl:
             )
 
         found = self.varied(plan, seed)
-        sampling = sampling_errors(standard_error, sums.moments, wavelength, self.remove)
         return StrehlEstimate(
             ray_count=job.per_replicate * REPLICATES,
             traced_ray_count=traced,
@@ -299,7 +298,7 @@ class PreparedStrehl:
             blocked=max(0.0, 1.0 - float(np.add.reduce(sums.moments[:, 0])) / sums.ray_count),
             plan=plan,
             varied=found,
-            budgets=StrehlErrors(found, sampling, self.remove),
+            budgets=StrehlErrors(found, standard_error, sums.moments, self.remove),
             seconds=seconds,
             standard_error=standard_error,
             evaluation_count=evaluations,

@@ -56,6 +56,7 @@ class _Forked(fragile._Child):
     """One forked child and the pipes to it."""
 
     def __init__(self) -> None:
+        self.is_late = False
         self.process = _Process()  # type: ignore[assignment]
 
 

@@ -25,7 +25,7 @@ from aerokernels.inputs.units import DIMENSIONS, quantity
 from aerokernels.inputs.written_units import DIMENSIONS as WRITTEN
 from aerokernels.inputs.written_units import in_brackets
 from aerokernels.series.store import ZarrStore
-from aerokernels.series.store_arrays import NUMBERS
+from aerokernels.series.store_arrays import KEPT
 
 from .input_draws import NUMBERS as WILD
 from .input_draws import Draw
@@ -122,7 +122,7 @@ def index(draw: random.Random, folder: Path) -> bool:
 def journal(draw: random.Random, folder: Path) -> bool:
     """The journal of a store of a series, damaged."""
     definition = {"pupil": {"radius": 0.1}, "first snapshot": "ab12"}
-    row = [1e-3 * k for k in range(len(NUMBERS))]
+    row = [1e-3 * k for k in range(len(KEPT))]
     text = "\n".join(json.dumps(line) for line in (definition, row, row)) + "\n"
     store = folder / "a.zarr"
     store.mkdir(exist_ok=True)

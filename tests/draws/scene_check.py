@@ -2,7 +2,8 @@
 
 The scene is traced by the choice of method "auto", in float32. The truth's own error is subtracted from the error
 found: for a ray by steps twice as long, for a Strehl ratio by half of the points. Requirement: the reported total
-covers the true error of the Strehl ratio, and that of 95 % of the rays, in at least 95 % of the scenes; where it does not, a status or a warning says so in at least 99 % of the scenes.
+covers the true error of the Strehl ratio, and that of 95 % of the rays, in at least 95 % of the scenes; where it does
+not, a status or a warning says so in at least 99 % of the scenes.
 """
 
 import warnings

@@ -81,16 +81,15 @@ def test_a_series_gives_maps_statistics_and_a_report(folder: Path, command_line)
         assert "strouhal" in found.coords and all("units" in one.attrs for one in found.variables.values())
     page = (out / "report.html").read_text()
     assert re.findall(r'<figure id="([\w-]+)">', page) == ["film", "maps", "time", "spectra", "aperture", "modes"]
-    warning, few = summary["warnings"]  # as in the store, and at the top of the page
+    (few,) = summary["warnings"]
     assert few == numbers.attrs["warnings"]
-    assert "disturbed air that ends at the face z = 30 mm" in warning and warning == maps.attrs["truncation"]
-    assert page.index(warning.replace("'", "&#x27;")) < page.index("Film of the optical path difference")
+    assert "z = 30 mm" in maps.attrs["ends"] and not maps.attrs["truncation"]
     assert "No picture" not in page and not re.search(r'(src|href)="http', page)
     frames = json.loads(re.search(r"const frames = (\[.*?\]), times", page)[1])  # type: ignore[index]
     assert len(frames) == 24 and all(frame.startswith("data:image/png;base64,") for frame in frames)
     before = (out / ".series.zarr.journal").read_bytes()
     again = command_line("series", folder / "layer.toml", "--out", out)
-    assert again.returncode == 0 and again.stderr.count(warning) == 1
+    assert again.returncode == 0
     assert (out / ".series.zarr.journal").read_bytes() == before
 
 

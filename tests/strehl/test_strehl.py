@@ -170,7 +170,7 @@ def test_estimate_against_exact_quadrature(precision):
     # The plane lies a pupil radius and a thousandth of the box beyond the rod.
     exact = exact_strehl(beyond=PUPIL)
     assert abs(estimate.value - exact) < total_but_truncation(estimate.error) < 1e-4
-    assert estimate.error["sampling"] == pytest.approx(3.0 * estimate.standard_error)
+    assert estimate.error["sampling"] == pytest.approx(2.13 * estimate.standard_error)
     assert estimate.ray_count == 65_536 and estimate.blocked == 0.0
     assert estimate.evaluation_count >= estimate.ray_count
     assert {"compile", "kernel", "total"} <= set(estimate.seconds)
@@ -303,7 +303,7 @@ def test_the_reference_backend_agrees():
     fast = estimate_strehl(field, pupil, ray_count=16_384, remove="tilt", symmetry="off")
     assert slow.plan.backend == "reference" and slow.ray_count == 32
     assert abs(slow.value - fast.value) < 2.0 * sum(total_but_truncation(each.error) for each in (slow, fast))
-    assert slow.error["step"] == 0.0 and slow.evaluation_count > 32
+    assert slow.error["step"] < 1e-6 and slow.evaluation_count > 32
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ from aerokernels import Disc, IndexField, Plane, RayBundle, Rectangle, estimate_
 from aerokernels.strehl.budget import STANDARD_ERRORS
 from aerokernels.strehl.estimate import PreparedStrehl, plan_strehl, prepare_strehl
 from aerokernels.strehl.sums import combined, met_nothing
-from aerokernels.tracing import ArcLength, RayStatus
+from aerokernels.tracing import RayStatus
 from aerokernels.tracing.engines.reference.pupil import PupilRun
 from aerokernels.tracing.plan import TracePlan
 from aerokernels.tracing.pupil.job import REPLICATES
@@ -175,13 +175,13 @@ def test_numbers_of_a_result():
     opd, weight = rng.normal(size=6), rng.uniform(1.0, 2.0, 6)
     status = [int(one) for one in (RayStatus.OK, RayStatus.OK, RayStatus.HIT_BODY, RayStatus.TOLERANCE_NOT_MET,
                                    RayStatus.OK, RayStatus.MAX_STEPS)]  # fmt: skip
-    result = result_of(status, opd, weight / weight.sum(), budget=lambda found: {"total": 0.25})
+    result = result_of(status, opd, weight / weight.sum())
     good = [0, 1, 3, 4]
     assert result.ok.tolist() == [True, True, False, True, True, False] and result.ray_count == 6
     mean = np.average(opd[good], weights=weight[good])
     rms = np.sqrt(np.average((opd[good] - mean) ** 2, weights=weight[good]))
     told = result.quantities["opd_rms"]
-    assert told.value == pytest.approx(rms, rel=1e-12) and told.error == 0.25
+    assert told.value == pytest.approx(rms, rel=1e-12) and np.isnan(told.error)
     assert result.status_summary() == {"OK": 3, "HIT_BODY": 1, "TOLERANCE_NOT_MET": 1, "MAX_STEPS": 1}
     assert not result.truncation.any() and result.truncation.shape == (6,)
     assert result_of(status).quantities == {} and np.isnan(result_of([status[2]], opd[:1]).quantities["opd_rms"].value)
@@ -200,16 +200,3 @@ def test_numbers_of_a_result():
     with pytest.raises(ValueError, match="not among the outputs: this result has opd, status"):
         result.on_device("direction")
     assert result.on_device("opd") is opd
-
-
-def test_rays_that_may_have_lost_more_than_the_tolerance_say_so():
-    """Only those that arrived in full; the status is reported beside the tracer's own."""
-    field = IndexField.from_samples(np.full((5, 5), 1e-4), origin=(0.0, 0.0), spacing=(1e-3, 1e-3), geometry="planar")
-    rays = RayBundle([[0.0, 2e-3, 1e-3], [0.0, 2e-3, 3.9e-3]], [0.0, 0.0, 1.0])
-    result = trace(field, rays, until=ArcLength(0.5e-3), method="adaptive")
-    assert result.status.tolist() == [int(RayStatus.OK), int(RayStatus.LEFT_DISTURBED_AIR)]
-    assert result.traced_status.tolist() == [0, 0] and result.ok.all()
-    np.testing.assert_allclose(result.truncation, [0.0, 1e-4 * 0.4e-3], rtol=1e-6)
-    lax = trace(field, rays, until=ArcLength(0.5e-3), method="adaptive", tolerance=1.0)
-    assert lax.status.tolist() == [0, 0]
-    assert set(result.to_xarray().data_vars) >= {"opd", "status", "weight", "start_position"}

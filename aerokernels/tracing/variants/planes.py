@@ -19,6 +19,8 @@ from .rays import Rays
 from .splines import Surface, in_space
 
 THINNED = (2, 3, 4)
+# Shortest path that is followed [cells]: others are points, but for rounding.
+LEAST_WAY = 1e-9
 # Order of the polynomials that a thinned sum's ends leave out.
 SMOOTH = 4
 
@@ -61,7 +63,8 @@ def crossings(field: IndexField, paths: Paths) -> Iterator[Crossings]:
     if field.geometry == "axisymmetric":
         chord = (paths.last - paths.first) / grid.spacing[0]
         way[:, 0] = np.hypot(chord[:, 0], chord[:, 1])
-    follows = np.where(paths.length > 0.0, np.argmax(way, axis=1), -1)
+    runs = (paths.length > 0.0) & (way.max(axis=1) > LEAST_WAY)
+    follows = np.where(runs, np.argmax(way, axis=1), -1)
     for axis in range(1 if field.geometry == "axisymmetric" else 0, grid.samples.ndim):
         rows = np.flatnonzero(follows == axis)
         if not len(rows):

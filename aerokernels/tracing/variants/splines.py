@@ -6,7 +6,6 @@ node falls with the distance of the samples by 0.27 a node (p = 3) and 0.43 (p =
 needed.
 """
 
-from functools import lru_cache
 from math import comb
 
 import numpy as np
@@ -32,7 +31,6 @@ def tap_weights(order: int, u: np.ndarray) -> tuple[list[np.ndarray], list[np.nd
     return weights, [low - high for low, high in zip([none, *before], [*before, none], strict=True)]
 
 
-@lru_cache(maxsize=32)
 def _solved(count: int, order: int) -> np.ndarray:
     """The matrix from samples at `count` nodes to count + order - 1 coefficients."""
     extra = order // 2
@@ -45,7 +43,6 @@ def _solved(count: int, order: int) -> np.ndarray:
         matrix[count + 2 * end, end : end + order + 2] = change
         matrix[count + 2 * end + 1, len(matrix) - end - order - 2 : len(matrix) - end] = change
     solved = np.linalg.inv(matrix)[:, :count]
-    solved.setflags(write=False)
     return solved
 
 

@@ -10,9 +10,8 @@ The engines take turns, six fields of every kind each: on a field both report th
 three digits (test_cross_backend.py holds them together), so that a field says no more on both than on one. Linear and
 monotone fields are OpenCL's where it is there: Warp's kernels of them take half a minute to build.
 
-Must hold: at least 95 % of the fields are covered by the reported total, and the median of reported over true is at
-most 30, on all fields and on those of each engine. A field counts as covered where the greatest error over its rays is
-below the budget's total. Were one field in ten not covered, 108 fields would fail this test in 96 of 100 draws.
+Must hold: at least 95 % of the rays are covered by their field's reported total, and the median of reported over true
+is at most 10, on all fields and on those of each engine.
 """
 
 import numpy as np
@@ -40,8 +39,8 @@ def outcomes() -> dict[str, list[tuple[str, float, float]]]:
         backend = here[number // 6 % len(here) if is_cubic else 0]
         result = trace(case.field, rays, until=plane, backend=backend)
         assert result.ok.all()
-        error = float(np.abs(result.opd[:COMPARED] - exact).max())
-        found[backend].append((result.plan.method, result.error["total"], error))
+        for error in np.abs(result.opd[:COMPARED] - exact):
+            found[backend].append((result.plan.method, result.error["total"], float(error)))
     return found
 
 
@@ -53,4 +52,4 @@ def test_a_hundred_random_fields():
         methods, reported, true = map(np.array, zip(*some, strict=True))
         assert len(true) > FIELD_COUNT // 5 and {"leapfrog", "adaptive"} <= set(methods)
         assert np.mean(reported >= true) >= 0.95
-        assert np.median(reported / true) <= 30.0
+        assert np.median(reported / true) <= 10.0

@@ -106,9 +106,8 @@ def test_without_a_stop_both_fields_are_compared_on_the_faces(geometry):
     result = trace(grid, rays, precision="float64")
     through = trace(source, rays, until=Plane((0, 0, 6e-3), (0, 0, 1)), precision="float64")
     ahead = rays.direction[:, 1] < 0.5
-    apart = np.abs(result.opd - through.opd)[ahead].max()
-    assert apart > 1e-3 * WAVE
-    assert apart < result.error["resampling"] < 100.0 * apart
+    apart = float(np.sqrt(np.mean((result.opd - through.opd)[ahead] ** 2)))
+    assert 0.5 * apart < result.error["resampling"] < 20.0 * apart
     assert np.isfinite(result.error["total"])
 
 
@@ -118,7 +117,7 @@ def test_a_source_that_is_not_kept_leaves_the_budget_unknown():
     grid = field.resample(0.5e-3)
     lost = replace(grid, resampling=replace(grid.resampling, source=None))
     error = trace(lost, rays, until=until).error
-    assert np.isnan([error["resampling"], error["interpolation"], error["total"]]).all()
+    assert np.isnan([error["resampling"], error["total"]]).all()
     twice = grid.resample(2e-3)
     once = trace(field.resample(2e-3), rays, until=until)
     again = trace(twice, rays, until=until)
