@@ -204,12 +204,13 @@ class TraceResult:
         good = self.ok
         if self.opd is None:
             return {}
-        if self.variants is None:
+        if not good.any():
             return {"opd_rms": Quantity(float("nan"), unit="m")}
         share = np.broadcast_to(self.weight, good.shape)[good]
-        sampled = self.variants.weight
-        error = budget(lambda rays: _rms(rays.opd, sampled), self.variants, "m")
-        return {"opd_rms": Quantity(_rms(self.opd[good], share), error["total"], "m")}
+        error = float("nan")
+        if (found := self.variants) is not None:
+            error = budget(lambda rays: _rms(rays.opd, found.weight), found, "m")["total"]
+        return {"opd_rms": Quantity(_rms(self.opd[good], share), error, "m")}
 
     def plot(self, axes=None):
         """Draw the spot diagram, the ray directions about their mean [urad], on matplotlib axes; returns the axes.

@@ -63,7 +63,7 @@ def test_the_error_of_a_blur_holds_the_rounding_of_rays_in_every_pixel():
     seen = background_displacement(field, camera, aperture_rays=16, tolerance=2e-4)
     exact = background_displacement(field, camera, aperture_rays=36, tolerance=1e-5, precision="float64")
     off = np.abs(seen.blur - exact.blur)
-    assert off.max() > 1e-10 and np.mean(off <= seen.blur_error) >= 0.95
+    assert off.max() > 1e-10 and (off <= seen.blur_error + 1e-8).all()
     assert seen.blur_error.max() < 1e-4 * exact.blur.max()
 
 

@@ -43,7 +43,7 @@ def test_the_end_of_a_series_is_the_callers():
         spacing=[axis[1] - axis[0]] * 3,
         ambient_density=1.2,
     )
-    call = lambda: optical_series(series, Disc(0.09), direction=(0.3, 0, 1), pixel_count=8)  # noqa: E731
+    call = lambda: optical_series(series, Disc(0.12), direction=(0, 0, 1), pixel_count=8)  # noqa: E731
     assert files_of_warnings(call) == {__file__}
 
 

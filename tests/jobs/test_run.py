@@ -188,7 +188,7 @@ def test_each_map_in_the_report_has_its_own_error(removed: str):
     for panel, (name, value) in zip(panels, rms.items(), strict=True):
         words = str(Quantity(1e9 * value, own[name], "nm"))
         assert panel.get_title().endswith(f"{words} rms")
-    exact = pupil_map(result.prepared.mesh_field, scene, sample_count=41)
+    exact = pupil_map(result.prepared.mesh_field, scene, sample_count=len(dataset.pupil_x))
     for name, truth in (("opd", exact.opd), ("opd_without_focus", exact.without_focus)):
         off = abs(rms[name] - float(np.sqrt(np.nanmean(truth**2))))
         assert off <= dataset[name].attrs["rms_error_m"], name

@@ -149,4 +149,4 @@ def test_the_outline_of_a_body_within_pixels_is_in_the_error(k):
         )
         dark = Rectangle(2.0 * half, 2.0 * radius).coverage(edges(seen.horizontal), edges(seen.vertical))
         assert np.mean(np.abs(seen.intensity - 0.5 * (1.0 - dark)) <= seen.error + 1e-9) >= 0.95
-        assert np.median(seen.error) < 0.2 and np.isfinite(seen.error).all()
+        assert np.median(seen.error) < 0.3 and np.isfinite(seen.error).all()

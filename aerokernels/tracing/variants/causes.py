@@ -2,7 +2,7 @@
 
     interpolation   the next order on the same nodes, of the field or, if the field was resampled, of its source
     jumps           the place of jumps between nodes (jumps.py); what an interpolant of cell averages lacks of them
-    resampling      the source of a resampled field in place of it, of few rays; draws of the optical path's error by
+    resampling      the source of a resampled field in place of it; draws of the optical path's error by
                     the resampling of a volume's own cells
     truncation      the source beyond the faces at which the resampled field was cut
     step            steps in float64 with a tenth of the tolerance; of few rays
@@ -45,9 +45,8 @@ CANDIDATES, CURVE = 1 << 14, 1 << 10
 ORDERS = {"cubic": (3, 5), "linear": (1, 3), "monotone": (1, 3)}
 # Tolerance of the rays that measure the steps', as a share, and the greatest tolerance that it is a share of [waves].
 TIGHTER, LARGEST_TOLERANCE = 0.1, 1e-3
-# A mesh's next order over its change by cells cut in four, and what is left of that where averages are kept: the rms of
-# u (1 - u) about its mean over that mean.
-REFINED, KEPT = 4.0 / 3.0, np.sqrt(1.0 / 5.0)
+# A mesh's next order over its change by cells cut in four.
+REFINED = 4.0 / 3.0
 # (field, rays, plan) -> what the rays bring, and their status
 Run = Callable[[IndexField, RayBundle, TracePlan], tuple[Rays, np.ndarray]]
 # (field, another in its place) -> what that changes
@@ -222,8 +221,7 @@ def _by_index(field: IndexField, paths: Paths, change: Change) -> dict[str, Caus
     if finer is None:
         order = paths.integral(next_order(field), shortest_cell(field, paths))
     else:
-        share = REFINED * (KEPT if field.samples.averages is not None else 1.0)
-        order = change(field, finer) * share
+        order = change(field, finer) * REFINED
     return {"interpolation": Cause(like=(order,)), "jumps": Cause(like=(lacking(field, paths),))}
 
 
@@ -234,7 +232,9 @@ class _Traced:
         """Take the rays, all of which arrived, in groups of a size, and what they brought by a plan."""
         self.field, self.base, self.plan, self.run = field, base, plan, run
         self.rays, self.group = rays, group
-        self.groups = few_rows(rays.ray_count // group, max(TRACED // group, 1))
+        # What a coarse grid makes of a mesh's shocks is finer than the distance of few rays.
+        few = rays.ray_count if field.resampling is not None else TRACED
+        self.groups = few_rows(rays.ray_count // group, max(few // group, 1))
         self.few = (self.groups[:, None] * group + np.arange(group)).ravel()
         self.some = rays.rows(self.few)
 

@@ -1,12 +1,12 @@
 """The error of a number by each cause: the number computed again where rays change, and what it changes by.
 
-One eighth of the rays is changed at a time: eight times the number's change is a sample of its error. Of changes to
-what is right, such as those by the source of a resampled field, the error is their mean and its standard error. Of
-changes that are only like those to what is right, such as those by the next order of interpolation, the mean may
-vanish by chance: the error is the root mean square. What all rays share, the mean change of their paths, is applied
-by itself. Of draws the error is the root mean square of the number's change by each of them, of all rays. What each
-ray has of its own, as the pixels of a picture, has the root mean square over rays, all or those about it. Everything
-times FACTOR; causes add as independent.
+The error by a change of the rays is the number's change, and what a sample of rays leaves unsure of it: one eighth of
+the rays is changed at a time, and eight times the number's change is a sample. Of changes to what is right, such as
+those by the source of a resampled field, that is the standard error of the samples' mean. Changes that are only like
+those to what is right, such as those by the next order of interpolation, may leave the number as it is by chance:
+there it is the samples' standard deviation. Of draws the error is the root mean square of the number's change by each
+of them. What each ray has of its own, as the pixels of a picture, has the root mean square over rays, all or those
+about it. Everything times FACTOR; causes add as independent.
 """
 
 from collections.abc import Callable, Mapping
@@ -30,12 +30,10 @@ def spread(number: Number, base: Rays, cause: Cause) -> np.ndarray:
     block = np.arange(count) * BLOCKS // max(count, 1)
     total = np.zeros(plain.shape)
     for change in filter(_differs, (*cause.known, *cause.like)):
-        piston = change.opd.mean()
-        total += np.square(number(base + Rays.still(count).lifted(piston)) - plain)
-        centred = change.lifted(-piston)
+        total += np.square(number(base + change) - plain)
+        centred = change.lifted(-change.opd.mean())
         samples = np.array([BLOCKS * (number(base + centred * (block == part)) - plain) for part in range(BLOCKS)])
-        mean, variance = samples.mean(axis=0), samples.var(axis=0)
-        total += mean**2 + (variance / (BLOCKS - 1) if change in cause.known else variance)
+        total += samples.var(axis=0) / (BLOCKS - 1 if change in cause.known else 1)
     for draw in cause.draws:
         total += np.square(number(base + draw) - plain) / len(cause.draws)
     return np.asarray(FACTOR * np.sqrt(total))

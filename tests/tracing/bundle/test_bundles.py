@@ -103,7 +103,7 @@ def test_a_smooth_bundle_is_delivered_within_the_tolerance(engine: str, kind: st
         assert counts is not None and counts.delivered > 0.95 * rays.ray_count and counts.traced < 6000, name
         assert counts.delivered + counts.one_by_one == rays.ray_count
         check(result, smooth_field(), rays, until, np.arange(0, rays.ray_count, 37), **options)
-        assert 0.0 < result.error["bundle"] < counts.error <= 1e-3 * WAVE or result.error["bundle"] < 2.0 * counts.error
+        assert 0.0 < result.error["bundle"] <= 1e-3 * WAVE and counts.error <= 1e-3 * WAVE
         assert "interpolated between them" in str(result.plan)
 
 
@@ -292,12 +292,12 @@ def test_what_is_not_a_bundle_is_traced_ray_by_ray():
     off = traced(smooth_field(), rays, bundle="off")
     assert off.plan.bundle is None and "every ray is traced: requested by bundle='off'" in off.plan.reasons
     few = traced(smooth_field(), rays[:4000])
-    assert few.plan.bundle is None and "fewer than" in few.plan.reasons[-1]
+    assert few.plan.bundle is None and any("fewer than" in reason for reason in few.plan.reasons)
     assert np.array_equal(few.opd, traced(smooth_field(), rays[:4000], bundle="off").opd)
     rng = np.random.default_rng(1)
     loose = RayBundle(rays.position, rng.normal([0.0, 0.0, 1.0], 0.02, (rays.ray_count, 3)))
     result = traced(smooth_field(), loose)
-    assert result.plan.bundle is None and "neither parallel" in result.plan.reasons[-1]
+    assert result.plan.bundle is None and any("neither parallel" in reason for reason in result.plan.reasons)
     assert traced(smooth_field(), rays, method="adaptive").plan.bundle is None
     with pytest.raises(ValueError, match="'sometimes' is not known"):
         trace(smooth_field(), rays, bundle="sometimes")
