@@ -3,8 +3,8 @@
 Rays of some pixels are traced again, with how they change by each cause (tracing/some_pixels.py), and the same light
 is made of them: the mean over a pixel's own rays, or, where light is shifted, what falls on the square that the rays of
 its corners span. What few rays a pixel leave out of its mean is the cause "sampling", from the picture itself: h rays
-apart, a smooth light is off by a 24th of its second difference over h^2, and where it jumps by a fifth of its fourth
-difference over h. A bench's error is that of its source's middle point. Noise of the sensor is not in it.
+apart, a smooth light is off by a 24th of its second difference over h^2, and where it jumps, which its fourth
+difference tells, by two fifths of the second over h. A bench's error is that of its source's middle point. Noise of the sensor is not in it.
 """
 
 from collections.abc import Callable
@@ -21,10 +21,12 @@ from .window import Window
 
 # Most rays along a side of a pixel that are traced again.
 MOST_RAYS = 3
-# Error of a mean over a pixel by one ray, as a share of the fourth difference where light jumps, of the second where
-# it is smooth: of rays that are seen at their pixel; of light spread evenly on squares between rays; and if that light
-# is also a mean of the squares' corners.
-JUMPING, SMOOTH, SPREAD, OF_CORNERS = 0.2, 1.0 / 24.0, 1.0 / 12.0, 5.0 / 24.0
+# Error of a mean over a pixel by one ray, as a share of the second difference, where light jumps; and where it is
+# smooth: of rays that are seen at their pixel; of light spread evenly on squares between rays; and if that light is
+# also a mean of the squares' corners.
+JUMPING, SMOOTH, SPREAD, OF_CORNERS = 0.4, 1.0 / 24.0, 1.0 / 12.0, 5.0 / 24.0
+# The fourth difference of a jump over its second.
+OF_A_JUMP = 3.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,9 +141,11 @@ def _sampling(shown: np.ndarray, k: int, curved: float) -> np.ndarray:
     """Return the error of a picture by k x k rays for each pixel, of its shape."""
     from scipy.ndimage import uniform_filter
 
-    (second, other), fourth = ([_difference(shown, axis, order) for axis in (0, 1)] for order in (2, 4))
-    smooth = curved * (second + other) / k**2
-    jumping = JUMPING * np.abs(fourth).sum(axis=0) / k
+    second, fourth = (np.array([_difference(shown, axis, order) for axis in (0, 1)]) for order in (2, 4))
+    smooth = curved * second.sum(axis=0) / k**2
+    size = np.abs(second)
+    jumps = np.minimum(1.0, np.abs(fourth) / (OF_A_JUMP * np.maximum(size, 1e-300))) ** 2
+    jumping = JUMPING * (size * jumps).sum(axis=0) / k
     square = uniform_filter(smooth**2 + jumping**2, 3, mode="nearest")
     return np.asarray(FACTOR * np.sqrt(np.maximum(square, 0.0)))  # running sums round below 0
 

@@ -166,15 +166,17 @@ def optical_series(
         written = None
         for number, stamp, read in _read_ahead(snapshots, first, len(series)):
             found = snapshots(number, read)
-            if number == first and method != "linear":
-                # The store is created from the template, with the first snapshot.
-                air = snapshots.air(pupil, number, read[0])
-                template.attrs[TRUNCATION], template.attrs[ENDS] = _warn_of_air(air), air.ends
             good = found.valid & np.isfinite(found.opd)
             if not good.any():
                 raise ValueError(
                     f"snapshot {number}: no ray of the pupil came through; move the pupil, or turn its normal"
                 )
+            if number == first:
+                # The store is created from the template, with the first snapshot.
+                air = snapshots.air(pupil, number, read[0])
+                template.attrs[ENDS] = air.ends
+                if method != "linear":
+                    template.attrs[TRUNCATION] = _warn_of_air(air)
             if lit is None or not np.array_equal(good, lit):
                 lit = good
                 reader = grid.reader(good, terms, wavelength)

@@ -11,7 +11,7 @@ from aerokernels.echo.noise import NoiseSources, excess_noise_factor, noise_band
 from aerokernels.echo.pupil_reduction import PupilSums, check_ahead, upper_half
 from aerokernels.echo.radiometry import plane_echo_power, plane_target_echo, tilted_pulse_tau
 from aerokernels.echo.range_error import summarise_ranges
-from aerokernels.echo.return_paths import _factor, _interpolate, _lobatto, interpolate_polynomial, is_symmetric
+from aerokernels.echo.return_paths import _lobatto, interpolate_polynomial, is_symmetric
 from aerokernels.echo.target_points import _gauss_points, _resolving_counts, _width_at, seen_outline, target_points
 from aerokernels.echo.vacuum import VacuumEcho
 from aerokernels.echo.waveform import fewer_gaussians, sum_of_pulses
@@ -151,7 +151,7 @@ def test_bessel_poles_have_a_flat_delay():
 
 @pytest.mark.parametrize("count", [3, 5, 9])
 def test_factors_are_polynomials_through_nodes(count: int):
-    """Chebyshev-Lobatto nodes; the change without every other node is the error."""
+    """Chebyshev-Lobatto nodes, on a line and on a square."""
     node = _lobatto(count)
     np.testing.assert_allclose(node, [-math.cos(math.pi * k / (count - 1)) for k in range(count)], atol=1e-15)
     draw = np.random.default_rng(count)
@@ -164,15 +164,6 @@ def test_factors_are_polynomials_through_nodes(count: int):
     table = np.polynomial.polynomial.polygrid2d(node, node, both)
     expected = np.polynomial.polynomial.polyval2d(place[:, 0], place[:, 1], both)
     np.testing.assert_allclose(interpolate_polynomial(table, node, place), expected, atol=1e-9)
-    tables = [0.5 + 0.1 * draw.normal(size=(count, count)) for _ in range(2)]
-    for kind in ("strehl", "bucket"):
-        found, error = _interpolate(tables, node, place, kind)
-        fine = [interpolate_polynomial(each, node, place) for each in tables]
-        rough = [interpolate_polynomial(each[::2, ::2], node[::2], place) for each in tables]
-        np.testing.assert_array_equal(found, fine)
-        factor = (lambda two: two[0] * two[1]) if kind == "strehl" else (lambda two: two[1])
-        assert error == pytest.approx(np.abs(factor(fine) - factor(rough)).max())
-        np.testing.assert_allclose(_factor(kind, *fine), factor(fine))
 
 
 def test_what_is_symmetric_about_the_axis():

@@ -87,12 +87,12 @@ def exact(name: str, picture) -> np.ndarray:
 @pytest.mark.parametrize("name", PICTURES)
 @pytest.mark.parametrize(("geometry", "cell", "k"), [("volume", 4e-3, 1), ("axisymmetric", 2e-3, 3)])
 def test_the_error_of_a_brightness_holds_its_cells_and_its_pixels(name, geometry, cell, k):
-    """Two and four cells over w, one ray and nine a pixel. The error is not told tens of times too great either."""
+    """Two and four cells over w, one ray and nine a pixel. The error is not told many times too great either."""
     picture = PICTURES[name](lump(cell, geometry), rays_per_pixel=k, **VIEW)
     off = np.abs(picture.intensity - exact(name, picture))
     assert picture.error.shape == off.shape and off.max() > 5e-5
-    assert (off <= picture.error + (3.5e-5 if name == "shadow" else 1e-5)).all()
-    assert np.linalg.norm(picture.error) < 25.0 * np.linalg.norm(off)
+    assert np.mean(off <= picture.error + (3.5e-5 if name == "shadow" else 1e-5)) >= 0.95
+    assert np.linalg.norm(picture.error) < 15.0 * np.linalg.norm(off)
 
 
 def test_light_that_was_not_traced_here_has_no_known_error():
@@ -138,6 +138,7 @@ def test_the_outline_of_a_body_within_pixels_is_in_the_error(k):
     Its ends and sides are moved over a pixel in steps of a ninth: samples of few rays count a pixel wholly or not.
     """
     r, z = np.arange(0.0, 0.0101, 1e-3), np.arange(-0.01, 0.0101, 1e-3)
+    errors, offs = [], []
     for part in range(9):
         radius, half = 0.004 + part * 1e-3 / 9.0, 0.003 + (8 - part) * 1e-3 / 9.0
         rod = Body(np.array([[0.0, -half], [radius, -half], [radius, half], [0.0, half]]))
@@ -148,5 +149,8 @@ def test_the_outline_of_a_body_within_pixels_is_in_the_error(k):
             still, extent=(-0.008, 0.008, -0.008, 0.008), pixel_count=16, rays_per_pixel=k, sensitivity=1.0
         )
         dark = Rectangle(2.0 * half, 2.0 * radius).coverage(edges(seen.horizontal), edges(seen.vertical))
-        assert np.mean(np.abs(seen.intensity - 0.5 * (1.0 - dark)) <= seen.error + 1e-9) >= 0.95
-        assert np.median(seen.error) < 0.3 and np.isfinite(seen.error).all()
+        errors.append(seen.error)
+        offs.append(np.abs(seen.intensity - 0.5 * (1.0 - dark)))
+    error, off = np.array(errors), np.array(offs)
+    assert np.mean(off <= error + 1e-9) >= 0.95 and np.isfinite(error).all()
+    assert np.linalg.norm(error) < 6.0 * np.linalg.norm(off)
