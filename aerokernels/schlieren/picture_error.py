@@ -4,7 +4,8 @@ Rays of some pixels are traced again, with how they change by each cause (tracin
 is made of them: the mean over a pixel's own rays, or, where light is shifted, what falls on the square that the rays of
 its corners span. What few rays a pixel leave out of its mean is the cause "sampling", from the picture itself: h rays
 apart, a smooth light is off by a 24th of its second difference over h^2, and where it jumps, which its fourth
-difference tells, by two fifths of the second over h. A bench's error is that of its source's middle point. Noise of the sensor is not in it.
+difference tells, by two fifths of the second over h. A bench's error is that of its source's middle point. Noise of the
+sensor is not in it.
 """
 
 from collections.abc import Callable

@@ -29,7 +29,7 @@ def test_a_volumes_resampling_is_an_error_of_resampling():
 
 
 def test_the_models_uncertainty_is_part_of_the_total():
-    """Set-up: eq 2, 1.2 % uncertain. Expected: twice that of the OPD of a trace about its mean, and of a Strehl ratio's phases."""
+    """Set-up: eq 2, 1.2 % uncertain. Expected: twice that of a trace's OPD about its mean, and of a Strehl ratio."""
     field = volume(0.0).index_field(WAVE, "paper")
     assert field.upstream.refractivity == 1.2e-2 and field.upstream.model.startswith("paper")
     assert volume(0.0).index_field(WAVE, "ciddor").upstream.refractivity < 1e-3
