@@ -26,7 +26,6 @@ class Settings:
         tolerance: Requested OPD error [waves].
         ray_count: Rays of a trace or of a Strehl ratio.
         repeats: Timed calls of each run, after one that compiles.
-        peers: Whether other ray tracers are measured on the cone scene as well.
 
     Raises:
         ValueError: A name that is not known or a number that makes no sense.
@@ -40,7 +39,6 @@ class Settings:
     tolerance: float = 1e-3
     ray_count: int = RAY_COUNT
     repeats: int = 5
-    peers: bool = False
 
     def __post_init__(self) -> None:
         """Check names and numbers."""

@@ -23,9 +23,6 @@ def bench(
     rays: Annotated[int, typer.Option(help="Rays per trace and per Strehl ratio.")] = 1_000_000,
     repeats: Annotated[int, typer.Option(help="Number of timed calls of each run.")] = 5,
     out: Annotated[Path | None, typer.Option(help="Write everything measured to this JSON file.")] = None,
-    peers: Annotated[
-        bool, typer.Option("--peers", help="Also measure SciPy, diffrax and Dr.Jit on the cone scene.")
-    ] = False,
 ) -> None:
     """Measure the speed and the error of tracing.
 
@@ -46,7 +43,6 @@ def bench(
         tolerance=tolerance,
         ray_count=rays,
         repeats=repeats,
-        peers=peers,
     )
     if out is not None and (out.is_dir() or not out.parent.is_dir()):
         raise ValueError(f"--out {out}: give a file name in an existing folder")

@@ -10,15 +10,14 @@ import pytest
 
 from aerokernels.benchmark import SCHEMA, SUITES, Settings, find_targets, run_bench
 from aerokernels.benchmark import ceiling as ceiling_module
+from aerokernels.benchmark.cone import CONE_AMBIENT, CONE_HALF, cone_contrast, cone_field, cone_rays, cone_truth
 from aerokernels.benchmark.errors import UNDISTURBED, chosen_rays, errors
 from aerokernels.benchmark.measuring import spread
-from aerokernels.benchmark.peers import peer_runs
 from aerokernels.benchmark.scenes import WAVELENGTH, strehl_scene
 from aerokernels.benchmark.suites import radial_strehl
 from aerokernels.jobs.store import to_json
 from aerokernels.tracing import trace
 from aerokernels.tracing.engines.choice import choose_backend
-from aerokernels.validation.cone import CONE_AMBIENT, CONE_HALF, cone_contrast, cone_field, cone_rays, cone_truth
 
 MEASURED = {"median", "standard_error"}
 
@@ -34,13 +33,11 @@ def numbers(value: Any) -> list[float]:
 
 @pytest.fixture(scope="module")
 def measured() -> dict[str, Any]:
-    """Every suite with few rays on the processor, by what "auto" takes on it, and the peers that are here."""
+    """Every suite with few rays on the processor, by what "auto" takes on it."""
     backend, device, _ = choose_backend("auto", "cpu")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(ceiling_module, "LEAST_SECONDS", 1e-3)
-        return run_bench(
-            Settings(backends=(backend,), device=device, methods=("adaptive",), ray_count=64, repeats=2, peers=True)
-        )
+        return run_bench(Settings(backends=(backend,), device=device, methods=("adaptive",), ray_count=64, repeats=2))
 
 
 def test_cone_contrast_is_the_formula():
@@ -136,7 +133,7 @@ def test_runs_hold_the_documented_keys(measured: dict[str, Any], root: Path):
         }
         assert run["plan"]["method"] == "adaptive" and run["plan"]["reasons"]
         assert run["rays_traced"] >= 64 and run["evaluations_per_ray"] > 10.0
-    for part in (measured, *measured["runs"], *measured["peers"]):
+    for part in (measured, *measured["runs"]):
         for key in part:
             assert f"`{key}`" in page, f"docs/performance-bench.md does not tell of {key}"
 
@@ -180,28 +177,6 @@ def test_sweep_run(measured: dict[str, Any]):
         by_flow.setdefault(case["flow"], []).append(case["value"])
     for values in by_flow.values():  # denser air spoils more
         assert values == sorted(values, reverse=True)
-
-
-def test_peers_that_are_here_trace_the_same_scene(measured: dict[str, Any]):
-    names = [peer["peer"] for peer in measured["peers"]]
-    assert {"scipy", "diffrax", "drjit"} == set(names)
-    for peer in measured["peers"]:
-        if not peer["available"]:
-            assert "pip install" in peer["reason"] or "failed" in peer["reason"]
-            continue
-        assert peer["error"]["lost_ray_count"] == 0 and peer["error"]["opd_rms_waves"] < 0.1
-        if peer["peer"] == "scipy":
-            assert peer["error"]["direction_max_urad"] < 0.1 and peer["error"]["opd_max_waves"] < 1e-4
-
-
-def test_absent_peers_say_how_to_get_them(monkeypatch: pytest.MonkeyPatch):
-    from aerokernels.benchmark import peers
-
-    monkeypatch.setattr(peers, "NEEDS", dict.fromkeys(peers.NEEDS, ("no_such_package",)))
-    found = list(peer_runs(Settings(ray_count=16, repeats=1)))
-    assert len(found) == 3
-    for peer in found:
-        assert not peer["available"] and "no_such_package" in peer["reason"] and "pip install" in peer["reason"]
 
 
 def test_ceiling_is_measured_or_says_why(monkeypatch: pytest.MonkeyPatch):

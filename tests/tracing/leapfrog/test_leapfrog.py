@@ -23,7 +23,7 @@ from aerokernels.tracing.plan import TracePlan
 from aerokernels.tracing.prediction import predict_evaluations
 from aerokernels.tracing.pupil.run import PupilRun
 from aerokernels.tracing.pupil.sums import BATCH_RAYS, PupilTask, batches_of, point_order
-from aerokernels.validation.random_fields import CELL, noise, uniform_field
+from tests.random_fields import CELL, noise, uniform_field
 
 from ..backends import ENGINES, WAVE, on
 
