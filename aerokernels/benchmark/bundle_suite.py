@@ -8,6 +8,7 @@ that of a call with rays on the device, since otherwise it includes copies of th
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -37,8 +38,8 @@ def bundle_runs(settings: Settings, targets: list[tuple[str, str]], ceilings: di
         rows = chosen_rays(rays.ray_count)
         truth = _truth(scene, rays[rows], settings, targets)
         for backend, device in targets:
-            for bundle in WAYS:
-                yield _run(scene, field, rays, rows, truth, settings, (backend, device), bundle)
+            for tolerance, bundle in product(settings.tolerances, WAYS):
+                yield _run(scene, field, rays, rows, truth, settings, (backend, device), tolerance, bundle)
 
 
 def _run(
@@ -49,12 +50,13 @@ def _run(
     truth: Truth,
     settings: Settings,
     target: tuple[str, str],
+    tolerance: float,
     bundle: str,
 ) -> dict:
     backend, device = target
     options: dict[str, Any] = {
         "until": scene.until,
-        "tolerance": settings.tolerance,
+        "tolerance": tolerance,
         "wavelength": WAVELENGTH,
         "backend": backend,
         "device": device,
@@ -108,7 +110,7 @@ def _truth(scene: BundleScene, rays: RayBundle, settings: Settings, targets: lis
         until=scene.until,
         method="adaptive",
         precision="float64",
-        tolerance=TIGHT * settings.tolerance,
+        tolerance=TIGHT * min(settings.tolerances),
         wavelength=WAVELENGTH,
         backend=backend,
         device=device,

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -180,13 +181,13 @@ def radial_strehl(scene: PupilScene, target: tuple[str, str]) -> float:
 def _choices(settings: Settings, targets: Targets) -> Iterator[dict]:
     for backend, device in targets:
         for precision in settings.precisions:
-            for method in settings.methods:
+            for method, tolerance in product(settings.methods, settings.tolerances):
                 yield {
                     "method": method,
                     "precision": precision,
                     "backend": backend,
                     "device": device,
-                    "tolerance": settings.tolerance,
+                    "tolerance": tolerance,
                     "wavelength": WAVELENGTH,
                 }
 

@@ -27,7 +27,9 @@ def _run_row(run: dict) -> tuple[str, ...]:
     symmetry = made.get("symmetry")
     if run["suite"] == "bundles":
         method = f"{made['kind']}, bundle {made['bundle']}: {chosen}"
-    how = f"{method}, {made['precision']}" + (f", symmetry {symmetry}" if symmetry is not None else "")
+    how = f"{method}, {made['precision']}, {made['tolerance']:g} wave" + (
+        f", symmetry {symmetry}" if symmetry is not None else ""
+    )
     return (
         run["suite"],
         f"{made['backend']} {made['device']}",

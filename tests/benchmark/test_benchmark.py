@@ -220,7 +220,7 @@ def test_spread_and_what_json_holds():
         ({"backends": ("cray",)}, ("cray", "warp")),
         ({"repeats": 0}, ("repeats",)),
         ({"ray_count": 3}, ("16",)),
-        ({"tolerance": float("nan")}, ("tolerance",)),
+        ({"tolerances": (1e-3, float("nan"))}, ("tolerance",)),
         ({"backends": ("reference",)}, ("reference", "10000")),
     ],
 )
@@ -253,10 +253,15 @@ def test_the_command_refuses_in_one_line(command_line, arguments: tuple[str, ...
 
 def test_the_command_writes_the_file_and_a_table(aerokernels, tmp_path: Path):
     few = ("--device", "cpu", "--method", "adaptive", "--rays", 16, "--repeats", 1)
-    done = aerokernels("bench", "cone", *few, "--out", "bench.json")
+    done = aerokernels("bench", "cone", *few, "--tolerance", "1", "--tolerance", "1e-4", "--out", "bench.json")
     assert done.returncode == 0, done.stderr
     held = json.loads((tmp_path / "bench.json").read_text(encoding="utf-8"))
     assert held["schema"] == SCHEMA
-    backends = [run["settings"]["backend"] for run in held["runs"]]
-    assert backends and set(backends) <= {"warp", "opencl"} and len(set(backends)) == len(backends)
+    made = [(run["settings"]["backend"], run["settings"]["tolerance"]) for run in held["runs"]]
+    assert made and {name for name, _ in made} <= {"warp", "opencl"} and len(set(made)) == len(made)
+    # Run time against error: a tighter tolerance takes more evaluations and misses less.
+    for loose, tight in zip(held["runs"][::2], held["runs"][1::2], strict=True):
+        assert (loose["settings"]["tolerance"], tight["settings"]["tolerance"]) == (1.0, 1e-4)
+        assert loose["evaluations_per_ray"] < tight["evaluations_per_ray"]
+        assert loose["error"]["opd_rms_waves"] > tight["error"]["opd_rms_waves"]
     assert [line.split("\t")[0] for line in done.stdout.splitlines()[:2]] == ["suite", "cone"]
