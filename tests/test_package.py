@@ -113,7 +113,7 @@ def test_opencl_is_installed_where_wheels_are(root: Path, system: str, machine: 
 
 
 def test_extras_install_only_what_is_imported(root: Path):
-    """Beside the tools of `dev` and `docs`, whatever an extra brings is imported somewhere in the package, or by scripts/peers."""
+    """Beside the tools of `dev` and `docs`, what an extra brings is imported in the package or by scripts/peers."""
     project = tomllib.loads((root / "pyproject.toml").read_text())["project"]
     assert {"opencl", "cfd", "dask", "plot", "dev", "all"} <= set(project["optional-dependencies"])
     files = [*(root / "aerokernels").rglob("*.py"), root / "scripts" / "peers.py"]
