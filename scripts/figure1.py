@@ -1,4 +1,4 @@
-"""Make the source paper's Figure 1, on a medium with exactly known rays; see aerokernels/validation/paper."""
+"""Make the source paper's Figure 1, on a medium with exactly known rays; see scripts/studies/paper."""
 
 import argparse
 from pathlib import Path
@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 
 from aerokernels.inputs.units import quantity
-from aerokernels.validation.paper import figure1
-from aerokernels.validation.report import filled, markdown_table, write_csv
+from scripts.studies.paper import figure1
+from scripts.studies.report import filled, markdown_table, write_csv
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "figure1.md"
 

@@ -1,6 +1,6 @@
 """Read thousands of damaged flow files of every format: each must be read as a gas, or refused with one line.
 
-The sound files are those of tests/flow/reading; damaged_files.py and damaged_structure.py in aerokernels/validation
+The sound files are those of tests/flow/reading; damaged_files.py and damaged_structure.py in tests/draws
 damage them. They are read in separate processes, which may be ended by a signal or hang; readers that depend on
 libraries run in forks of those processes. Every other outcome is printed with its seed, and the exit status is then 1.
 """

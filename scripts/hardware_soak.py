@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from aerokernels.validation.report import markdown_table
+from scripts.studies.report import markdown_table
 from tests.recording import faults, load
 from tests.recording.line import Outcome
 

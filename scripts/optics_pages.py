@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from aerokernels import FLDI, Camera, Disc, IndexField, RayBundle, background_displacement, bos, fldi_response, flow
-from aerokernels.validation.cone_rays import rays_past_cone
+from tests.imaging.cone_rays import rays_past_cone
 
 ROOT = Path(__file__).resolve().parents[1]
 LENGTH, STATION, MACH, HALF_ANGLE, WAVELENGTH = 0.05, -0.03, 2.5, math.radians(15.0), 532e-9
@@ -18,7 +18,7 @@ def cone_displacement(spacing: float, rows: int) -> dict[str, np.ndarray]:
     """Return the displacement along a column of pixels across a cone at sea level, traced and exact, by height [m].
 
     The camera is 1 m from the axis, the pattern 1 m behind it. Exact: the camera's own rays, refracted at the shock
-    and traced through the Taylor-Maccoll flow (validation/cone_rays.py).
+    and traced through the Taylor-Maccoll flow (tests/imaging/cone_rays.py).
     """
     gas = flow.cone(MACH, HALF_ANGLE, length=LENGTH)
     field = gas.index_field(WAVELENGTH, "paper", spacing=spacing)

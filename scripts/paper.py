@@ -9,11 +9,11 @@ from pathlib import Path
 
 import numpy as np
 
-from aerokernels.validation.paper import figure1, figures, tables
-from aerokernels.validation.paper.cases import DENSITIES, picture_grid, run_cases, shadow
-from aerokernels.validation.paper.printed import MACH
-from aerokernels.validation.paper.scheme import scheme_peaks, step_rules
-from aerokernels.validation.report import filled, write_csv
+from scripts.studies.paper import figure1, figures, tables
+from scripts.studies.paper.cases import DENSITIES, picture_grid, run_cases, shadow
+from scripts.studies.paper.printed import MACH
+from scripts.studies.paper.scheme import scheme_peaks, step_rules
+from scripts.studies.report import filled, write_csv
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "paper.md"

@@ -1,6 +1,6 @@
 """Measure error against run time and field evaluations, for methods, precisions, interpolants and tolerances.
 
-The five fields and the two kinds of error are those of aerokernels/validation/work_precision. Writes runs.csv, one row
+The five fields and the two kinds of error are those of scripts/studies/work_precision. Writes runs.csv, one row
 per setting; table.md; and for each field two pictures, error against evaluations and against time.
 """
 
@@ -8,12 +8,12 @@ import argparse
 import time
 from pathlib import Path
 
-from aerokernels.validation.report import filled, write_csv
-from aerokernels.validation.work_precision.fields import CASES
-from aerokernels.validation.work_precision.figures import draw, evaluations
-from aerokernels.validation.work_precision.measuring import measure, measure_peers
-from aerokernels.validation.work_precision.runs import HEADING, Error, Run
-from aerokernels.validation.work_precision.tables import (
+from scripts.studies.report import filled, write_csv
+from scripts.studies.work_precision.fields import CASES
+from scripts.studies.work_precision.figures import draw, evaluations
+from scripts.studies.work_precision.measuring import measure, measure_peers
+from scripts.studies.work_precision.runs import HEADING, Error, Run
+from scripts.studies.work_precision.tables import (
     TIGHTER,
     check_table,
     default_table,

@@ -4,7 +4,7 @@ import numpy as np
 
 from aerokernels.medium import IndexField, QuadMesh
 from aerokernels.rays import RayBundle
-from aerokernels.validation.random_fields import AMBIENT, CELL, noise, on_grid
+from tests.random_fields import AMBIENT, CELL, noise, on_grid
 
 
 def random_field(geometry: str, interpolation: str, seed: int, width: float = 3.0, amplitude: float = 3e-4):

@@ -37,7 +37,6 @@ RANK = {
             ("echo",),
             ("hardware", "compare"),
             ("jobs",),
-            ("validation",),
             ("benchmark",),
             ("commands",),
             ("cli",),
@@ -403,7 +402,7 @@ def test_every_name_on_the_architecture_page_is_a_name_of_the_code():
 
 def test_arrays_are_not_read_by_warps_numpy():
     """It changes the current stream of the whole device meanwhile: `device_arrays.pinned.to_host` does not."""
-    others = {("waves", "library"), ("benchmark", "peers")}  # PyTorch's tensors
+    others = {("waves", "library")}  # PyTorch's tensors
     found = {
         dotted(path)[1:]
         for path in MODULES

@@ -113,10 +113,11 @@ def test_opencl_is_installed_where_wheels_are(root: Path, system: str, machine: 
 
 
 def test_extras_install_only_what_is_imported(root: Path):
-    """Beside the tools of `dev` and `docs`, whatever an extra brings is imported somewhere in the package."""
+    """Beside the tools of `dev` and `docs`, what an extra brings is imported in the package or by scripts/peers."""
     project = tomllib.loads((root / "pyproject.toml").read_text())["project"]
     assert {"opencl", "cfd", "dask", "plot", "dev", "all"} <= set(project["optional-dependencies"])
-    sources = [path.read_text(encoding="utf-8") for path in (root / "aerokernels").rglob("*.py")]
+    files = [*(root / "aerokernels").rglob("*.py"), root / "scripts" / "peers.py"]
+    sources = [path.read_text(encoding="utf-8") for path in files]
     for extra, lines in project["optional-dependencies"].items():
         for line in lines if extra not in ("dev", "docs", "all") else []:
             name = re.match(r"[\w-]+", line)[0].replace("-", "_")  # type: ignore[index]

@@ -1,7 +1,6 @@
 """The scripts that write figures for the docs still run, and still say what the docs say."""
 
 import ast
-import collections
 import csv
 import importlib
 import importlib.util
@@ -9,7 +8,6 @@ import os
 import shutil
 import subprocess
 import sys
-import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -17,8 +15,8 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.interpolate import make_interp_spline
 
-from aerokernels.validation.paper import figure1 as schemes
-from aerokernels.validation.report import filled, marks
+from scripts.studies.paper import figure1 as schemes
+from scripts.studies.report import filled, marks
 
 
 def run_script(root: Path, name: str, *arguments: object) -> subprocess.CompletedProcess[str]:
@@ -40,12 +38,15 @@ def is_picture(path: Path) -> bool:
     return path.read_bytes().startswith(b"\x89PNG") and path.stat().st_size > 10_000
 
 
+OURS = ("aerokernels", "scripts", "tests")
+
+
 def test_scripts_import_names_that_are_there(root: Path):
-    """Those that no other test runs, too: scripts/skips.py asked for a function that had gone."""
+    """Those that no other test runs, too."""
     missing = []
-    for path in sorted((root / "scripts").glob("*.py")):
+    for path in sorted((root / "scripts").rglob("*.py")):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == "aerokernels":
+            if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] in OURS:
                 module = importlib.import_module(node.module)
                 missing += [
                     f"{path.name}: {node.module}.{alias.name}"
@@ -57,9 +58,9 @@ def test_scripts_import_names_that_are_there(root: Path):
 
 
 def test_each_link_is_to_a_script(root: Path):
-    """`scripts/NAME` runs NAME.py in the environment; modules that scripts import have no link."""
+    """`scripts/NAME` runs NAME.py in the environment; modules that scripts import are in folders."""
     links = {path.name for path in (root / "scripts").iterdir() if path.is_symlink()}
-    scripts = {path.stem for path in (root / "scripts").glob("*.py")} - {"mutants", "mutant_forks"}
+    scripts = {path.stem for path in (root / "scripts").glob("*.py")}
     assert links == scripts
     assert {str(os.readlink(root / "scripts" / name)) for name in links} == {"in_environment"}
 
@@ -281,56 +282,3 @@ PAGES = {
 def test_pages_have_a_place_for_each_table(root: Path, name: str):
     page = filled(root / name, {table: f"| {table} |\n" for table in PAGES[name]})
     assert all(f"-->\n| {table} |\n<!--" in page for table in PAGES[name])
-
-
-def test_modules_that_are_mutated_are_there():
-    """A module that moves takes its row with it; what was judged still stands there."""
-    root = Path(__file__).resolve().parents[1]
-    modules = tomllib.loads((root / "scripts" / "mutated_modules.toml").read_text(encoding="utf-8"))["modules"]
-    assert [module for module in modules if not (root / "aerokernels" / module).is_file()] == []
-    judged = tomllib.loads((root / "scripts" / "mutants_without_effect.toml").read_text(encoding="utf-8"))
-    for module, rows in judged.items():
-        lines = {line.strip() for line in (root / "aerokernels" / module).read_text(encoding="utf-8").splitlines()}
-        assert [row["code"] for row in rows if row["code"] not in lines or not row["why"]] == []
-
-
-def test_what_cannot_change_a_result_is_not_mutated(monkeypatch):
-    """What each rule names is left alone and counted; numbers, operators and comparisons are not; no change twice."""
-    monkeypatch.syspath_prepend(Path(__file__).resolve().parents[1] / "scripts")
-    mutants = importlib.import_module("mutants")
-    text = """
-@dataclass(frozen=True)
-class Air:
-    depth: Annotated[float, 1] = 2.0
-    CHUNK = 1 << 10  # speed only
-
-    def index(self, x, n=3):
-        if x > n:
-            most = n - 2
-            raise ValueError(f"{x - 1} is above {most + 1}")
-        warnings.warn("far", stacklevel=2)
-        for one, other in zip(x, x.reshape(-1), strict=True):
-            progress(one / 7)
-        x.setflags(write=False)
-        if x and n:
-            return x * 5
-        return x / (n + 1e-300)
-
-    def __repr__(self):
-        return "1" * 3
-"""
-    left_out = collections.Counter()
-    found = {(one.line, one.told, one.function, *one.names) for one in mutants.changes("air.py", text, left_out)}
-    assert set(left_out) == set(mutants.RULES)
-    assert found == {
-        (4, "2.0 -> 4.0", "", "depth"),
-        (7, "3 -> 4", "Air.index", "index"),
-        (8, "Gt -> GtE", "Air.index"),
-        (8, "Gt -> LtE", "Air.index"),
-        (12, "USub -> UAdd", "Air.index"),
-        (15, "condition -> not", "Air.index"),
-        (15, "And -> Or", "Air.index"),
-        (16, "Mult -> Div", "Air.index"),
-        (16, "5 -> 6", "Air.index"),
-        (17, "Div -> Mult", "Air.index"),
-    }

@@ -8,7 +8,7 @@
 
 docs/performance-bench.md describes the file. The modules: `scenes` (what is traced) and `errors` (against the true
 rays), `targets` (which backends and devices), `measuring` (clocks), `ceiling` (the greatest rates of a device),
-`suites`, `peers`, `table`.
+`suites`, `table`. The true rays are those of `cone`, by `truth`.
 """
 
 from collections.abc import Callable
@@ -34,7 +34,6 @@ def run_bench(settings: Settings, report: Callable[[str], None] = lambda line: N
     """
     from aerokernels.benchmark.ceiling import measure_ceiling
     from aerokernels.benchmark.measuring import machine
-    from aerokernels.benchmark.peers import peer_runs
     from aerokernels.benchmark.suites import RUNS
     from aerokernels.jobs.store import to_json
 
@@ -44,21 +43,11 @@ def run_bench(settings: Settings, report: Callable[[str], None] = lambda line: N
     for backend, device in targets:
         report(f"ceiling of {device}")
         ceilings[f"{backend} {device}"] = measure_ceiling(backend, device)
-    runs, peers = [], []
+    runs = []
     for suite in settings.wanted:
         report(f"suite {suite}")
         for run in RUNS[suite](settings, targets, ceilings):
-            if "peer" in run:
-                peers.append(run)
-                report(f"  peer {run['peer']}: {run['scheme']}")
-                continue
             made = run["settings"]
             report(f"  {made['method']}, {made['precision']} on {made['backend']} {made['device']}: done")
             runs.append(run)
-    if settings.peers and settings.wanted != ("bundles",):  # the suite "bundles" measures its own peers
-        for peer in peer_runs(settings):
-            report(f"  peer {peer['peer']}: {peer['scheme'] if peer['available'] else peer['reason']}")
-            peers.append(peer)
-    return to_json(
-        {"schema": SCHEMA, "begun": begun, "machine": machine(), "ceilings": ceilings, "runs": runs, "peers": peers}
-    )
+    return to_json({"schema": SCHEMA, "begun": begun, "machine": machine(), "ceilings": ceilings, "runs": runs})

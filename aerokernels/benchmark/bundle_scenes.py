@@ -10,11 +10,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from aerokernels.benchmark.cone import CONE_HALF, cone_field
 from aerokernels.benchmark.scenes import WAVELENGTH
 from aerokernels.medium import IndexField
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import Plane
-from aerokernels.validation.cone import CONE_HALF, cone_field
 
 KINDS = ("along z", "slanted", "divergent", "incoherent", "turbulence")
 APERTURE = 1.2e-3  # half the width of the square of rays where they cross z = 0, or start [m]

@@ -1,51 +1,45 @@
-"""The suite "bundles": rays of any kind, interpolated between traced rays, traced one by one, and traced by Dr.Jit.
+"""The suite "bundles": rays of any kind, interpolated between traced rays, and traced one by one.
 
 Three clocks for each: a new field (everything is computed anew, kernels are compiled), a new seed (other rays of the
 same bundle), and the same call again. Kernel and CPU times are those of the last; by Warp on a GPU the kernel's time is
 that of a call with rays on the device, since otherwise it includes copies of the rays.
 """
 
-import importlib.util
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
+from itertools import product
 from typing import Any
 
 import numpy as np
 
 from aerokernels.benchmark.bundle_scenes import KINDS, BundleScene, bundle_scene, rays_on
+from aerokernels.benchmark.cone import cone_truth
 from aerokernels.benchmark.errors import chosen_rays, errors
 from aerokernels.benchmark.measuring import measure, plan_facts, spread, traced_clocks
-from aerokernels.benchmark.peers import drjit_schemes, measured_scheme
 from aerokernels.benchmark.scenes import WAVELENGTH
 from aerokernels.benchmark.targets import Settings, on_processor
+from aerokernels.benchmark.truth import Truth
 from aerokernels.medium import IndexField
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import TraceResult, trace
-from aerokernels.validation.cone import cone_truth
-from aerokernels.validation.truth import Truth
 
 OUTPUTS = ("direction", "opd")
 # The tolerance of the float64 traces that serve as the truth where there is no formula, over the requested tolerance.
 TIGHT = 0.02
 WAYS = ("auto", "off")
-PEER_STEPS = (24, 32)  # the first miss the tolerance, the second meet it
 
 
 def bundle_runs(settings: Settings, targets: list[tuple[str, str]], ceilings: dict[str, dict]) -> Iterator[dict]:
-    """Every bundle on every target, interpolated and ray by ray; by Dr.Jit where it is installed and requested."""
+    """Every bundle on every target, interpolated and ray by ray."""
     for kind in KINDS:
         scene = bundle_scene(kind)
         field, rays = scene.make_field(), scene.make_rays(settings.ray_count, 1)
         rows = chosen_rays(rays.ray_count)
         truth = _truth(scene, rays[rows], settings, targets)
         for backend, device in targets:
-            for bundle in WAYS:
-                yield _run(scene, field, rays, rows, truth, settings, (backend, device), bundle)
-        if settings.peers and kind != "turbulence" and importlib.util.find_spec("drjit") is not None:
-            for scheme in drjit_schemes(field, rays, PEER_STEPS):
-                scheme = replace(scheme, text=f"{kind}: {scheme.text}")
-                yield measured_scheme("drjit", scheme, rays, truth, settings.repeats)
+            for tolerance, bundle in product(settings.tolerances, WAYS):
+                yield _run(scene, field, rays, rows, truth, settings, (backend, device), tolerance, bundle)
 
 
 def _run(
@@ -56,12 +50,13 @@ def _run(
     truth: Truth,
     settings: Settings,
     target: tuple[str, str],
+    tolerance: float,
     bundle: str,
 ) -> dict:
     backend, device = target
     options: dict[str, Any] = {
         "until": scene.until,
-        "tolerance": settings.tolerance,
+        "tolerance": tolerance,
         "wavelength": WAVELENGTH,
         "backend": backend,
         "device": device,
@@ -115,7 +110,7 @@ def _truth(scene: BundleScene, rays: RayBundle, settings: Settings, targets: lis
         until=scene.until,
         method="adaptive",
         precision="float64",
-        tolerance=TIGHT * settings.tolerance,
+        tolerance=TIGHT * min(settings.tolerances),
         wavelength=WAVELENGTH,
         backend=backend,
         device=device,

@@ -4,9 +4,9 @@ from typing import Any
 
 import numpy as np
 
+from aerokernels.benchmark.cone import CONE_AMBIENT, CONE_HALF
 from aerokernels.benchmark.scenes import WAVELENGTH
-from aerokernels.validation.cone import CONE_AMBIENT, CONE_HALF
-from aerokernels.validation.truth import Truth
+from aerokernels.benchmark.truth import Truth
 
 TRUTH_RAYS = 256
 # Optical path of an undisturbed ray from face to face [m].

@@ -1,4 +1,4 @@
-"""The scenes of the Strehl suites: shipped flows in front of a forward pupil. The cone is in validation/cone.py."""
+"""The scenes of the Strehl suites: shipped flows in front of a forward pupil. The cone is in cone.py."""
 
 from dataclasses import dataclass
 

@@ -3,12 +3,14 @@
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
+from itertools import product
 from typing import Any
 
 import numpy as np
 
 from aerokernels.benchmark.bundle_suite import bundle_runs
 from aerokernels.benchmark.ceiling import share
+from aerokernels.benchmark.cone import cone_field, cone_rays, cone_truth
 from aerokernels.benchmark.errors import UNDISTURBED, chosen_rays, errors
 from aerokernels.benchmark.measuring import Timing, measure, plan_facts, rate, spread, traced_clocks
 from aerokernels.benchmark.scenes import WAVELENGTH, PupilScene, strehl_scene
@@ -21,7 +23,6 @@ from aerokernels.strehl import StrehlEstimate, strehl
 from aerokernels.strehl.estimate import PreparedStrehl, estimate_strehl, prepare_strehl
 from aerokernels.tracing import Plane, trace
 from aerokernels.tracing.engines.choice import choose_backend
-from aerokernels.validation.cone import cone_field, cone_rays, cone_truth
 
 OUTPUTS = ("direction", "optical_path")
 # Rays of the radial quadrature whose Strehl ratio serves as the truth.
@@ -180,13 +181,13 @@ def radial_strehl(scene: PupilScene, target: tuple[str, str]) -> float:
 def _choices(settings: Settings, targets: Targets) -> Iterator[dict]:
     for backend, device in targets:
         for precision in settings.precisions:
-            for method in settings.methods:
+            for method, tolerance in product(settings.methods, settings.tolerances):
                 yield {
                     "method": method,
                     "precision": precision,
                     "backend": backend,
                     "device": device,
-                    "tolerance": settings.tolerance,
+                    "tolerance": tolerance,
                     "wavelength": WAVELENGTH,
                 }
 

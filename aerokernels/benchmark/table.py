@@ -17,8 +17,8 @@ COLUMNS = (
 
 
 def table_rows(bench: dict[str, Any]) -> list[tuple[str, ...]]:
-    """One row for each run and peer, in the order of COLUMNS."""
-    return [_run_row(run) for run in bench["runs"]] + [_peer_row(peer) for peer in bench["peers"]]
+    """One row for each run, in the order of COLUMNS."""
+    return [_run_row(run) for run in bench["runs"]]
 
 
 def _run_row(run: dict) -> tuple[str, ...]:
@@ -27,15 +27,17 @@ def _run_row(run: dict) -> tuple[str, ...]:
     symmetry = made.get("symmetry")
     if run["suite"] == "bundles":
         method = f"{made['kind']}, bundle {made['bundle']}: {chosen}"
-    how = f"{method}, {made['precision']}" + (f", symmetry {symmetry}" if symmetry is not None else "")
+    how = f"{method}, {made['precision']}, {made['tolerance']:g} wave" + (
+        f", symmetry {symmetry}" if symmetry is not None else ""
+    )
     return (
         run["suite"],
         f"{made['backend']} {made['device']}",
         how,
-        _millions(run.get("kernel_rays_per_second")),
-        _millions(run.get("kernel_rays_per_core_second")),
+        millions(run.get("kernel_rays_per_second")),
+        millions(run.get("kernel_rays_per_core_second")),
         _end_to_end(run),
-        _millions(run.get("rays_per_cpu_second")),
+        millions(run.get("rays_per_cpu_second")),
         f"{run['evaluations_per_ray']:.1f}",
         _share(run.get("ceiling")),
         _error(run),
@@ -44,7 +46,7 @@ def _run_row(run: dict) -> tuple[str, ...]:
 
 def _end_to_end(run: dict) -> str:
     if run["suite"] in ("cone", "bundles"):
-        return _millions(run["rays_per_second"])
+        return millions(run["rays_per_second"])
     if run["suite"] == "strehl":
         return _spread(run["wall_seconds"], 1e3, "ms")
     return _spread(run["ratios_per_second"], 1.0, "ratios/s")
@@ -52,30 +54,14 @@ def _end_to_end(run: dict) -> str:
 
 def _error(run: dict) -> str:
     if run["suite"] in ("cone", "bundles"):
-        return _cone_error(run["error"])
+        return cone_error(run["error"])
     if run["suite"] == "strehl":
         return f"{run['error']['value']:+.1e}"
     return "-"
 
 
-def _peer_row(peer: dict) -> tuple[str, ...]:
-    if not peer["available"]:
-        return ("cone", f"peer {peer['peer']}", peer["reason"], *["-"] * (len(COLUMNS) - 3))
-    return (
-        "cone",
-        f"peer {peer['peer']} {peer['version']} {peer['device']}",
-        f"{peer['scheme']}, {peer['precision']}",
-        _millions(peer["kernel_rays_per_second"]),
-        "-",
-        _millions(peer["rays_per_second"]),
-        _millions(peer["rays_per_cpu_second"]),
-        f"{peer['evaluations_per_ray']:.1f}",
-        "-",
-        _cone_error(peer["error"]),
-    )
-
-
-def _cone_error(error: dict) -> str:
+def cone_error(error: dict) -> str:
+    """The errors of a run over the true rays."""
     if error["opd_rms_waves"] is None:
         return "no ray arrived"
     lost = f", {error['lost_ray_count']} lost" if error["lost_ray_count"] else ""
@@ -88,7 +74,8 @@ def _share(ceiling: dict | None) -> str:
     return f"{100.0 * ceiling['arithmetic_share']:.0f} % flops, {100.0 * ceiling['load_share']:.0f} % loads"
 
 
-def _millions(measured: dict | None) -> str:
+def millions(measured: dict | None) -> str:
+    """A rate and its error, in millions a second."""
     return "-" if measured is None else _spread(measured, 1e-6, "")
 
 

@@ -19,13 +19,13 @@ def bench(
         list[str] | None, typer.Option(help="float32 or float64; repeatable [default: float32].")
     ] = None,
     method: Annotated[list[str] | None, typer.Option(help="Repeatable [default: auto, adaptive and straight].")] = None,
-    tolerance: Annotated[float, typer.Option(help="Requested OPD error [waves].")] = 1e-3,
+    tolerance: Annotated[
+        list[float] | None,
+        typer.Option(help="Requested OPD error [waves]; repeatable, for run time against error [default: 1e-3]."),
+    ] = None,
     rays: Annotated[int, typer.Option(help="Rays per trace and per Strehl ratio.")] = 1_000_000,
     repeats: Annotated[int, typer.Option(help="Number of timed calls of each run.")] = 5,
     out: Annotated[Path | None, typer.Option(help="Write everything measured to this JSON file.")] = None,
-    peers: Annotated[
-        bool, typer.Option("--peers", help="Also measure SciPy, diffrax and Dr.Jit on the cone scene.")
-    ] = False,
 ) -> None:
     """Measure the speed and the error of tracing.
 
@@ -43,10 +43,9 @@ def bench(
         device=device,
         precisions=tuple(precision or Settings.precisions),
         methods=tuple(method or Settings.methods),
-        tolerance=tolerance,
+        tolerances=tuple(tolerance or Settings.tolerances),
         ray_count=rays,
         repeats=repeats,
-        peers=peers,
     )
     if out is not None and (out.is_dir() or not out.parent.is_dir()):
         raise ValueError(f"--out {out}: give a file name in an existing folder")

@@ -102,14 +102,6 @@ def by_rows(work: Callable[[slice], None], shape: tuple[int, int]) -> None:
     in_threads(work, [slice(first, min(first + step, shape[0])) for first in range(0, shape[0], step)])
 
 
-def landing_shift(
-    field: IndexField, camera: Camera, shape: tuple[int, int], point: np.ndarray, options: dict[str, Any]
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return shifts of the whole picture [pixels], (2, rows, columns), 0 where rays do not arrive; mask of arrivals."""
-    moved, arrived = land(field, camera, shape, point, options).moved(slice(0, shape[0]))
-    return np.moveaxis(moved, -1, 0), arrived
-
-
 def _tangents(camera: Camera, shape: tuple[int, int], point: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the tangents of the rays of a point of the aperture: x of the columns, y of the rows."""
     x, y = (t - place / camera.focus_distance for t, place in zip(camera.tangents(shape), point, strict=True))

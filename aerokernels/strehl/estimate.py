@@ -109,19 +109,6 @@ def prepare_strehl(field: IndexField, pupil: Pupil, **options) -> "PreparedStreh
     return prepared
 
 
-def plan_strehl(field: IndexField, pupil: Pupil, **options) -> tuple[TracePlan, int]:
-    """Return the plan that `estimate_strehl` would follow with these options, and its initial number of rays.
-
-    Only a pilot bundle of some hundred rays is traced.
-
-    Raises:
-        ValueError: As for `estimate_strehl`.
-    """
-    options.pop("seed", None)
-    job = PreparedStrehl(field, pupil, **options).job
-    return job.plan, job.predicted_ray_count
-
-
 @checked
 class PreparedStrehl:
     """The result of `prepare_strehl`: a call with a seed returns a StrehlEstimate.

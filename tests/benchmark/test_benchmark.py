@@ -10,15 +10,14 @@ import pytest
 
 from aerokernels.benchmark import SCHEMA, SUITES, Settings, find_targets, run_bench
 from aerokernels.benchmark import ceiling as ceiling_module
+from aerokernels.benchmark.cone import CONE_AMBIENT, CONE_HALF, cone_contrast, cone_field, cone_rays, cone_truth
 from aerokernels.benchmark.errors import UNDISTURBED, chosen_rays, errors
 from aerokernels.benchmark.measuring import spread
-from aerokernels.benchmark.peers import peer_runs
 from aerokernels.benchmark.scenes import WAVELENGTH, strehl_scene
 from aerokernels.benchmark.suites import radial_strehl
 from aerokernels.jobs.store import to_json
 from aerokernels.tracing import trace
 from aerokernels.tracing.engines.choice import choose_backend
-from aerokernels.validation.cone import CONE_AMBIENT, CONE_HALF, cone_contrast, cone_field, cone_rays, cone_truth
 
 MEASURED = {"median", "standard_error"}
 
@@ -34,13 +33,11 @@ def numbers(value: Any) -> list[float]:
 
 @pytest.fixture(scope="module")
 def measured() -> dict[str, Any]:
-    """Every suite with few rays on the processor, by what "auto" takes on it, and the peers that are here."""
+    """Every suite with few rays on the processor, by what "auto" takes on it."""
     backend, device, _ = choose_backend("auto", "cpu")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(ceiling_module, "LEAST_SECONDS", 1e-3)
-        return run_bench(
-            Settings(backends=(backend,), device=device, methods=("adaptive",), ray_count=64, repeats=2, peers=True)
-        )
+        return run_bench(Settings(backends=(backend,), device=device, methods=("adaptive",), ray_count=64, repeats=2))
 
 
 def test_cone_contrast_is_the_formula():
@@ -136,7 +133,7 @@ def test_runs_hold_the_documented_keys(measured: dict[str, Any], root: Path):
         }
         assert run["plan"]["method"] == "adaptive" and run["plan"]["reasons"]
         assert run["rays_traced"] >= 64 and run["evaluations_per_ray"] > 10.0
-    for part in (measured, *measured["runs"], *measured["peers"]):
+    for part in (measured, *measured["runs"]):
         for key in part:
             assert f"`{key}`" in page, f"docs/performance-bench.md does not tell of {key}"
 
@@ -182,28 +179,6 @@ def test_sweep_run(measured: dict[str, Any]):
         assert values == sorted(values, reverse=True)
 
 
-def test_peers_that_are_here_trace_the_same_scene(measured: dict[str, Any]):
-    names = [peer["peer"] for peer in measured["peers"]]
-    assert {"scipy", "diffrax", "drjit"} == set(names)
-    for peer in measured["peers"]:
-        if not peer["available"]:
-            assert "pip install" in peer["reason"] or "failed" in peer["reason"]
-            continue
-        assert peer["error"]["lost_ray_count"] == 0 and peer["error"]["opd_rms_waves"] < 0.1
-        if peer["peer"] == "scipy":
-            assert peer["error"]["direction_max_urad"] < 0.1 and peer["error"]["opd_max_waves"] < 1e-4
-
-
-def test_absent_peers_say_how_to_get_them(monkeypatch: pytest.MonkeyPatch):
-    from aerokernels.benchmark import peers
-
-    monkeypatch.setattr(peers, "NEEDS", dict.fromkeys(peers.NEEDS, ("no_such_package",)))
-    found = list(peer_runs(Settings(ray_count=16, repeats=1)))
-    assert len(found) == 3
-    for peer in found:
-        assert not peer["available"] and "no_such_package" in peer["reason"] and "pip install" in peer["reason"]
-
-
 def test_ceiling_is_measured_or_says_why(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(ceiling_module, "LEAST_SECONDS", 1e-3)
     found = ceiling_module.measure_ceiling("warp", "cpu")
@@ -245,7 +220,7 @@ def test_spread_and_what_json_holds():
         ({"backends": ("cray",)}, ("cray", "warp")),
         ({"repeats": 0}, ("repeats",)),
         ({"ray_count": 3}, ("16",)),
-        ({"tolerance": float("nan")}, ("tolerance",)),
+        ({"tolerances": (1e-3, float("nan"))}, ("tolerance",)),
         ({"backends": ("reference",)}, ("reference", "10000")),
     ],
 )
@@ -278,10 +253,15 @@ def test_the_command_refuses_in_one_line(command_line, arguments: tuple[str, ...
 
 def test_the_command_writes_the_file_and_a_table(aerokernels, tmp_path: Path):
     few = ("--device", "cpu", "--method", "adaptive", "--rays", 16, "--repeats", 1)
-    done = aerokernels("bench", "cone", *few, "--out", "bench.json")
+    done = aerokernels("bench", "cone", *few, "--tolerance", "1", "--tolerance", "1e-4", "--out", "bench.json")
     assert done.returncode == 0, done.stderr
     held = json.loads((tmp_path / "bench.json").read_text(encoding="utf-8"))
     assert held["schema"] == SCHEMA
-    backends = [run["settings"]["backend"] for run in held["runs"]]
-    assert backends and set(backends) <= {"warp", "opencl"} and len(set(backends)) == len(backends)
+    made = [(run["settings"]["backend"], run["settings"]["tolerance"]) for run in held["runs"]]
+    assert made and {name for name, _ in made} <= {"warp", "opencl"} and len(set(made)) == len(made)
+    # Run time against error: a tighter tolerance takes more evaluations and misses less.
+    for loose, tight in zip(held["runs"][::2], held["runs"][1::2], strict=True):
+        assert (loose["settings"]["tolerance"], tight["settings"]["tolerance"]) == (1.0, 1e-4)
+        assert loose["evaluations_per_ray"] < tight["evaluations_per_ray"]
+        assert loose["error"]["opd_rms_waves"] > tight["error"]["opd_rms_waves"]
     assert [line.split("\t")[0] for line in done.stdout.splitlines()[:2]] == ["suite", "cone"]

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from aerokernels import RayBundle
-from aerokernels.validation.truth import integrate, potential_of
-from aerokernels.validation.work_precision import fields, tables
+from aerokernels.benchmark.truth import integrate, potential_of
+from scripts.studies.work_precision import fields, tables
 
 WAVE = 905e-9
 

@@ -20,11 +20,10 @@ from aerokernels import (
     image_through,
     wavefront,
 )
+from aerokernels.benchmark.cone import CONE_HALF, cone_field, cone_truth
 from aerokernels.rays import RayBundle
 from aerokernels.schlieren import read_picture
-from aerokernels.validation.cone import CONE_HALF, cone_field, cone_truth
-from aerokernels.validation.cone_rays import rays_past_cone
-from aerokernels.validation.optics_speed import CALLS, COLUMNS, measure_optics, table_row
+from tests.imaging.cone_rays import rays_past_cone
 
 GRADIENT, FRONT, LENGTH = 3e-3, 0.2, 0.1
 
@@ -171,7 +170,7 @@ def test_a_few_pixels_that_look_through_a_cut_are_warned_of():
 
 
 def test_a_cone_displaces_as_its_exact_rays_say():
-    """The conical layer of validation/cone.py; a point camera; exact rays by DOP853; 0.01 pixel."""
+    """The conical layer of aerokernels/benchmark/cone.py; a point camera; exact rays by DOP853; 0.01 pixel."""
     camera = Camera(Disc(1e-4, center=(0.0, 0.0, -0.2)), 0.05, 8e-6, (12, 12), distance=1.0)
     found = background_displacement(cone_field(), camera, aperture_rays=1, tolerance=1e-4)
     x, y = (axis.ravel() for axis in np.meshgrid(*camera.tangents((12, 12))))
@@ -186,7 +185,7 @@ def test_a_cone_displaces_as_its_exact_rays_say():
 
 
 def test_a_conical_flow_displaces_as_its_exact_rays_say():
-    """Snell's law at the shock and DOP853 behind it (validation/cone_rays.py), from four cells inside it; 0.01 pixel.
+    """Snell's law at the shock and DOP853 behind it (cone_rays.py), from four cells inside it; 0.01 pixel.
 
     The grid smooths the shock over some three cells; the displacement has a pole there, whose error `error` holds.
     """
@@ -315,14 +314,6 @@ def test_what_is_refused():
         background_displacement(prism(), camera, shape=(16, 16, 3))
     with pytest.raises(ValueError, match="bits"):
         Sensor(bits=17)
-
-
-def test_what_the_speed_script_measures():
-    """scripts/optics_speed at its smallest: three calls each of a map, a scene, and a map of four rays a pixel."""
-    rows = list(measure_optics({"tolerance": 1e-2}, nodes=16, map_pixels=8, scene_pixels=8, spreads=2))
-    assert [len(row) for row in map(table_row, rows)] == [len(COLUMNS)] * 3
-    assert all(row[call] > 0.0 for row in rows for call in CALLS)
-    assert list(measure_optics({}, nodes=16, map_pixels=8, scene_pixels=8, longest=0.0))[2].keys() == {"what", "pixels"}
 
 
 @pytest.mark.parametrize("seed", [0, 9, 11])

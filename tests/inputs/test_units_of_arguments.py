@@ -15,7 +15,7 @@ from aerokernels import (
     strehl,
 )
 from aerokernels.echo.vacuum import vacuum_echo
-from aerokernels.strehl.estimate import plan_strehl
+from aerokernels.strehl.estimate import PreparedStrehl
 
 SAMPLES = np.arange(100.0)
 PULSE = 2.0 * np.exp(-(((SAMPLES - 50.0) / 6.0) ** 2))
@@ -32,7 +32,7 @@ def small_field() -> IndexField:
     ("call", "message"),
     [
         (lambda: estimate_strehl(small_field(), Disc(6.0), ray_count=64), r"reach of 6 m .*metres, 6e-3 for 6 mm"),
-        (lambda: plan_strehl(small_field(), Disc(0.5)), r"reach of 0\.5 m is 3\d times"),
+        (lambda: PreparedStrehl(small_field(), Disc(0.5)), r"reach of 0\.5 m is 3\d times"),
         (lambda: strehl(np.array([0.0, 50.0, 20.0]), 905e-9), r"rms is .* m, more than .*50e-9 for 50 nm"),
         (lambda: strehl(np.array([0.0, 0.1, 0.25]), 905e-9), "waves times the wavelength"),
         (lambda: estimate_range(SAMPLES, PULSE, "centroid"), "give seconds, 1e-9 for 1 ns"),

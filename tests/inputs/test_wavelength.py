@@ -22,7 +22,7 @@ from aerokernels import (
 )
 from aerokernels.inputs.wavelength import DEFAULT_WAVELENGTH, check_wavelength, field_wavelength
 from aerokernels.schlieren import line_of_sight
-from aerokernels.strehl.estimate import plan_strehl
+from aerokernels.strehl.estimate import PreparedStrehl
 
 GREEN = 532e-9
 # Too long, too short, in nm, um and mm.
@@ -48,7 +48,7 @@ PICTURE = {"pixel_count": 8, "width": 1e-2}
 FIELD_ENTRIES = {
     "trace": lambda field, **w: trace(field, RAYS, **w).wavelength,
     "estimate_strehl": lambda field, **w: estimate_strehl(field, PUPIL, ray_count=256, **w).value,
-    "plan_strehl": lambda field, **w: plan_strehl(field, PUPIL, ray_count=256, **w)[1],
+    "prepared": lambda field, **w: PreparedStrehl(field, PUPIL, ray_count=256, **w).job.predicted_ray_count,
     "line_of_sight": lambda field, **w: line_of_sight(field, **PICTURE, **w).wavelength,
     "schlieren": lambda field, **w: schlieren(field, **PICTURE, **w).intensity.sum(),
     "shadowgraph": lambda field, **w: shadowgraph(field, distance=0.5, **PICTURE, **w).intensity.sum(),

@@ -10,8 +10,8 @@ from aerokernels.jobs.store import to_json
 from aerokernels.jobs.sweeps.case import Stages, make_cases
 from aerokernels.jobs.sweeps.dataset import sweep_dataset
 from aerokernels.jobs.sweeps.definition import checked_scenes, define
-from aerokernels.validation import questions
-from aerokernels.validation.questions import QUESTIONS, standard_density, with_error
+from scripts import questions
+from scripts.questions import QUESTIONS, standard_density, with_error
 
 ROOT = Path(__file__).resolve().parents[2]
 SMALL = {"strehl.ray_count": 256, "receiver.ray_count": 16, "beam.ray_count": 16, "grid.spacing": "0.2 mm"}

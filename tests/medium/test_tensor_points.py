@@ -7,7 +7,7 @@ import pytest
 
 from aerokernels.medium import IndexField
 from aerokernels.medium.tensor_points import contrast_on_axes, contrast_without_gradient
-from aerokernels.validation.random_fields import mesh_field, uniform_field
+from tests.random_fields import mesh_field, uniform_field
 
 
 def points_of(field: IndexField) -> list[np.ndarray]:

@@ -1,4 +1,4 @@
-"""Closed forms of rays in media that only tests look at, written as in aerokernels/validation/closed_forms.py."""
+"""Closed forms of rays in media that only tests look at, written as in exact_ends.py."""
 
 from dataclasses import dataclass
 
@@ -7,7 +7,7 @@ import numpy as np
 from aerokernels.medium import IndexField
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import Plane
-from aerokernels.validation.closed_forms import Ends, Index, integral, layered_direction, unit
+from tests.physics.exact_ends import Ends, Index, integral, layered_direction, unit
 
 
 @dataclass(frozen=True, eq=False)

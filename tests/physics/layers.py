@@ -14,7 +14,7 @@ from scipy.special import spence
 from aerokernels.medium import IndexField
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import Plane
-from aerokernels.validation.closed_forms import integral, unit
+from tests.physics.exact_ends import integral, unit
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ import numpy as np
 
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import Plane
-from aerokernels.validation.closed_forms import quadratic_ends, sech_ends, unit
+from tests.physics.exact_ends import quadratic_ends, sech_ends, unit
 
 from .closed_forms import (
     Case,

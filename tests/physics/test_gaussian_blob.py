@@ -10,10 +10,10 @@ import math
 import numpy as np
 import pytest
 
+from aerokernels.benchmark.truth import integrate, potential_of
 from aerokernels.medium import IndexField
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import Plane, trace
-from aerokernels.validation.truth import integrate, potential_of
 
 WAVE, SIZE = 905e-9, 2e-3
 REACH = 7.5 * SIZE  # where the blob is 6e-13 of its middle

@@ -5,7 +5,7 @@ import pytest
 
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import ArcLength, Plane, trace
-from aerokernels.validation.closed_forms import layered_direction
+from tests.physics.exact_ends import layered_direction
 
 from .checks import assert_float32, assert_float64, case
 from .media import N0

@@ -6,7 +6,7 @@ from scipy.integrate import quad
 
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import Plane, trace
-from aerokernels.validation.closed_forms import Ends
+from tests.physics.exact_ends import Ends
 
 from .checks import assert_float32, assert_float64, case
 from .closed_forms import Case, build_field

@@ -98,7 +98,7 @@ def test_many_directions_through_a_volume_go_together(monkeypatch: pytest.Monkey
     explain; errors alike. Where traced rays disagree, all directions are traced.
     """
     import aerokernels.series.look as look
-    from aerokernels.validation.fourier_fields import CONSTANT, Fourier
+    from tests.series.fourier import CONSTANT, Fourier
 
     volume = Fourier.random(5, wavenumber=30.0, amplitude=0.01)
     volume.mean = 0.0
@@ -131,7 +131,7 @@ def test_many_directions_through_a_volume_go_together(monkeypatch: pytest.Monkey
 
 def test_errors_of_looks_cover_the_truth():
     """A turbulent volume of 25 nodes a side against the same modes on 73, with more rays; those of 9 directions."""
-    from aerokernels.validation.fourier_fields import CONSTANT, Fourier
+    from tests.series.fourier import CONSTANT, Fourier
 
     volume = Fourier.random(9, wavenumber=80.0, amplitude=0.03)
     volume.mean = 0.0

@@ -7,7 +7,7 @@ import pytest
 
 from aerokernels import Disc, IndexField, Plane, RayBundle, Rectangle, estimate_strehl, trace
 from aerokernels.strehl.budget import STANDARD_ERRORS
-from aerokernels.strehl.estimate import PreparedStrehl, plan_strehl, prepare_strehl
+from aerokernels.strehl.estimate import PreparedStrehl, prepare_strehl
 from aerokernels.strehl.sums import combined, met_nothing
 from aerokernels.tracing import RayStatus
 from aerokernels.tracing.engines.reference.pupil import PupilRun
@@ -142,10 +142,10 @@ def test_counts_and_plans():
     assert REPLICATES == 16
     found = estimate_strehl(field, pupil, ray_count=50, **options)
     assert found.ray_count == 64 == found.traced_ray_count
-    plan, rays = plan_strehl(field, pupil, ray_count=50, seed=3, **options)
-    assert plan.method == "adaptive" and rays == 64
-    assert plan_strehl(field, pupil, ray_count=10**6, **options)[1] == 16 * 144
-    assert plan_strehl(field, pupil, ray_count=10**6, bundle="off", **options)[1] == 10**6
+    job = PreparedStrehl(field, pupil, ray_count=50, **options).job
+    assert job.plan.method == "adaptive" and job.predicted_ray_count == 64
+    assert PreparedStrehl(field, pupil, ray_count=10**6, **options).job.predicted_ray_count == 16 * 144
+    assert PreparedStrehl(field, pupil, ray_count=10**6, bundle="off", **options).job.predicted_ray_count == 10**6
     for bad in (15, 16.5, "16"):
         with pytest.raises((ValueError, TypeError)):
             estimate_strehl(field, pupil, ray_count=bad, **options)

@@ -1,7 +1,7 @@
 """Whether a Strehl estimate's rays saw what the field holds."""
 
 from aerokernels.strehl.sums import UNSEEN, met_nothing
-from aerokernels.validation.random_fields import uniform_field
+from tests.random_fields import uniform_field
 
 
 def test_rays_that_met_nothing_where_there_is_something():

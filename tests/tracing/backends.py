@@ -7,7 +7,7 @@ import pytest
 
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import ArcLength, Plane, TraceResult, available_backends, trace
-from aerokernels.validation.random_fields import mesh_field, uniform_field
+from tests.random_fields import mesh_field, uniform_field
 from tests.small_fields import oblique_rays, random_field
 
 WAVE = 905e-9

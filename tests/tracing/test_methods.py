@@ -7,7 +7,7 @@ from aerokernels.rays import Disc, RayBundle
 from aerokernels.strehl.estimate import estimate_strehl
 from aerokernels.tracing import Plane, trace
 from aerokernels.tracing.leapfrog.sample_cost import LEAST_RAYS
-from aerokernels.validation.random_fields import uniform_field
+from tests.random_fields import uniform_field
 
 from .backends import ENGINES, on
 

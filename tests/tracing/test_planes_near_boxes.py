@@ -8,7 +8,7 @@ import pytest
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import Plane, trace
 from aerokernels.tracing.engines.field_data import NEAR_BOX, _comes_near
-from aerokernels.validation.random_fields import CELL, uniform_field
+from tests.random_fields import CELL, uniform_field
 
 from .backends import ENGINES, OPD_LIMIT, on
 

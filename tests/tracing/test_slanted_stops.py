@@ -12,7 +12,7 @@ from aerokernels.rays import RayBundle
 from aerokernels.tracing import Plane, trace
 from aerokernels.tracing.plan import TracePlan
 from aerokernels.tracing.trace import run_plan
-from aerokernels.validation.random_fields import CELL, uniform_field
+from tests.random_fields import CELL, uniform_field
 
 from .backends import ENGINES, WAVE, on
 

@@ -6,7 +6,7 @@ import pytest
 from aerokernels.medium import Body, IndexField
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import ArcLength, Plane, RayStatus, trace
-from aerokernels.validation.random_fields import uniform_field
+from tests.random_fields import uniform_field
 from tests.small_fields import oblique_rays
 
 from .backends import ENGINES, on

@@ -8,7 +8,7 @@ from aerokernels.rays import RayBundle
 from aerokernels.tracing import ArcLength, Plane, trace
 from aerokernels.tracing.result import RAY_OUTPUTS
 from aerokernels.tracing.tableau import BT, PAIR, PATH_ERROR_SLOPE, PATH_ERROR_VALUE, STAGE_MOMENTUM, C, NystromPair
-from aerokernels.validation.random_fields import uniform_field
+from tests.random_fields import uniform_field
 from tests.small_fields import oblique_rays
 
 from .backends import ENGINES, on

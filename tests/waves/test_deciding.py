@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from aerokernels import Annulus, Body, Disc, IndexField, Mask, Rectangle, Wavefront
-from aerokernels.validation.random_fields import mesh_field, uniform_field
 from aerokernels.waves.bounds import ChangeBound
 from aerokernels.waves.screens import Crossings, Disturbance, MapPaths, ScreensAnswer, paths_of
 from aerokernels.waves.shadows import fringes, is_clear
@@ -16,6 +15,7 @@ from aerokernels.waves.slabs import is_summed
 from aerokernels.waves.validity import affordable, by_bounds, by_rays
 from aerokernels.waves.verdict import Validity
 from tests.phase_plates import WAVELENGTH
+from tests.random_fields import mesh_field, uniform_field
 
 deciding = importlib.import_module("aerokernels.waves.validity")  # the package has a function of that name
 UP = np.array([0.0, 0.0, 1.0])

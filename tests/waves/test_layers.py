@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from aerokernels import Body, IndexField, Wave
-from aerokernels.validation.random_fields import mesh_field, uniform_field
 from aerokernels.waves.bending import bending
 from aerokernels.waves.layers import check_memory, layer_count, mean_layers, path_range, sample_layers, span_of
 from aerokernels.waves.slabs import LookingAlong, SlabsOfLayers
+from tests.random_fields import mesh_field, uniform_field
 
 WAVELENGTH = 905e-9
 

@@ -7,7 +7,6 @@ import pytest
 from scipy.fft import next_fast_len
 
 from aerokernels import Disc, IndexField, Rectangle, Wavefront
-from aerokernels.validation.random_fields import uniform_field
 from aerokernels.waves.screens import (
     MapPaths,
     _two_screens,
@@ -18,6 +17,7 @@ from aerokernels.waves.screens import (
     spread_along,
     stride_of,
 )
+from tests.random_fields import uniform_field
 
 WAVELENGTH = 905e-9
 

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from aerokernels import IndexField, Rectangle, Wave, wavefront
-from aerokernels.validation.random_fields import uniform_field
 from aerokernels.waves.bending import bending
 from aerokernels.waves.layers import sample_layers
 from aerokernels.waves.slabs import FINEST, LookingAlong, slabs_of
 from aerokernels.waves.split_step import plane_wave
 from tests.phase_plates import WAVELENGTH, phase_plate
+from tests.random_fields import uniform_field
 
 
 def test_bent_rays_through_layers_are_traced_ones():

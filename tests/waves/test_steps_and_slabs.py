@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from aerokernels import Body, Disc, IndexField, Rectangle, Wave, split_step
-from aerokernels.validation.random_fields import uniform_field
 from aerokernels.wavefront import Wavefront
 from aerokernels.wavefront.changes import of_pixels
 from aerokernels.waves import angular_spectrum
@@ -16,6 +15,7 @@ from aerokernels.waves.shadows import SlabsPastBody
 from aerokernels.waves.slabs import LookingAlong, SlabsAlongZ, is_summed, slabs_of
 from aerokernels.waves.split_step import _refined, every_second, every_second_pixel, plane_wave
 from tests.phase_plates import WAVELENGTH
+from tests.random_fields import uniform_field
 
 AXES = (np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0]))
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from aerokernels import Disc, IndexField, Rectangle, Wavefront, split_step, validity, wavefront
-from aerokernels.validation.random_fields import mesh_field, uniform_field
 from aerokernels.waves.bounds import change_bound
 from tests.draws.wave_draws import draw_view, view_at_bound
+from tests.random_fields import mesh_field, uniform_field
 
 WAVELENGTH = 905e-9
 LENGTH = 0.1

@@ -12,11 +12,11 @@ from scipy.special import airy, fresnel, j1
 
 from aerokernels import Disc, IndexField, Rectangle, Wave, split_step, validity
 from aerokernels.medium import Body
-from aerokernels.validation.random_fields import uniform_field
 from aerokernels.waves import angular_spectrum
 from aerokernels.waves.layers import mean_layers, sample_layers
 from aerokernels.waves.library import torch_library
 from tests.phase_plates import DEPTH, WAVELENGTH, phase_plate
+from tests.random_fields import uniform_field
 
 K = 2.0 * np.pi / WAVELENGTH
 

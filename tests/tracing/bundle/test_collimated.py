@@ -6,7 +6,7 @@ import pytest
 from aerokernels.medium import IndexField
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import Plane, RayStatus, trace
-from aerokernels.validation.random_fields import noise
+from tests.random_fields import noise
 
 from ..backends import ENGINES, WAVE, on
 

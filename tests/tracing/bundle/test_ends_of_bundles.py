@@ -18,7 +18,7 @@ from aerokernels.tracing.plan import TracePlan
 from aerokernels.tracing.pupil.run import PupilRun
 from aerokernels.tracing.pupil.sums import PupilTask
 from aerokernels.tracing.retrace import ToleranceWarning
-from aerokernels.validation.random_fields import uniform_field
+from tests.random_fields import uniform_field
 
 from ..backends import ENGINES, WAVE, on
 

@@ -15,7 +15,7 @@ from aerokernels.tracing.leapfrog.sample_count import SPREAD_RAYS, spread_of
 from aerokernels.tracing.lever_arms import lever_arms_of
 from aerokernels.tracing.straight_lines import lines_through, outermost_rays
 from aerokernels.tracing.support import support_box
-from aerokernels.validation.random_fields import CELL
+from tests.random_fields import CELL
 
 from ..backends import ENGINES, WAVE, on
 

@@ -10,7 +10,7 @@ import pytest
 
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import Plane, RayStatus, trace
-from aerokernels.validation.random_fields import uniform_field
+from tests.random_fields import uniform_field
 from tests.small_fields import oblique_rays
 
 from ..backends import (

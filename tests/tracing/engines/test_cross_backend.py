@@ -23,7 +23,7 @@ from aerokernels.medium import IndexField
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import Plane, RayStatus, launch, trace
 from aerokernels.tracing.result import RAY_OUTPUTS
-from aerokernels.validation.random_fields import mesh_field, uniform_field
+from tests.random_fields import mesh_field, uniform_field
 from tests.small_fields import oblique_rays
 
 from ..backends import (

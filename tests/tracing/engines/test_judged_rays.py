@@ -6,7 +6,7 @@ import pytest
 from aerokernels.tracing import Plane, RayStatus
 from aerokernels.tracing.launch import launch
 from aerokernels.tracing.planning import plan_bundle
-from aerokernels.validation.random_fields import uniform_field
+from tests.random_fields import uniform_field
 from tests.small_fields import oblique_rays
 
 from ..backends import ENGINES, WAVE, on

@@ -9,7 +9,7 @@ from aerokernels import flow
 from aerokernels.medium import IndexField, QuadMesh
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import Plane, trace
-from aerokernels.validation.random_fields import mesh_field
+from tests.random_fields import mesh_field
 
 from ..backends import ENGINES, OPENCL, WAVE, on
 

@@ -20,8 +20,8 @@ import pytest
 from aerokernels.medium import Body, IndexField
 from aerokernels.tracing.plan import TracePlan
 from aerokernels.tracing.stop import ArcLength, Plane
-from aerokernels.validation.random_fields import CELL, mesh_field, uniform_field
 from tests.bodies import star
+from tests.random_fields import CELL, mesh_field, uniform_field
 
 from ..opencl_stands import need_opencl
 

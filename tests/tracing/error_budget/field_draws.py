@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from aerokernels.benchmark.truth import Formula, integrate, potential_of
 from aerokernels.medium import IndexField
 from aerokernels.rays import RayBundle
-from aerokernels.validation.truth import Formula, integrate, potential_of
 
 CELL = 1e-4
 KINDS = ("smooth", "shocked", "noisy")

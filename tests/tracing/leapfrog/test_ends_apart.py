@@ -7,7 +7,7 @@ from aerokernels.medium import IndexField
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import Plane, trace
 from aerokernels.tracing.leapfrog.sample_count import SPREAD_RAYS
-from aerokernels.validation.random_fields import CELL
+from tests.random_fields import CELL
 
 from ..backends import ENGINES, WAVE, on
 

@@ -12,7 +12,7 @@ from aerokernels.device_arrays import on_host
 from aerokernels.medium import Body, IndexField
 from aerokernels.process.clock import clocked
 from aerokernels.rays import Disc, RayBundle
-from aerokernels.strehl.estimate import estimate_strehl, plan_strehl
+from aerokernels.strehl.estimate import PreparedStrehl, estimate_strehl
 from aerokernels.tracing import ArcLength, Plane, RayStatus, trace
 from aerokernels.tracing.engines.opencl.tables import cell_polynomials
 from aerokernels.tracing.error_limit import error_limit
@@ -23,7 +23,7 @@ from aerokernels.tracing.plan import TracePlan
 from aerokernels.tracing.prediction import predict_evaluations
 from aerokernels.tracing.pupil.run import PupilRun
 from aerokernels.tracing.pupil.sums import BATCH_RAYS, PupilTask, batches_of, point_order
-from aerokernels.validation.random_fields import CELL, noise, uniform_field
+from tests.random_fields import CELL, noise, uniform_field
 
 from ..backends import ENGINES, WAVE, on
 
@@ -260,7 +260,8 @@ def test_a_bundle_that_is_too_small_for_its_grid_is_not_searched_for_structure(m
     assert LEAST_RAYS < 0.8 * enough and 1.2 * enough < rays.ray_count
     for count, is_sampled in ((int(0.8 * enough), False), (int(1.2 * enough), True)):
         assert (trace(field, rays[:count], bundle="off").plan.sample_count > 0) == is_sampled
-    assert plan_strehl(field, Disc(4e-4, (0.0, 0.0, -4e-3)), ray_count=LEAST_RAYS)[0].sample_count > 0
+    prepared = PreparedStrehl(field, Disc(4e-4, (0.0, 0.0, -4e-3)), ray_count=LEAST_RAYS)
+    assert prepared.job.plan.sample_count > 0
 
 
 def test_a_smaller_tolerance_takes_more_samples_and_errs_less():

@@ -18,7 +18,7 @@ from aerokernels.tracing.leapfrog.unresolved import Sampling
 from aerokernels.tracing.plan import TracePlan
 from aerokernels.tracing.straight_lines import lines_through
 from aerokernels.tracing.support import support_box
-from aerokernels.validation.random_fields import CELL
+from tests.random_fields import CELL
 
 from ..backends import ENGINES, OPENCL, WAVE, on
 

@@ -9,7 +9,7 @@ from aerokernels.pupils import Disc
 from aerokernels.tracing import Plane
 from aerokernels.tracing.pupil import fit as pupil_fit
 from aerokernels.tracing.pupil.sums import MOMENT_COUNT, PupilTask
-from aerokernels.validation.random_fields import uniform_field
+from tests.random_fields import uniform_field
 
 
 def moments(x, y, w) -> np.ndarray:

@@ -15,7 +15,7 @@ from scipy.interpolate import NdBSpline, RectBivariateSpline, make_interp_spline
 from aerokernels.medium import Body, IndexField, QuadMesh
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import ArcLength, Plane, RayStatus, trace
-from aerokernels.validation.random_fields import noise
+from tests.random_fields import noise
 
 WAVE = 905e-9
 AMBIENT = 1.0003

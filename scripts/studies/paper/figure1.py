@@ -25,8 +25,8 @@ import numpy as np
 from aerokernels.medium import IndexField, QuadMesh
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import Plane, trace
+from tests.physics.exact_ends import parabolic_contrast, sech_contrast
 
-from ..closed_forms import parabolic_contrast, sech_contrast
 from ..report import saved_figure
 from .printed import FIGURE_1
 

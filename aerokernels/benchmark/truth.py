@@ -61,7 +61,7 @@ def slopes(
 def potential_of(contrast: Formula, ambient: float) -> Formula:
     """Return the optical potential (n^2 - a^2) / 2 and its gradient, from the contrast n - a and its gradient."""
 
-    def potential(x, y, z):
+    def potential(x: Any, y: Any, z: Any) -> tuple[Any, Any]:
         value, slope = contrast(x, y, z)
         return value * (ambient + 0.5 * value), (ambient + value) * slope
 

@@ -15,11 +15,11 @@ from typing import Any
 
 import numpy as np
 
+from aerokernels.benchmark.truth import Truth, integrate, potential_of
 from aerokernels.medium import IndexField
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import TraceResult, trace
 
-from ..truth import Truth, integrate, potential_of
 from .fields import Case
 
 WAVELENGTH = 905e-9

@@ -1,10 +1,11 @@
-"""Trace the cone scene by other libraries: the same rays, the same truth, each used as its documentation recommends.
+"""Trace the benchmark's cone scene and its bundles by other libraries: the same rays, the same truth, the same clocks.
+
+Each is used as its documentation recommends. `aerokernels bench cone bundles` measures this package.
 
 All of them read this package's own B-spline coefficients of the gridded field and integrate the equations of
-validation/truth.py in deviation form, so that a peer has no disadvantage by a coarser interpolant or by float32's
-rounding of a long path.
-Their kernel time ends when results are ready on the device; the wall time includes float64 arrays on the host. Rays are
-on the device before the clock starts.
+aerokernels/benchmark/truth.py in deviation form, so that a peer has no disadvantage by a coarser interpolant or by
+float32's rounding of a long path. Their kernel time ends when results are ready on the device; the wall time includes
+float64 arrays on the host. Rays are on the device before the clock starts.
 
     SciPy      DOP853 over all rays as one system, float64, NumPy lookups
     diffrax    jit(vmap(diffeqsolve)), float32; Tsit5 with adaptive steps, and with fixed ones
@@ -13,22 +14,19 @@ on the device before the clock starts.
                at the nodes. Textures are not read by the GPU's texture units, whose weights have 8 bits.
 """
 
+import argparse
 import importlib.util
+import json
 import time
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from aerokernels.benchmark.errors import chosen_rays, errors
-from aerokernels.benchmark.measuring import clocks, installed, measure
-from aerokernels.benchmark.targets import Settings
-from aerokernels.medium import IndexField
-from aerokernels.medium.grid import UniformGrid
-from aerokernels.process.fault_text import fault_text
-from aerokernels.rays import RayBundle
-from aerokernels.validation.cone import (
+from aerokernels.benchmark.bundle_scenes import KINDS, bundle_scene
+from aerokernels.benchmark.cone import (
     CONE_AMBIENT,
     CONE_HALF,
     CONE_SPACING,
@@ -37,7 +35,15 @@ from aerokernels.validation.cone import (
     cone_rays,
     cone_truth,
 )
-from aerokernels.validation.truth import SIZES, Truth, end_direction, integrate, slopes
+from aerokernels.benchmark.errors import chosen_rays, errors
+from aerokernels.benchmark.measuring import clocks, installed, measure
+from aerokernels.benchmark.table import cone_error, millions
+from aerokernels.benchmark.truth import SIZES, Truth, end_direction, integrate, slopes
+from aerokernels.medium import IndexField
+from aerokernels.medium.grid import UniformGrid
+from aerokernels.process.fault_text import fault_text
+from aerokernels.rays import RayBundle
+from scripts.studies.report import markdown_table
 
 PIP = "pip install 'aerokernels[bench]'"
 # Greatest number of rays of a peer: a run takes seconds on two cores.
@@ -46,6 +52,8 @@ SCIPY_TOLERANCE = 1e-6
 DIFFRAX_TOLERANCE = 1e-5
 DIFFRAX_STEPS = 32
 DRJIT_STEPS = (24, 32, 64)
+BUNDLE_STEPS = (24, 32)  # the first miss the tolerance, the second meet it
+COLUMNS = ("peer", "how", "rays", "M rays/s, kernel", "end to end", "per CPU s", "evaluations", "error")
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +94,7 @@ class Scheme:
     wait: Callable[[], None] | None = None
 
 
-def peer_runs(settings: Settings) -> Iterator[dict]:
+def cone_runs(ray_count: int, repeats: int) -> Iterator[dict]:
     """Measure every installed peer, scheme by scheme; for an absent one, report the reason."""
     field = cone_field()
     for peer, schemes in PEERS.items():
@@ -94,13 +102,28 @@ def peer_runs(settings: Settings) -> Iterator[dict]:
         if missing:
             yield _absent(peer, f"not installed: {', '.join(missing)}; {PIP}")
             continue
-        rays = cone_rays(min(settings.ray_count, MOST_RAYS[peer]))
+        rays = cone_rays(min(ray_count, MOST_RAYS[peer]))
         truth = cone_truth(rays[chosen_rays(rays.ray_count)])
         try:
             for scheme in schemes(field, rays):
-                yield measured_scheme(peer, scheme, rays, truth, settings.repeats)
+                yield measured_scheme(peer, scheme, rays, truth, repeats)
         except Exception as error:  # a foreign package may raise anything; the other peers are still measured
             yield _absent(peer, f"failed: {fault_text(error)}")
+
+
+def bundle_runs(ray_count: int, repeats: int) -> Iterator[dict]:
+    """Measure Dr.Jit on the bundles of the suite "bundles", but for the turbulent volume."""
+    if importlib.util.find_spec("drjit") is None:
+        yield _absent("drjit", f"not installed: drjit; {PIP}")
+        return
+    for kind in KINDS:
+        if kind == "turbulence":
+            continue
+        scene = bundle_scene(kind)
+        rays = scene.make_rays(ray_count, 1)
+        truth = cone_truth(rays[chosen_rays(rays.ray_count)])
+        for scheme in drjit_schemes(scene.make_field(), rays, BUNDLE_STEPS):
+            yield measured_scheme("drjit", replace(scheme, text=f"{kind}: {scheme.text}"), rays, truth, repeats)
 
 
 def measured_scheme(peer: str, scheme: Scheme, rays: RayBundle, truth: Truth, repeats: int) -> dict:
@@ -316,3 +339,41 @@ PEERS: dict[str, Callable[[IndexField, RayBundle], Iterator[Scheme]]] = {
     "drjit": drjit_schemes,
 }
 NEEDS = {"scipy": ("scipy",), "diffrax": ("diffrax", "jax"), "drjit": ("drjit",)}
+RUNS = {"cone": cone_runs, "bundles": bundle_runs}
+
+
+def table_row(run: dict) -> tuple[str, ...]:
+    """One scheme as texts, in the order of COLUMNS."""
+    if not run["available"]:
+        return (run["peer"], run["reason"], *["-"] * (len(COLUMNS) - 2))
+    return (
+        f"{run['peer']} {run['version']} {run['device']}",
+        f"{run['scheme']}, {run['precision']}",
+        str(run["rays_traced"]),
+        *(millions(run[key]) for key in ("kernel_rays_per_second", "rays_per_second", "rays_per_cpu_second")),
+        f"{run['evaluations_per_ray']:.1f}",
+        cone_error(run["error"]),
+    )
+
+
+def main() -> None:
+    """Measure the peers that are installed, and print a table."""
+    parser = argparse.ArgumentParser(prog="scripts/peers", description=__doc__.splitlines()[0])
+    parser.add_argument("suites", nargs="*", metavar="SUITE", help="cone, bundles [both]")
+    parser.add_argument("--rays", type=int, default=1_000_000, metavar="COUNT", help="rays of a trace, at most")
+    parser.add_argument("--repeats", type=int, default=5, metavar="COUNT", help="timed calls of each scheme")
+    parser.add_argument("--out", type=Path, help="write what was measured to this JSON file")
+    options = parser.parse_args()
+    for name in options.suites:
+        if name not in RUNS:
+            parser.error(f"{name!r} is no suite: choose among {', '.join(RUNS)}")
+    if options.rays < 16 or options.repeats < 1:
+        parser.error("give at least 16 rays and one timed call")
+    found = [run for name in options.suites or RUNS for run in RUNS[name](options.rays, options.repeats)]
+    print(markdown_table(COLUMNS, map(table_row, found), text_columns=2))
+    if options.out is not None:
+        options.out.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

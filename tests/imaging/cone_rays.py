@@ -7,8 +7,8 @@ is conserved.
 
 import numpy as np
 
-from ..flow.conical_profile import ConeShock
-from ..rays import RayBundle
+from aerokernels.flow.conical_profile import ConeShock
+from aerokernels.rays import RayBundle
 
 # Difference of the polar angle [rad] for the slope of the density ratio.
 ANGLE_STEP = 1e-6

@@ -19,16 +19,15 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import expit
 
+from aerokernels.benchmark.cone import CONE_HALF, CONE_SPACING, cone_field, cone_truth
+from aerokernels.benchmark.truth import Truth, integrate, potential_of
 from aerokernels.flow import shipped
 from aerokernels.medium import IndexField
 from aerokernels.prepare import prepare_field
 from aerokernels.rays import Disc, RayBundle
 from aerokernels.scene import Scene
 from aerokernels.tracing import Plane
-
-from ..closed_forms import Ends, parabolic_contrast, quadratic_ends, sech_contrast, sech_ends
-from ..cone import CONE_HALF, CONE_SPACING, cone_field, cone_truth
-from ..truth import Truth, integrate, potential_of
+from tests.physics.exact_ends import Ends, parabolic_contrast, quadratic_ends, sech_contrast, sech_ends
 
 LENS_INDEX, LENS_GRADIENT, LENS_CELL, LENS_LENGTH = 1.5, 100.0, 0.25e-3, 62e-3  # n0, g [1/m], [m], [m]
 
