@@ -279,13 +279,13 @@ __kernel void leapfrog(LEAPFROG_ARGUMENTS)
         // Unused packets repeat the last ray, as unused lanes do.
         in[packet] = enter(&field, &arrays, &bounds, first + packet * LANES, ray_count, position_in, direction_in);
         rays[packet] = take_off(
-            &field, &arrays, &control, ambient, in[packet].x0, in[packet].y0, in[packet].z0, in[packet].dx,
-            in[packet].dy, in[packet].dz, in[packet].length, in[packet].kick);
+            &control, ambient, in[packet].x0, in[packet].y0, in[packet].z0, in[packet].dx, in[packet].dy, in[packet].dz,
+            in[packet].length, in[packet].kick);
     }
     take_samples(&field, &arrays, &control, ambient, rays);
 #pragma unroll
     for (int packet = 0; packet < PACKETS; packet++) {
-        const Flight flight = land(&field, &arrays, &control, ambient, &rays[packet]);
+        const Flight flight = land(&control, ambient, &rays[packet]);
         leave(&field, &arrays, &bounds, &control, first + packet * LANES, ray_count, position_in, direction_in,
               &in[packet], &flight, &outputs, rejected_count_out);
     }

@@ -75,8 +75,7 @@ class TracePlan:
         predicted_evaluations: Field evaluations of a ray across the box, predicted before any ray is traced.
         predicted_error: Predicted OPD error [waves]: the error of a pilot bundle, or the tolerance.
         bundle: How many rays were traced and how many interpolated; None where each was traced.
-        few_rays: Whether so few rays follow the plan that tables which pay only for many rays are not made
-            (cell_polynomials of OpenCL), and that several threads of a GPU trace a ray together.
+        few_rays: Whether so few rays follow the plan that several threads of a GPU trace a ray together.
     """
 
     method: str

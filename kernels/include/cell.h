@@ -17,7 +17,6 @@ typedef struct {
 #endif
 } Local;
 
-#if !PACKED
 // The four weights of the coefficients and of their slopes at fractions u of a cell.
 typedef struct {
     reals value[4];
@@ -51,8 +50,6 @@ static inline Fraction fraction_of(reals u, reals v, reals w)
     const Fraction at = {weights_of(u), weights_of(v), weights_of(w)};
     return at;
 }
-
-#endif
 
 #if THREADS > 1
 
@@ -128,7 +125,7 @@ static inline Local in_cell(__global const real *coefficients, int node, const F
     return out;
 }
 
-#elif !PACKED
+#else
 
 static inline Local in_cell(__global const real *coefficients, int node, const Field *field, const Fraction *at)
 {
@@ -145,74 +142,6 @@ static inline Local in_cell(__global const real *coefficients, int node, const F
     }
     return out;
 }
-
-#else
-
-// If coefficients are PACKED, a node's entry has the 16 coefficients of the polynomial in the cell behind it: those of
-// the powers of the second fraction, for each power of the first.
-typedef struct {
-    reals u, v;
-} Fraction;
-
-static inline Fraction fraction_of(reals u, reals v, reals w)
-{
-    const Fraction at = {u, v};
-    return at;
-}
-
-// A cubic polynomial and its slope, by Horner's scheme.
-#define CUBIC_AT(value, slope, x, c0, c1, c2, c3) \
-    {                                             \
-        value = (c3) * x + (c2);                  \
-        slope = (c3) * x + value;                 \
-        value = value * x + (c1);                 \
-        slope = slope * x + value;                \
-        value = value * x + (c0);                 \
-    }
-
-// Potential and slopes from the polynomials along the second axis, for each power of the first fraction, and their
-// slopes.
-static inline Local along_first(const reals *rows, const reals *slopes, reals u)
-{
-    Local out;
-    CUBIC_AT(out.value, out.first, u, rows[0], rows[1], rows[2], rows[3])
-    out.second = ((slopes[3] * u + slopes[2]) * u + slopes[1]) * u + slopes[0];
-    out.third = (reals)R(0.0);
-    return out;
-}
-
-static inline Local in_cell(__global const real *coefficients, int node, const Field *field, const Fraction *at)
-{
-    reals rows[4], slopes[4];
-#pragma unroll
-    for (int i = 0; i < 4; i++) {
-        const real4 row = ((__global const real4 *)coefficients)[4 * node + i];
-        const reals c0 = (reals)row.x, c1 = (reals)row.y, c2 = (reals)row.z, c3 = (reals)row.w;
-        CUBIC_AT(rows[i], slopes[i], at->v, c0, c1, c2, c3)
-    }
-    return along_first(rows, slopes, at->u);
-}
-
-#if LANES > 1
-// As `in_cell`, if the lanes are in different cells.
-static inline Local in_cells_of_their_own(__global const real *coefficients, ints node, const Fraction *at)
-{
-    reals rows[4], slopes[4];
-#pragma unroll
-    for (int i = 0; i < 4; i++) {
-        reals c[4];
-        for (int lane = 0; lane < LANES; lane++) {
-            const real4 row = ((__global const real4 *)coefficients)[4 * INT_AT(node, lane) + i];
-            REAL_AT(c[0], lane) = row.x;
-            REAL_AT(c[1], lane) = row.y;
-            REAL_AT(c[2], lane) = row.z;
-            REAL_AT(c[3], lane) = row.w;
-        }
-        CUBIC_AT(rows[i], slopes[i], at->v, c[0], c[1], c[2], c[3])
-    }
-    return along_first(rows, slopes, at->u);
-}
-#endif
 
 #endif
 

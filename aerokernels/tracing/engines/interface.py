@@ -64,9 +64,6 @@ class Engine(Protocol):
     def another(self, kernel: Any) -> Any:
         """Return the same kernel for launches with other arguments: neither then sets those of the other again."""
 
-    def can_renew(self, field: IndexField, plan: TracePlan) -> bool:
-        """Whether `renew` makes all that `prepare` makes for leapfrog samples of the spline from a grid's values."""
-
     def renew(self, field: IndexField, precision: str, on_host: np.ndarray | None) -> None:
         """Make again what `prepare` has made from a grid's coefficients, whose memory on the device has changed.
 
