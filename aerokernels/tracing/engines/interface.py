@@ -59,7 +59,7 @@ class Engine(Protocol):
         """Prepare the patches between traced rays to interpolate these outputs for rays of the same family."""
 
     def kernels(self, names: Iterable[str]) -> dict[str, Any]:
-        """Return the named kernels, which have no options: those of a pupil, of a grid and of rejected rays."""
+        """Return the named kernels, which have no options: those of a pupil and of a grid."""
 
     def another(self, kernel: Any) -> Any:
         """Return the same kernel for launches with other arguments: neither then sets those of the other again."""

@@ -25,7 +25,7 @@ from ..field_data import FieldData, stop_kind
 from ..interface import GRID_TABLES, Prepared
 from ..layout import STRUCTS, Value
 from ..uploads import Uploads
-from .kernels import grid_tables, new_values, pupil, retry
+from .kernels import grid_tables, new_values, pupil
 from .kernels.deliver_bundle import build_bundle_kernel
 from .kernels.leapfrog import build_leapfrog_kernel
 from .kernels.team import WARP
@@ -40,7 +40,7 @@ def _kernels_of(*files: Any) -> dict[str, Any]:
 
 
 # The kernels without options, by name.
-KERNELS = _kernels_of(pupil, grid_tables, new_values, retry)
+KERNELS = _kernels_of(pupil, grid_tables, new_values)
 # Kernels in which a warp of a GPU shares one group of rays.
 SHARED = (pupil.sum_rays,)
 # Threads per block of kernels of which a GPU has few threads at a time, so that all of its multiprocessors share them:
