@@ -250,11 +250,6 @@ APART void leave(
     // A deflected ray may miss a plane on the box's edge.
     lateral_error = CHOOSE(lateral_error, (reals)INFINITY, arrival.status != (truths)RAY_OK);
     lateral_error = CHOOSE(flight->error, lateral_error, runs);
-#if THREADS > 1
-    if (PLACE_AT_RAY > 0) {
-        return;
-    }
-#endif
     write_packet(
         outputs, control, first, ray_count, &arrival, lateral_error, runs, rejected_count_out);
 }
@@ -266,7 +261,7 @@ __kernel void leapfrog(LEAPFROG_ARGUMENTS)
     __local float4 desks[WORK_GROUP * DESK_ROW];
     arrays.desk = desks + get_local_id(0) / WARP * (WARP * DESK_ROW);
 #endif
-    const int first = (int)get_global_id(0) / THREADS * (LANES * PACKETS) + first_ray;
+    const int first = (int)get_global_id(0) * (LANES * PACKETS) + first_ray;
     if (first >= ray_count) {
         return;
     }

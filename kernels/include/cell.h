@@ -3,7 +3,6 @@
 #define CELL_H
 
 #include "lanes.h"
-#include "warp_threads.h"
 #include "types.h"
 
 // Potential and slopes per cell along the local axes.
@@ -51,54 +50,7 @@ static inline Fraction fraction_of(reals u, reals v, reals w)
     return at;
 }
 
-#if THREADS > 1
-
-// Potential and slopes from the coefficients around a cell: each of the threads of a ray adds up one of the four
-// columns along the last axis, so that all of them load neighbouring numbers together.
-static inline Local in_cell(__global const real *coefficients, int node, const Field *field, const Fraction *at)
-{
-    __global const real *column = coefficients + node + PLACE_AT_RAY;
-    real total = R(0.0), first = R(0.0), second = R(0.0);
-#pragma unroll
-    for (int i = 0; i < 4; i++) {
 #if GEOMETRY == VOLUME
-        real sheet = R(0.0), bend = R(0.0);
-#pragma unroll
-        for (int j = 0; j < 4; j++) {
-            const real c = column[i * field->pitch[0] + j * field->pitch[1]];
-            sheet += at->v.value[j] * c;
-            bend += at->v.slope[j] * c;
-        }
-        second += at->u.value[i] * bend;
-#else
-        const real sheet = column[i * field->pitch[0]];
-#endif
-        total += at->u.value[i] * sheet;
-        first += at->u.slope[i] * sheet;
-    }
-#if GEOMETRY == VOLUME
-    const Weights *last = &at->w;
-#else
-    const Weights *last = &at->v;
-#endif
-    const int k = PLACE_AT_RAY;
-    const real weight = k < 2 ? (k ? last->value[1] : last->value[0]) : (k < 3 ? last->value[2] : last->value[3]);
-    const real slope = k < 2 ? (k ? last->slope[1] : last->slope[0]) : (k < 3 ? last->slope[2] : last->slope[3]);
-    const real along = sum_of_threads(slope * total);
-    Local out;
-    out.value = sum_of_threads(weight * total);
-    out.first = sum_of_threads(weight * first);
-#if GEOMETRY == VOLUME
-    out.second = sum_of_threads(weight * second);
-    out.third = along;
-#else
-    out.second = along;
-    out.third = R(0.0);
-#endif
-    return out;
-}
-
-#elif GEOMETRY == VOLUME
 
 // Potential and slopes from the coefficients around one cell, at every lane's fractions.
 static inline Local in_cell(__global const real *coefficients, int node, const Field *field, const Fraction *at)

@@ -8,7 +8,6 @@ import threading
 import weakref
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -86,8 +85,7 @@ class ValuesInTurn:
         self.structure = StructureOnDevice(engine, structure, plan.sample_count, tables.block, tuple(tables.blocks))
         box = support_box(field, structure.limit, plan.lever_arms)
         self.support = GreatestOutside(engine, grid.coefficient_shape, part_of_support(grid, box))
-        few = replace(plan, few_rays=True)
-        trials = Trials(field, pilot, few, task.until, task.wavelength, PILOT_OUTPUTS)
+        trials = Trials(field, pilot, plan, task.until, task.wavelength, PILOT_OUTPUTS)
         self.trials = RepeatedTrials(trials, pair_numbers(plan.sample_count))
         parts = [each.arrays for each in (self.structure, self.support, self.trials)]
         self.reading = engine.fetched([array for arrays in parts for array in arrays])  # in one copy

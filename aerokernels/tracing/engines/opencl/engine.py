@@ -14,7 +14,6 @@ from ....medium import IndexField
 from ....process.clock import stage
 from ...bundle.table import BundleTable
 from ...plan import TracePlan
-from ...scheme import RAY_THREADS
 from ..field_data import FieldData, stop_kind
 from ..interface import GRID_TABLES, Prepared
 from ..kernel_table import PROGRAMS
@@ -58,7 +57,6 @@ class Engine(Uploads):
         self.session = session(device)
         self.device = self.session.name
         self.is_gpu = bool(self.session.device.type & cl.device_type.GPU)
-        self.threads = RAY_THREADS if self.is_gpu and "nvidia" in self.session.device.vendor.lower() else 1
         self.grid_tables: tuple[str, ...] = GRID_TABLES if self.is_gpu else GRID_TABLES[:2]
         self.grid_key = "coefficients", "opencl", self.session
         self.pinned = self.session.pinned if self.is_gpu else None
@@ -77,7 +75,6 @@ class Engine(Uploads):
         leapfrog = plan.sample_count > 0
         lanes = lane_count(self.session, plan.precision) if leapfrog else 1
         packets = PACKETS if lanes > 1 else 1
-        threads = self.threads if leapfrog and plan.few_rays and not plan.looks_up_cubes else 1
         with stage("upload"):
             arguments = self.arguments(field, plan, until, wavelength, outputs, directions)
         options = self._options(
@@ -91,7 +88,6 @@ class Engine(Uploads):
             measured="step_error" in outputs,
             lanes=lanes,
             packets=packets,
-            threads=threads,
             cubes=plan.looks_up_cubes,
         )
         if leapfrog and lanes == 1 and plan.precision == "float32":
@@ -99,7 +95,7 @@ class Engine(Uploads):
         with stage("compile"):
             program = build(self.session, "leapfrog.cl" if leapfrog else "trace.cl", options)
             name = "leapfrog" if leapfrog else "trace_kernel"
-            kernel = self._kernel(program, name, packets * lanes, items=threads)
+            kernel = self._kernel(program, name, packets * lanes)
             if lanes > 1:
                 kernel.group = PACKET_GROUP
             rejected = self._counter() if leapfrog else None
