@@ -10,7 +10,6 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from ...device_arrays.pinned_memory import PinnedMemory
 from ...medium import IndexField
 from ..bundle.table import BundleTable
 from ..plan import TracePlan
@@ -31,7 +30,6 @@ class Engine(Protocol):
         is_gpu: Whether the device is a GPU.
         grid_tables: The GRID_TABLES that the device computes faster than NumPy, see tracing/grid_tables.py.
         grid_key: Key under which a grid caches the float64 spline coefficients computed on the device.
-        pinned: Cache of host memory that a GPU accesses directly; None on a CPU.
     """
 
     device: str
@@ -39,7 +37,6 @@ class Engine(Protocol):
     is_gpu: bool
     grid_tables: tuple[str, ...]
     grid_key: tuple
-    pinned: PinnedMemory | None
 
     def prepare(
         self, field: IndexField, plan: TracePlan, until, wavelength: float, outputs: frozenset, directions: np.ndarray
@@ -159,8 +156,8 @@ class Sent(Protocol):
     def send(self, values: np.ndarray | None = None) -> None:
         """Start the upload; kernels launched after this call read the new values.
 
-        With `values`, an array like this one, those are uploaded instead, from their own memory where it is pinned:
-        leave them unchanged too. They need not be the ones of a recorded upload, see `Engine.recorded`.
+        With `values`, an array like this one, those are uploaded instead: leave them unchanged too. They need not be
+        the ones of a recorded upload, see `Engine.recorded`.
         """
 
 

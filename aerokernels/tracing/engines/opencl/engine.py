@@ -59,7 +59,6 @@ class Engine(Uploads):
         self.is_gpu = bool(self.session.device.type & cl.device_type.GPU)
         self.grid_tables: tuple[str, ...] = GRID_TABLES if self.is_gpu else GRID_TABLES[:2]
         self.grid_key = "coefficients", "opencl", self.session
-        self.pinned = self.session.pinned if self.is_gpu else None
         self.memory = float(self.session.device.global_mem_size), float(self.session.device.max_mem_alloc_size)
 
     def prepare(

@@ -10,7 +10,7 @@ import warp as wp
 from ....device_arrays import DeviceArray, in_reach, is_one_row
 from ....device_arrays.fetching import Fetching
 from ....device_arrays.launching import launch, load_module
-from ....device_arrays.pinned import bring, pinned_memory, to_host
+from ....device_arrays.pinned import bring, to_host
 from ....medium import IndexField
 from ....process.clock import stage
 from ....process.large_arrays import thread_count
@@ -83,7 +83,6 @@ class Engine(Uploads):
         self.memory = memory, memory
         self.is_gpu = bool(found.is_cuda)
         self.grid_key = "coefficients", "warp", device
-        self.pinned = pinned_memory() if found.is_cuda else None
         self.grid_tables: tuple[str, ...] = GRID_TABLES if found.is_cuda else ()
         self.outputs: list[tuple[list, Any]] = []
         if found.is_cuda:
