@@ -65,8 +65,9 @@ def one(kind: str, seed: int) -> dict[str, Any]:
         "schlieren": lambda rays: rays.direction @ _axes(scene.way)[1],
         "displacement": lambda rays: rays.position @ _axes(scene.way)[1],
     }
-    for name, pick in picks.items():
-        error, size = pick(got - true), float(np.std(pick(true))) * max(1.0, bent / exact[1] / LEAST)
+    sizes = {name: float(np.std(getattr(true, name), axis=0).max()) for name in ("opd", "direction", "position")}
+    for (name, pick), whole in zip(picks.items(), sizes.values(), strict=True):
+        error, size = pick(got - true), whole * max(1.0, bent / exact[1] / LEAST)
         bar = float(np.sqrt(sum(one[0] ** 2 for one in of_each(pick, found).values())))
         result["rays"][name] = (float(np.sqrt(np.mean(error**2))), bar, size, float(np.mean(np.abs(error) <= bar)))
     return result

@@ -16,7 +16,7 @@ from ...medium.grid import UniformGrid
 from ...medium.mesh_samples import MeshSamples
 from .paths import Paths
 from .rays import Rays
-from .splines import Surface, in_space
+from .splines import Surface, for_next_order, in_space
 
 THINNED = (2, 3, 4)
 # Shortest path that is followed [cells]: others are points, but for rounding.
@@ -113,9 +113,11 @@ def values_at(field: IndexField, found: Crossings, order: int) -> tuple[np.ndarr
 
 def order_change(field: IndexField, paths: Paths, orders: tuple[int, int]) -> Rays:
     """Return the change by the next order of interpolation in a volume: `orders` are the interpolant's and the next."""
-    change = Rays.still(len(paths.length))
+    change, of_each = Rays.still(len(paths.length)), (field, for_next_order(field, orders))
     for found in crossings(field, paths):
-        (value, slope), (after, slope_after) = (values_at(field, found, order) for order in orders)
+        (value, slope), (after, slope_after) = (
+            values_at(one, found, order) for one, order in zip(of_each, orders, strict=True)
+        )
         _put(change, found, after - value, slope_after - slope, found.weight)
     return change
 

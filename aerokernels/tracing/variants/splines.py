@@ -6,11 +6,15 @@ node falls with the distance of the samples by 0.27 a node (p = 3) and 0.43 (p =
 needed.
 """
 
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import cache
 from math import comb
 
 import numpy as np
 
 from ...medium import IndexField
+from ...medium.grid import UniformGrid
 
 # Nodes beyond the points whose samples matter, and nodes that are solved for together.
 MARGIN, BLOCK = 16, 256
@@ -53,22 +57,59 @@ def order_for(order: int, count: int) -> int:
 
 def coefficients(samples: np.ndarray, order: int, axis: int) -> np.ndarray:
     """Return the spline's coefficients along an axis, of which there are order_for(order, n) - 1 more than samples."""
-    count = samples.shape[axis]
-    order = order_for(order, count)
-    if order < 2:
-        return samples
+    order = order_for(order, samples.shape[axis])
+    return samples if order < 2 else _along(samples, axis, lambda count: _solved(count, order))
+
+
+def for_next_order(field: IndexField, orders: tuple[int, int]) -> IndexField:
+    """Return the field through whose nodes the next order goes: where averages of cells are kept, it keeps them too."""
+    grid = field.samples
+    if not (isinstance(grid, UniformGrid) and grid.keeps_averages):
+        return field
+    found = np.asarray(grid.samples, np.float64)
+    for axis in range(found.ndim):
+        mirrored = min(MARGIN, found.shape[0] - 1) if grid.even_first_axis and axis == 0 else 0
+        if mirrored:
+            found = np.concatenate([found[mirrored:0:-1], found])
+        before, after = (order_for(order, found.shape[axis]) for order in orders)
+        found = _along(found, axis, lambda count, a=before, b=after: _exchanged(count, a, b))[mirrored:]
+    return replace(field, samples=replace(grid, samples=found))
+
+
+@cache
+def _exchanged(count: int, before: int, after: int) -> np.ndarray:
+    """The matrix from a spline's values at `count` nodes to those of the spline of another order with its averages."""
+
+    def rows(order: int, places: Sequence[tuple[float, float]]) -> np.ndarray:
+        found = np.zeros((count, count + 2 * (order // 2)))
+        for node in range(count):
+            for place, share in places:
+                cell = min(max(int(np.floor(node + place)), 0), count - 2)
+                weight = tap_weights(order, np.array(node + place - cell))[0]
+                found[node, cell : cell + order + 1] += share * np.array([float(one) for one in weight])
+        return found
+
+    gauss, share = np.polynomial.legendre.leggauss(3)
+    cell = [(0.25 * (one + side), 0.25 * part) for one, part in zip(gauss, share, strict=True) for side in (-1.0, 1.0)]
+    averages = [rows(order, cell) @ _solved(count, order) for order in (before, after)]
+    return np.asarray(np.linalg.solve(averages[1], averages[0]))
+
+
+def _along(samples: np.ndarray, axis: int, matrix: Callable[[int], np.ndarray]) -> np.ndarray:
+    """Multiply by the matrix for a number of nodes along an axis, by BLOCK nodes at a time where there are more."""
     moved = np.moveaxis(samples, axis, 0)
-    flat, extra = moved.reshape(count, -1), order // 2
+    count, flat = len(moved), moved.reshape(len(moved), -1)
+    whole = matrix(min(count, BLOCK))
+    more = len(whole) - whole.shape[1]
     if count <= BLOCK:
-        found = _solved(count, order) @ flat
+        found = whole @ flat
     else:
-        found = np.empty((count + 2 * extra, flat.shape[1]))
-        step = BLOCK - 4 * MARGIN
-        starts = [*range(0, count - BLOCK, step), count - BLOCK]
+        found = np.empty((count + more, flat.shape[1]))
+        starts = [*range(0, count - BLOCK, BLOCK - 4 * MARGIN), count - BLOCK]
         for start in starts:
             low = 0 if start == 0 else 2 * MARGIN
-            high = BLOCK + 2 * extra if start == count - BLOCK else BLOCK - 2 * MARGIN + 2 * extra
-            found[start + low : start + high] = _solved(BLOCK, order)[low:high] @ flat[start : start + BLOCK]
+            high = BLOCK + more if start == count - BLOCK else BLOCK - 2 * MARGIN + more
+            found[start + low : start + high] = whole[low:high] @ flat[start : start + BLOCK]
     return np.moveaxis(found.reshape(-1, *moved.shape[1:]), 0, axis)
 
 

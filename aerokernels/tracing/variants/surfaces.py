@@ -7,7 +7,7 @@ from ...medium.grid import UniformGrid
 from .paths import Contrast, Paths, shortest_cell
 from .planes import THINNED, step_size
 from .rays import Rays
-from .splines import Surface, in_space
+from .splines import Surface, for_next_order, in_space
 
 # Pieces of a path for each cell of the grid.
 PIECES = 1.5
@@ -37,7 +37,8 @@ def order_change(field: IndexField, paths: Paths, orders: tuple[int, int]) -> Ra
     if not (paths.length > 0.0).any():
         return Rays.still(len(paths.length))
     local = _about(field, paths)
-    before, after = (spline_of(field, local, order) for order in orders)
+    of_each = field, for_next_order(field, orders)
+    before, after = (spline_of(one, local, order) for one, order in zip(of_each, orders, strict=True))
     return paths.integral(_change(field, before, after, np.full(2, np.inf)), shortest_cell(field, paths) / PIECES)
 
 
