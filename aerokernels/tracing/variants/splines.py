@@ -8,7 +8,7 @@ needed.
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from math import comb
 
 import numpy as np
@@ -72,7 +72,7 @@ def for_next_order(field: IndexField, orders: tuple[int, int]) -> IndexField:
         if mirrored:
             found = np.concatenate([found[mirrored:0:-1], found])
         before, after = (order_for(order, found.shape[axis]) for order in orders)
-        found = _along(found, axis, lambda count, a=before, b=after: _exchanged(count, a, b))[mirrored:]
+        found = _along(found, axis, partial(_exchanged, before=before, after=after))[mirrored:]
     return replace(field, samples=replace(grid, samples=found))
 
 
