@@ -153,11 +153,14 @@ def _variants(field: IndexField, rays: RayBundle, until, wavelength: float, resu
         base = Rays(np.zeros(len(rows)), ends[1][rows], ends[0][rows])
     base = base if result.opd is None else replace(base, opd=result.opd[rows])
     weight = np.broadcast_to(result.weight, (result.ray_count,))[rows]
-    return variants(field, some, base, result.plan, until, run, weight=weight, lost=result.truncation[rows])
+    lacked = _lost(field, some, until, result, rows)
+    return variants(field, some, base, result.plan, until, run, weight=weight, lost=lacked)
 
 
-def _lost(field: IndexField, rays: RayBundle, until, result: TraceResult) -> np.ndarray:
-    return lost(field, rays, until, result.ends, result.plan.tolerance * result.wavelength)
+def _lost(field: IndexField, rays: RayBundle, until, result: TraceResult, rows: Any = slice(None)) -> np.ndarray:
+    """Return what a result's rays, or those of some rows, lack by cuts of the field [m]."""
+    ends = None if result.ends is None else (result.ends[0][rows], result.ends[1][rows])
+    return lost(field, rays, until, ends, result.plan.tolerance * result.wavelength)
 
 
 def _group_path(field: IndexField, rays: RayBundle, until, result: TraceResult) -> np.ndarray:
