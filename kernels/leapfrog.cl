@@ -250,11 +250,6 @@ APART void leave(
     // A deflected ray may miss a plane on the box's edge.
     lateral_error = CHOOSE(lateral_error, (reals)INFINITY, arrival.status != (truths)RAY_OK);
     lateral_error = CHOOSE(flight->error, lateral_error, runs);
-#if THREADS > 1
-    if (PLACE_AT_RAY > 0) {
-        return;
-    }
-#endif
     write_packet(
         outputs, control, first, ray_count, &arrival, lateral_error, runs, rejected_count_out);
 }
@@ -266,7 +261,7 @@ __kernel void leapfrog(LEAPFROG_ARGUMENTS)
     __local float4 desks[WORK_GROUP * DESK_ROW];
     arrays.desk = desks + get_local_id(0) / WARP * (WARP * DESK_ROW);
 #endif
-    const int first = (int)get_global_id(0) / THREADS * (LANES * PACKETS) + first_ray;
+    const int first = (int)get_global_id(0) * (LANES * PACKETS) + first_ray;
     if (first >= ray_count) {
         return;
     }
@@ -279,13 +274,13 @@ __kernel void leapfrog(LEAPFROG_ARGUMENTS)
         // Unused packets repeat the last ray, as unused lanes do.
         in[packet] = enter(&field, &arrays, &bounds, first + packet * LANES, ray_count, position_in, direction_in);
         rays[packet] = take_off(
-            &field, &arrays, &control, ambient, in[packet].x0, in[packet].y0, in[packet].z0, in[packet].dx,
-            in[packet].dy, in[packet].dz, in[packet].length, in[packet].kick);
+            &control, ambient, in[packet].x0, in[packet].y0, in[packet].z0, in[packet].dx, in[packet].dy, in[packet].dz,
+            in[packet].length, in[packet].kick);
     }
     take_samples(&field, &arrays, &control, ambient, rays);
 #pragma unroll
     for (int packet = 0; packet < PACKETS; packet++) {
-        const Flight flight = land(&field, &arrays, &control, ambient, &rays[packet]);
+        const Flight flight = land(&control, ambient, &rays[packet]);
         leave(&field, &arrays, &bounds, &control, first + packet * LANES, ray_count, position_in, direction_in,
               &in[packet], &flight, &outputs, rejected_count_out);
     }

@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 import warp as wp
 
 from aerokernels.tracing.engines.kernel_table import BOUNDS, KERNELS
-from aerokernels.tracing.engines.warp.kernels import grid_tables, new_values, pupil, retry
+from aerokernels.tracing.engines.warp.kernels import grid_tables, new_values, pupil
 from aerokernels.tracing.engines.warp.kernels.deliver_bundle import build_bundle_kernel
 from aerokernels.tracing.engines.warp.kernels.leapfrog import build_leapfrog_kernel
 from aerokernels.tracing.engines.warp.kernels.trace import build_kernel
@@ -64,7 +64,7 @@ class Declared(NamedTuple):
 
 def warp_kernels() -> list[wp.Kernel]:
     """Return every Warp kernel, the tracers for all geometries and stops."""
-    files = (pupil, grid_tables, new_values, retry)
+    files = (pupil, grid_tables, new_values)
     kernels = [kernel for file in files for kernel in vars(file).values() if isinstance(kernel, wp.Kernel)]
     library = library_of("float32")
     kernels.append(grid_tables.build_rounding_kernel(library))

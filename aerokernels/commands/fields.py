@@ -137,7 +137,7 @@ def _lacking_rows(flow: "DensityField") -> list[tuple[str, str]]:
     name = "conserving" if index.mesh.whole is not None else "bilinear"
     rows = [("averages", f'deficit of interpolation "{name}": {lacking.in_words()}')]
     if name == "bilinear" and lacking.rows_max is not None and not lacking.keeps_rows:
-        rows.append(("", f'interpolation = "conserving" keeps rows and columns; {COST_OF_CONSERVING}'))
+        rows.append(("", f'interpolation = "conserving" lacks less of rows and columns; {COST_OF_CONSERVING}'))
     return rows
 
 

@@ -1,11 +1,9 @@
 """Cache of pinned memory, which a GPU accesses directly at full speed.
 
 Pinning memory takes longer than copying through it: pinned memory is cached for the next copy, within limits, and so is
-the memory of a result's arrays once the result is deleted. Some may be set aside for the samples of fields, which a GPU
-then reads without another copy on the host.
+the memory of a result's arrays once the result is deleted.
 """
 
-import math
 import os
 import threading
 import weakref
@@ -16,7 +14,6 @@ from typing import Any
 import numpy as np
 
 from ..process.machine import host_memory
-from ..process.opened import OPENED
 
 # Memory is pinned in units of so many bytes; smaller arrays are not worth it.
 LEAST = 1 << 20
@@ -24,25 +21,6 @@ LEAST = 1 << 20
 PINNED_SHARE, KEPT = 0.25, 4 << 30
 # Cached memory is reused for an array that fills at least this share of it.
 FILLED = 0.75
-# Key of the list of memories with memory set aside, the latest first.
-ASIDE = "pinned memory set aside"
-# Most memory that is set aside for arrays of one size [bytes].
-MOST_ASIDE = 1 << 28
-
-
-def unused_array(shape: tuple[int, ...], kind: np.dtype) -> np.ndarray:
-    """Return an uninitialised array, in memory that was set aside and is not in use where there is any."""
-    size = kind.itemsize * math.prod(shape)
-    for memory in (OPENED.get(ASIDE) or ()) if size >= LEAST else ():
-        taken = memory.unused(size)
-        if taken is not None:
-            return np.asarray(Lent(memory, taken, shape, kind))
-    return np.empty(shape, kind)
-
-
-def is_whole(array: np.ndarray) -> bool:
-    """Return whether an array is the one that was made with its memory, not a view of another one."""
-    return array.flags.owndata or isinstance(array.base, Lent)
 
 
 def _whole(size: int) -> int:
@@ -99,21 +77,6 @@ class PinnedMemory:
             self._free = [each for each in self._free if each is not best]
             self._taken.add(id(best))
             return best
-
-    def set_aside(self, size: int, count: int) -> None:
-        """Pin memory for so many arrays of a size [bytes], which `unused_array` then returns, or for as many as fit."""
-        for each in [self.take(size) for _ in range(min(count, MOST_ASIDE // max(size, 1)))]:
-            if each is not None:
-                self.give_back(each)
-        aside: list[PinnedMemory] = OPENED.once(ASIDE, list)
-        aside[:] = [self, *(each for each in aside if each is not self)]
-
-    def holds(self, array: np.ndarray) -> bool:
-        """Return whether an array is in memory of this cache."""
-        owner: Any = array
-        while isinstance(owner, np.ndarray):
-            owner = owner.base
-        return isinstance(owner, Lent) and owner.memory is self
 
     def give_back(self, buffer: Any) -> None:
         """Return memory that was taken and that no copy uses."""

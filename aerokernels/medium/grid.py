@@ -12,7 +12,6 @@ from itertools import product
 import numpy as np
 
 from ..derived import Derived
-from ..device_arrays.pinned_memory import is_whole, unused_array
 from ..display.shown import shown
 from ..inputs.checks import check_choice
 from ..process.large_arrays import copy_and_scan, extremes_of
@@ -151,10 +150,10 @@ class UniformGrid(Derived):
         origin, spacing = checked_axes(np.shape(samples), self.origin, self.spacing)
         check_choice(self.interpolation, "interpolation", spline.INTERPOLATIONS)
         # Read-only arrays are not copied, since grids may have 100 million nodes.
-        own = isinstance(samples, np.ndarray) and not samples.flags.writeable and is_whole(samples)
+        own = isinstance(samples, np.ndarray) and not samples.flags.writeable and samples.flags.owndata
         if not (own and samples.dtype in KINDS and samples.flags.c_contiguous):
             given = np.asarray(samples)
-            samples = unused_array(given.shape, given.dtype if given.dtype in KINDS else np.dtype(np.float64))
+            samples = np.empty(given.shape, given.dtype if given.dtype in KINDS else np.dtype(np.float64))
             self.__dict__["extremes"] = copy_and_scan(samples, given)
         for name, value in (("samples", samples), ("origin", origin), ("spacing", spacing)):
             value.setflags(write=False)

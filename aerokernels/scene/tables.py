@@ -97,8 +97,8 @@ class FlowTable(Table):
     interpolation: Literal["bilinear", "conserving"] | None = key(
         None,
         'Interpolation between cell averages on a mesh: "bilinear" interpolates values at the cells\' corners; '
-        '"conserving" does so on cells divided into four, such that cells keep their averages and, across a captured '
-        "shock, rows and columns of cells keep theirs; preparing takes two to five times as long. The default is "
+        '"conserving" does so on cells divided into four, such that cells keep their averages; beside a captured '
+        "shock rows and columns of cells keep theirs to 1e-3 of the range; preparing takes longer. The default is "
         '"conserving" if a solver\'s file has values at walls, else "bilinear". Values at points are interpolated '
         'directly. If grid.route is "mesh", the key applies to grid.interpolation "bilinear".',
     )

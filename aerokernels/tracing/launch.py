@@ -1,7 +1,6 @@
 """Launch a bundle on the engine of its plan, in chunks that fit the device's memory: upload, trace and download."""
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -15,17 +14,12 @@ from ..rays import RayBundle
 from .coherence import coherent_order
 from .engines import OUTPUT_TYPES, Engine, Prepared, engine_of
 from .engines.device_memory import lacks_memory, memory_of
-from .engines.layout import REAL_TYPES
-from .error_limit import error_limit
 from .grid_tables import prepare_once
 from .plan import TracePlan
-from .retry import Retry, room_for
 from .status import RayStatus
 
 # Kernel arguments: an array on the host, or one on its device.
 Numbers = np.ndarray | DeviceArray
-# Returns the next attempt for rejected rays, for chunks of at most so many.
-MakeRetry = Callable[[int], Retry]
 
 # Bytes of a ray's start and of all its outputs.
 RAY_BYTES = 6 * 8 + sum(width * np.dtype(kind).itemsize for width, kind in OUTPUT_TYPES.values())
@@ -67,18 +61,10 @@ def launch(
         prepared = engine.prepare(field, plan, until, wavelength, outputs, directions)
         if are_read and engine.is_gpu and rays.ray_count <= FEW and not engine.keeps(rays.ray_count * RAY_BYTES):
             return _together(prepared, starts_of(rays), outputs)
-        retry: MakeRetry | None = None
-        if engine.is_gpu and plan.looks_up_cubes:  # a processor waits for launches in any case
-            limit, spline = error_limit(field, plan.tolerance * wavelength), replace(plan, cubes=False)
-
-            def retry(size: int) -> Retry:
-                other = engine.prepare(field, spline, until, wavelength, outputs, directions)
-                return Retry(other, limit, float(REAL_TYPES[plan.precision](limit)), room_for(size))
-
         order = coherent_order(field, rays.position, rays.direction) if prepared.is_packed else None
         if order is None:
-            return in_chunks(prepared, starts_of(rays), outputs, retry)
-        ordered = in_chunks(prepared, (rays.position[order], rays.direction[order]), outputs, retry)
+            return in_chunks(prepared, starts_of(rays), outputs)
+        ordered = in_chunks(prepared, (rays.position[order], rays.direction[order]), outputs)
     arrays = {name: np.empty_like(array) for name, array in ordered.items()}
     for name, array in ordered.items():
         arrays[name][order] = array
@@ -94,7 +80,6 @@ def in_chunks(
     prepared: Prepared,
     starts: tuple[Numbers, ...],
     outputs: frozenset,
-    retry: MakeRetry | None = None,
     then: Callable[[DeviceArray], None] | None = None,
 ) -> dict[str, Any]:
     """Launch a kernel over rays, chunk by chunk; return per-ray arrays by name.
@@ -105,19 +90,18 @@ def in_chunks(
         prepared: The kernel.
         starts: Its per-ray arguments (position, direction), each of shape (ray_count, 3).
         outputs: Names of the arrays to fetch; the status always is, and "step_error" where rays are rejected.
-        retry: Makes the next attempt for rejected rays, which follows each chunk on the device.
         then: Starts further work on the statuses if they stay on the device: it is called before they are waited for.
     """
     engine, ray_count = prepared.engine, len(starts[0])
     if engine.keeps(ray_count * RAY_BYTES):
         try:
-            return _kept(prepared, starts, outputs, retry, then)
+            return _kept(prepared, starts, outputs, then)
         except Exception as fault:
             if not lacks_memory(fault):
                 raise
     # Other programs may use most of the device's memory: chunks become smaller until they fit.
     chunk = chunk_size(engine.memory, ray_count)
-    chunks = _Chunks(prepared, tuple(np.asarray(each) for each in starts), outputs, retry)
+    chunks = _Chunks(prepared, tuple(np.asarray(each) for each in starts), outputs)
     while not chunks.has_all:
         try:
             chunks.trace(chunk)
@@ -136,8 +120,8 @@ class _Chunks:
         has_all: Whether all rays are traced.
     """
 
-    def __init__(self, prepared: Prepared, starts: tuple[np.ndarray, ...], outputs: frozenset, retry: MakeRetry | None):
-        self.prepared, self.starts, self.outputs, self.retry = prepared, starts, outputs, retry
+    def __init__(self, prepared: Prepared, starts: tuple[np.ndarray, ...], outputs: frozenset):
+        self.prepared, self.starts, self.outputs = prepared, starts, outputs
         self.arrays: dict[str, np.ndarray] = {}
         self.done, self.has_all = 0, False
 
@@ -145,16 +129,12 @@ class _Chunks:
         """Trace the rays that are left, so many at a time."""
         prepared, engine, ray_count = self.prepared, self.prepared.engine, len(self.starts[0])
         results = prepared.allocate(min(size, ray_count))
-        retry = self.retry and self.retry(size)
         while not self.has_all:
             rows = slice(self.done, min(self.done + size, ray_count))
             with stage("upload"):
                 given = [engine.put(array[rows]) for array in self.starts]
             with stage("kernel"):
-                count = rows.stop - rows.start
-                prepared.launch(given, results, count)
-                if retry is not None:
-                    retry.launch(prepared, given, results, slice(0, count))
+                prepared.launch(given, results, rows.stop - rows.start)
                 engine.wait()
             with stage("download"):
                 self._fetch(results, rows)
@@ -278,7 +258,6 @@ def _kept(
     prepared: Prepared,
     starts: tuple[Numbers, ...],
     outputs: frozenset,
-    make_retry: MakeRetry | None,
     then: Callable[[DeviceArray], None] | None,
 ) -> dict[str, Any]:
     """Launch rays on an engine that keeps all results, without waiting for copies that are under way to the host."""
@@ -288,13 +267,9 @@ def _kept(
         results = prepared.allocate(ray_count)
         given, chunks = engine.bring(starts)
         fetching = engine.fetching({name: results[name] for name in wanted}, starts)
-    retry: Retry | None = None
     with stage("kernel"):
         for rows in staged("upload", chunks):
             prepared.launch(given, results, rows.stop - rows.start, rows.start)
-            if make_retry is not None:
-                retry = retry or make_retry(rows.stop - rows.start)  # made while the first chunk is traced
-                retry.launch(prepared, given, results, rows)
             if fetching is not None:
                 fetching.rows(rows)
         if then is not None:

@@ -75,8 +75,6 @@ class TracePlan:
         predicted_evaluations: Field evaluations of a ray across the box, predicted before any ray is traced.
         predicted_error: Predicted OPD error [waves]: the error of a pilot bundle, or the tolerance.
         bundle: How many rays were traced and how many interpolated; None where each was traced.
-        few_rays: Whether so few rays follow the plan that tables which pay only for many rays are not made
-            (cell_polynomials of OpenCL), and that several threads of a GPU trace a ray together.
     """
 
     method: str
@@ -98,7 +96,6 @@ class TracePlan:
     predicted_evaluations: float | None = None
     predicted_error: float | None = None
     bundle: BundleCounts | None = None
-    few_rays: bool = False
 
     @property
     def controls_error(self) -> bool:

@@ -81,13 +81,9 @@ MISSED_SLOPE = 2.0
 # Cells along a side of a cube that has one polynomial (cube_polynomials.py), and floats that hold such a polynomial.
 CUBE_SIDE = 2
 CUBE_ROW = 16
-# Threads of a GPU that trace a ray together where there are few rays: one for each coefficient of a row.
-RAY_THREADS = 4
 # The effect on a ray of the air outside the field's support counts as an error from this share of the tolerance on:
 # a smaller effect is already allowed for by the choice of the support (support.py).
 LEFT_SHARE = 0.5
-# All coordinates of a place that no field reaches [m]: a ray that starts there along an axis takes no samples.
-FAR_AWAY = 1e12
 
 # Weight of the momentum that the method "straight" neglects at the ray's deflection, as at the obliquity of its stop.
 STRAIGHT_LEVER = 3.0

@@ -3,7 +3,6 @@
 #define CELL_H
 
 #include "lanes.h"
-#include "warp_threads.h"
 #include "types.h"
 
 // Potential and slopes per cell along the local axes.
@@ -17,7 +16,6 @@ typedef struct {
 #endif
 } Local;
 
-#if !PACKED
 // The four weights of the coefficients and of their slopes at fractions u of a cell.
 typedef struct {
     reals value[4];
@@ -52,56 +50,7 @@ static inline Fraction fraction_of(reals u, reals v, reals w)
     return at;
 }
 
-#endif
-
-#if THREADS > 1
-
-// Potential and slopes from the coefficients around a cell: each of the threads of a ray adds up one of the four
-// columns along the last axis, so that all of them load neighbouring numbers together.
-static inline Local in_cell(__global const real *coefficients, int node, const Field *field, const Fraction *at)
-{
-    __global const real *column = coefficients + node + PLACE_AT_RAY;
-    real total = R(0.0), first = R(0.0), second = R(0.0);
-#pragma unroll
-    for (int i = 0; i < 4; i++) {
 #if GEOMETRY == VOLUME
-        real sheet = R(0.0), bend = R(0.0);
-#pragma unroll
-        for (int j = 0; j < 4; j++) {
-            const real c = column[i * field->pitch[0] + j * field->pitch[1]];
-            sheet += at->v.value[j] * c;
-            bend += at->v.slope[j] * c;
-        }
-        second += at->u.value[i] * bend;
-#else
-        const real sheet = column[i * field->pitch[0]];
-#endif
-        total += at->u.value[i] * sheet;
-        first += at->u.slope[i] * sheet;
-    }
-#if GEOMETRY == VOLUME
-    const Weights *last = &at->w;
-#else
-    const Weights *last = &at->v;
-#endif
-    const int k = PLACE_AT_RAY;
-    const real weight = k < 2 ? (k ? last->value[1] : last->value[0]) : (k < 3 ? last->value[2] : last->value[3]);
-    const real slope = k < 2 ? (k ? last->slope[1] : last->slope[0]) : (k < 3 ? last->slope[2] : last->slope[3]);
-    const real along = sum_of_threads(slope * total);
-    Local out;
-    out.value = sum_of_threads(weight * total);
-    out.first = sum_of_threads(weight * first);
-#if GEOMETRY == VOLUME
-    out.second = sum_of_threads(weight * second);
-    out.third = along;
-#else
-    out.second = along;
-    out.third = R(0.0);
-#endif
-    return out;
-}
-
-#elif GEOMETRY == VOLUME
 
 // Potential and slopes from the coefficients around one cell, at every lane's fractions.
 static inline Local in_cell(__global const real *coefficients, int node, const Field *field, const Fraction *at)
@@ -128,7 +77,7 @@ static inline Local in_cell(__global const real *coefficients, int node, const F
     return out;
 }
 
-#elif !PACKED
+#else
 
 static inline Local in_cell(__global const real *coefficients, int node, const Field *field, const Fraction *at)
 {
@@ -145,74 +94,6 @@ static inline Local in_cell(__global const real *coefficients, int node, const F
     }
     return out;
 }
-
-#else
-
-// If coefficients are PACKED, a node's entry has the 16 coefficients of the polynomial in the cell behind it: those of
-// the powers of the second fraction, for each power of the first.
-typedef struct {
-    reals u, v;
-} Fraction;
-
-static inline Fraction fraction_of(reals u, reals v, reals w)
-{
-    const Fraction at = {u, v};
-    return at;
-}
-
-// A cubic polynomial and its slope, by Horner's scheme.
-#define CUBIC_AT(value, slope, x, c0, c1, c2, c3) \
-    {                                             \
-        value = (c3) * x + (c2);                  \
-        slope = (c3) * x + value;                 \
-        value = value * x + (c1);                 \
-        slope = slope * x + value;                \
-        value = value * x + (c0);                 \
-    }
-
-// Potential and slopes from the polynomials along the second axis, for each power of the first fraction, and their
-// slopes.
-static inline Local along_first(const reals *rows, const reals *slopes, reals u)
-{
-    Local out;
-    CUBIC_AT(out.value, out.first, u, rows[0], rows[1], rows[2], rows[3])
-    out.second = ((slopes[3] * u + slopes[2]) * u + slopes[1]) * u + slopes[0];
-    out.third = (reals)R(0.0);
-    return out;
-}
-
-static inline Local in_cell(__global const real *coefficients, int node, const Field *field, const Fraction *at)
-{
-    reals rows[4], slopes[4];
-#pragma unroll
-    for (int i = 0; i < 4; i++) {
-        const real4 row = ((__global const real4 *)coefficients)[4 * node + i];
-        const reals c0 = (reals)row.x, c1 = (reals)row.y, c2 = (reals)row.z, c3 = (reals)row.w;
-        CUBIC_AT(rows[i], slopes[i], at->v, c0, c1, c2, c3)
-    }
-    return along_first(rows, slopes, at->u);
-}
-
-#if LANES > 1
-// As `in_cell`, if the lanes are in different cells.
-static inline Local in_cells_of_their_own(__global const real *coefficients, ints node, const Fraction *at)
-{
-    reals rows[4], slopes[4];
-#pragma unroll
-    for (int i = 0; i < 4; i++) {
-        reals c[4];
-        for (int lane = 0; lane < LANES; lane++) {
-            const real4 row = ((__global const real4 *)coefficients)[4 * INT_AT(node, lane) + i];
-            REAL_AT(c[0], lane) = row.x;
-            REAL_AT(c[1], lane) = row.y;
-            REAL_AT(c[2], lane) = row.z;
-            REAL_AT(c[3], lane) = row.w;
-        }
-        CUBIC_AT(rows[i], slopes[i], at->v, c[0], c[1], c[2], c[3])
-    }
-    return along_first(rows, slopes, at->u);
-}
-#endif
 
 #endif
 

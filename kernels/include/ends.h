@@ -81,9 +81,6 @@ static inline int surface_of(const Bounds *bounds, const Interval *interval, dou
     if (STOP == PLANE && interval->has_stop && interval->t_exit == interval->stop_distance) {
         return FACE_COUNT;
     }
-#if IN_PLANE
-    return d.z > 0.0 ? 1 : 0;
-#endif
     int nearest = 0;
     double least = 1.0e300;
     for (int k = 0; k < FACE_COUNT; k++) {

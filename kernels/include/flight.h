@@ -5,17 +5,17 @@
 #include "flight_path.h"
 #include "flight_sums.h"
 
-#define EACH(c) for (int c = 0; c < ACROSS; c++)
+#define EACH(c) for (int c = 0; c < 3; c++)
 
 // The state of a packet's rays between samples.
 typedef struct {
     Path path;
     reals h;
-    reals p[ACROSS], q[ACROSS];             // momentum across the ray, and deviation
-    reals impulse[ACROSS], moment[ACROSS];  // end-corrected sum of the momentum; sum of its moments about the start
+    reals p[3], q[3];             // momentum across the ray, and deviation
+    reals impulse[3], moment[3];  // end-corrected sum of the momentum; sum of its moments about the start
     // The momentum minus the sum over every third sample; the same of its moments.
-    reals momentum_diff[ACROSS], deviation_diff[ACROSS];
-    reals f[ACROSS];                        // slope of the potential across the ray
+    reals momentum_diff[3], deviation_diff[3];
+    reals f[3];                        // slope of the potential across the ray
     reals sigma;                            // int 1 / w dt
     reals bend;                             // sum of P^2 / w
     reals slowness;                         // 1 / w, w the momentum along the ray
@@ -31,8 +31,6 @@ typedef struct {
 // The state of rays before their first sample: they start at (x0, y0, z0), in cells from the grid's first node (x, y
 // from the axis), and run along (dx, dy, dz) for `length` metres, with the momentum `kick` across.
 APART Flying take_off(
-    const Field *field,
-    const Arrays *arrays,
     const Control *control,
     real ambient,
     reals x0,
@@ -44,13 +42,14 @@ APART Flying take_off(
     reals length,
     const reals *kick)
 {
-    const reals zero = (reals)R(0.0);
+    const reals zero = (reals)R(0.0), h = length / (real)control->sample_count;
+    const Path path = {x0, y0, z0, dx, dy, dz, h};  // its sums start at 0
     Flying ray;
-    ray.h = length / (real)control->sample_count;
-    ray.path = path_of(field, arrays, x0, y0, z0, dx, dy, dz, ray.h);
+    ray.h = h;
+    ray.path = path;
 #pragma unroll
     EACH(c) {
-        ray.p[c] = ray.impulse[c] = part_across(&ray.path, kick, c);
+        ray.p[c] = ray.impulse[c] = kick[c];
         ray.momentum_diff[c] = -ray.p[c];  // no error of the sums
         ray.q[c] = ray.moment[c] = ray.deviation_diff[c] = ray.f[c] = zero;
     }
@@ -75,16 +74,16 @@ static inline void take_sample(
     real third,
     Flying *ray)
 {
-    const reals half_step = R(0.5) * UNIT(ray->h) * ray->slowness;
+    const reals half_step = R(0.5) * ray->h * ray->slowness;
     ray->s = sample_path(field, arrays, &ray->path, middle, half_step, ray->p, ray->q, ray->f, &ray->ahead);
-    reals m[ACROSS], across = (reals)R(0.0);
+    reals m[3], across = (reals)R(0.0);
 #pragma unroll
     EACH(c) {
         m[c] = ray->p[c] + half_step * ray->f[c];
         across += m[c] * m[c];
     }
     const reals deficit = longitudinal_deficit_of(ambient, R(2.0) * ray->s - across, &ray->slowness);
-    const reals pace = UNIT(ray->h) * ray->slowness, kick = weight * pace;
+    const reals pace = ray->h * ray->slowness, kick = weight * pace;
     ray->optical += weight * ray->s * ray->slowness;
     ray->deficit += weight * deficit;
     if (control->outputs & OUTPUT_ARC_LENGTH) {
@@ -144,26 +143,21 @@ static inline void take_samples(
 }
 
 // Momentum and deviation at the end, half a step behind the last sample, in fourth order.
-APART Flight land(const Field *field, const Arrays *arrays, const Control *control, real ambient, Flying *ray)
+APART Flight land(const Control *control, real ambient, const Flying *ray)
 {
     const reals h = ray->h;
-    reals q[ACROSS], square = (reals)R(0.0);
+    reals square = (reals)R(0.0);
+    Flight out;
 #pragma unroll
     EACH(c) {
-        q[c] = IN_METRES(h) * (ray->sigma * ray->impulse[c] - ray->moment[c]);
-        ray->momentum_diff[c] += ray->impulse[c];
-        ray->deviation_diff[c] =
-            IN_METRES(h) * (ray->sigma * ray->momentum_diff[c] - (ray->deviation_diff[c] + ray->moment[c]));
+        out.p[c] = ray->impulse[c];
+        out.q[c] = ray->sigma * ray->impulse[c] - ray->moment[c];
+        out.momentum_diff[c] = ray->momentum_diff[c] + ray->impulse[c];
+        out.deviation_diff[c] = ray->sigma * out.momentum_diff[c] - (ray->deviation_diff[c] + ray->moment[c]);
+        out.f[c] = ray->f[c];
         square += ray->impulse[c] * ray->impulse[c];
     }
-    Flight out;
-    const reals s =
-        last_sample(field, arrays, &ray->path, ray->s, ray->f, &ray->ahead, out.f) + R(0.5) * h * ray->ahead;
-    const reals slowness = ray->slowness, ahead = ray->ahead;
-    spread(&ray->path, ray->impulse, out.p);
-    spread(&ray->path, q, out.q);
-    spread(&ray->path, ray->momentum_diff, out.momentum_diff);
-    spread(&ray->path, ray->deviation_diff, out.deviation_diff);
+    const reals slowness = ray->slowness, ahead = ray->ahead, s = ray->s + R(0.5) * h * ahead;
     const reals difference = fabs(h * ((R(2.0) * ray->paths - ambient * ray->deficits) - R(3.0) * ray->coarse));
     out.h = h;
     out.slowness = slowness;

@@ -36,11 +36,6 @@ look_up(const Field *field, const Arrays *arrays, ints start, ints i, ints j, in
         inner.third = CHOOSE(inner.third, other.third, now);
         found |= now;
     }
-#if PACKED
-    if (!all(found)) {
-        inner = in_cells_of_their_own(arrays->coefficients, start, &at);
-    }
-#else
     for (int lane = 0; !all(found) && lane < LANES; lane++) {
         if (!INT_AT(found, lane)) {
 #if GEOMETRY == VOLUME
@@ -57,7 +52,6 @@ look_up(const Field *field, const Arrays *arrays, ints start, ints i, ints j, in
             REAL_AT(inner.second, lane) = alone.z;
         }
     }
-#endif
     return inner;
 #endif
 }
@@ -132,85 +126,5 @@ static inline Potential sample_packet(const Field *field, const Arrays *arrays, 
 #endif
     return out;
 }
-
-// Whether a cell is loaded one sample before it is needed: on a GPU nothing else hides the latency of memory.
-#define AHEAD (PACKED && LANES == 1)
-
-#if AHEAD
-
-// The polynomial of a cell, and the position of the cell.
-typedef struct {
-    real4 rows[4];
-    real first, second;
-} CellAhead;
-
-static inline CellAhead cell_ahead(const Field *field, const Arrays *arrays, real place, real along)
-{
-    CellAhead cell;
-    real u, v;
-#if GEOMETRY == AXISYMMETRIC
-    place = fabs(place);
-#endif
-    const int i = cells_of(place, field->row[0], &u);
-    const int j = cells_of(along, field->row[1], &v);
-    const int node = i * field->pitch[0] + j;
-#pragma unroll
-    for (int k = 0; k < 4; k++) {
-        cell.rows[k] = ((__global const real4 *)arrays->coefficients)[4 * node + k];
-    }
-    cell.first = place - u;
-    cell.second = along - v;
-    return cell;
-}
-
-// As sample_along, from a cell that is already loaded.
-static inline real sample_cell(const CellAhead *cell, real place, real along, real *climb)
-{
-#if GEOMETRY == AXISYMMETRIC
-    const real u = fabs(place) - cell->first;
-#else
-    const real u = place - cell->first;
-#endif
-    const real v = along - cell->second;
-    real rows[4], value;
-#pragma unroll
-    for (int i = 0; i < 4; i++) {
-        const real4 c = cell->rows[i];
-        rows[i] = ((c.w * v + c.z) * v + c.y) * v + c.x;
-    }
-    CUBIC_AT(value, *climb, u, rows[0], rows[1], rows[2], rows[3])
-#if GEOMETRY == AXISYMMETRIC
-    *climb = copysign(R(1.0), place) * *climb;
-#endif
-    return value;
-}
-
-#endif
-
-#if GEOMETRY != VOLUME
-
-// The potential, and in `climb` its slope per cell along the first axis, at the distance `place` from the axis (or at
-// y) and at `along` on z, both in cells; on the far side of the axis the distance is negative.
-static inline reals sample_along(const Field *field, const Arrays *arrays, reals place, reals along, reals *climb)
-{
-    reals u, v;
-#if GEOMETRY == AXISYMMETRIC
-    const ints i = cells_of(fabs(place), field->row[0], &u);
-#else
-    const ints i = cells_of(place, field->row[0], &u);
-#endif
-    const ints j = cells_of(along, field->row[1], &v);
-    const Local inner = look_up(field, arrays, i * field->pitch[0] + j, i, j, j, u, v, (reals)R(0.0));
-#if GEOMETRY == AXISYMMETRIC && LANES == 1 && !REAL_IS_DOUBLE
-    *climb = as_float(as_int(inner.first) ^ (as_int(place) & (int)0x80000000));
-#elif GEOMETRY == AXISYMMETRIC
-    *climb = CHOOSE(inner.first, -inner.first, place < R(0.0));
-#else
-    *climb = inner.first;
-#endif
-    return inner.value;
-}
-
-#endif
 
 #endif

@@ -110,11 +110,7 @@ static inline Starts start_each(const Field *field, const Arrays *arrays, const 
         elsewhere &= !starts.has_stop | (starts.whole.leave != starts.stop_distance);
     }
     if (SOME(elsewhere)) {
-#if IN_PLANE
-        const truths face = CHOOSE64((truths)0, (truths)1, d.z > 0.0);
-#else
         const truths face = nearest_face(bounds, ahead_of(p, starts.whole.leave, d));
-#endif
         surface = CHOOSE64(surface, face, elsewhere);
     }
     starts.surface = CHOOSE64((truths)(-1), surface, disturbed);

@@ -30,37 +30,6 @@ static inline float from_across(float number, int mask)
     return as_float(found);
 }
 
-#if THREADS > 1
-
-// Number of this thread among those that trace its ray together.
-#define PLACE_AT_RAY ((int)get_local_id(0) % THREADS)
-
-static inline float across_ray(float number, int mask)
-{
-    int found;
-    const int team = 0xf << ((int)get_local_id(0) % WARP & ~3);
-    asm volatile(
-        "shfl.sync.bfly.b32 %0, %1, %2, 0x1f, %3;" : "=r"(found) : "r"(as_int(number)), "r"(mask), "r"(team));
-    return as_float(found);
-}
-
-// The sum of a number over the threads of a ray, the same in all of them.
-static inline real sum_of_threads(real part)
-{
-#pragma unroll
-    for (int mask = 1; mask < THREADS; mask *= 2) {
-#if REAL_IS_DOUBLE
-        const float2 halves = as_float2(part);
-        part += as_double((float2)(across_ray(halves.x, mask), across_ray(halves.y, mask)));
-#else
-        part += across_ray(part, mask);
-#endif
-    }
-    return part;
-}
-
-#endif
-
 static inline void meet_in_warp(void)
 {
     asm volatile("bar.warp.sync 0xffffffff;" : : : "memory");

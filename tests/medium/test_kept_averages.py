@@ -1,7 +1,9 @@
 """Cut cells that keep the averages of the flow's: uneven, skewed, triangles, planar and axisymmetric."""
 
+import hypothesis
 import numpy as np
 import pytest
+from hypothesis import strategies as st
 
 from aerokernels import trace
 from aerokernels.flow.reading.planes.polygon_cells import Polygons
@@ -176,3 +178,17 @@ def test_cells_cut_in_four_are_judged_by_those_they_were_cut_from():
     own, lacks = field.samples.lacking_by_cell
     assert own is mesh and lacks.shape == (19 * 19,)
     assert np.array_equal(field.samples.lacking, lacks[field.mesh.parents]) and np.abs(lacks).max() > 1e-6
+
+
+@hypothesis.settings(max_examples=25, deadline=None)
+@hypothesis.given(st.integers(0, 2**32 - 1), st.sampled_from([0.0, 0.01, 0.3]))
+def test_any_averages_stay_within_bounds(seed, noise):
+    """Set-up: a jump with noise of any cell. Expected: finite values, none beyond the averages by more than noise."""
+    draw = np.random.default_rng(seed)
+    mesh = skewed(int(draw.integers(6, 16)), "planar" if draw.random() < 0.5 else "axisymmetric")
+    at = mesh.cell_centroid @ draw.normal(size=2)
+    average = 1.0 + (at > np.quantile(at, draw.uniform(0.1, 0.9))) + noise * draw.uniform(-0.5, 0.5, len(at))
+    _, values, _ = cut_and_kept(mesh, average)
+    assert np.isfinite(values).all()
+    span = np.ptp(average)
+    assert values.min() > average.min() - 0.5 * span and values.max() < average.max() + 0.5 * span

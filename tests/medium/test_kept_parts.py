@@ -1,15 +1,11 @@
-"""Parts of keeping averages: bounds of vertices, walls, hats and lines, steps of the inner-point method, cut cells."""
+"""Parts of keeping averages: bounds of vertices, walls, cut cells."""
 
 import numpy as np
 import pytest
-from scipy.sparse import csr_array, diags_array
-from scipy.sparse.linalg import splu
+from scipy.sparse import csr_array
 
 from aerokernels import IndexField, QuadMesh
-from aerokernels.medium.averages import bounded
-from aerokernels.medium.averages.edge_lines import EdgeLines
 from aerokernels.medium.averages.kept_averages import _bounds, _extremes, _vertices_at, cell_deficits
-from aerokernels.medium.averages.row_sums import _hats, _line_means
 from aerokernels.medium.averages.vertex_weights import vertex_weights
 from aerokernels.medium.mesh_samples import MeshSamples
 from aerokernels.medium.refined import _lifted, cut_in_four, has_seam, quarters, refined
@@ -90,98 +86,6 @@ def test_what_cells_lack_and_of_their_parts(geometry: str):
     size = mesh.corner_weights.sum(axis=1)
     together = [(size[k : k + 2] @ found[k : k + 2]) / size[k : k + 2].sum() for k in range(0, 12, 2)]
     np.testing.assert_allclose(cell_deficits(parts, average, values), np.repeat(together, 2), rtol=1e-10)
-
-
-def test_hats_share_out_each_cell():
-    """Along either axis the weights of a cell in its hats sum to 1, and the hats' middles weighted give its place."""
-    mesh = skewed(6, 7)
-    weights = vertex_weights(mesh)
-    cells = np.array([3, 4, 8, 9, 14, 20, 21, 27])
-    row, column, entry = _hats(cells, weights)
-    assert (entry >= 0.0).all() and len(row) == len(column) == len(entry) == 4 * len(cells)
-    np.testing.assert_allclose(np.bincount(column, entry), 2.0)
-    step = 1.5 * np.sqrt(np.median(weights.area[cells]))
-    groups = {}
-    for k, (one, cell, share) in enumerate(zip(row, column, entry, strict=True)):
-        groups.setdefault((k // (2 * len(cells)), cell), []).append((one, share))
-    number = {}
-    for (axis, cell), pair in groups.items():
-        place = (weights.center[cells[cell], axis] - weights.center[cells, axis].min()) / step
-        for (one, share), left in zip(pair, (np.floor(place), np.floor(place) + 1), strict=True):
-            assert share == pytest.approx(1.0 - abs(place - left), abs=1e-12)
-            assert number.setdefault((axis, left), one) == one
-    assert len(set(number.values())) == len(number)
-    assert sorted(number, key=number.get) == sorted(number)  # numbered along the first axis, then along the second
-
-
-def test_means_along_stretches_of_edges():
-    """Contiguous edges of one line, by their lengths; stretches mostly beside short cells are left out."""
-    line, length = np.array([0, 0, 0, 0, 1, 1, 1]), np.array([1.0, 2.0, 3.0, 4.0, 1.0, 1.0, 2.0])
-    cells = np.array([[0, 1], [1, 2], [2, 3], [3, 4], [4, 5], [5, 6], [6, 0]])
-    lines = EdgeLines(line=line, length=length, middle=np.arange(7), cells=cells, mean=None, target=None)
-    short = np.zeros(7, bool)
-    edge = np.array([0, 1, 3, 4, 5, 6])  # without the third: three stretches
-    found = _line_means(lines, edge, short).toarray()
-    np.testing.assert_allclose(found, [[1 / 3, 2 / 3, 0, 0, 0, 0], [0, 0, 1, 0, 0, 0], [0, 0, 0, 0.25, 0.25, 0.5]])
-    short[6] = True  # beside the last two edges, three quarters of their stretch
-    np.testing.assert_allclose(_line_means(lines, edge, short).toarray(), found[:2])
-    short[6], short[4] = False, True  # beside the fourth edge, a stretch of its own, and a quarter of the last
-    np.testing.assert_allclose(_line_means(lines, edge, short).toarray(), found[[0, 2]])
-
-
-def test_a_newton_step_solves_its_equations():
-    """C dx + e dy = residual; slope, bounds and products to first order: all four equations to rounding."""
-    rng = np.random.default_rng(153)
-    matrix = csr_array(rng.normal(size=(4, 7)))
-    weight, compliance = rng.uniform(0.5, 1.0, 7), rng.uniform(0.1, 1.0, 4)
-    down, up, above, below = rng.uniform(0.2, 1.0, (4, 7))
-    slope, residual = rng.normal(size=7), rng.normal(size=4)
-    inverse = 1.0 / (weight + above / down + below / up)
-    factors = splu((matrix @ diags_array(inverse) @ matrix.T + diags_array(compliance)).tocsc())
-    iterate = bounded._Iterate(down, up, above, below, slope, residual, inverse, factors)
-    low, high = rng.uniform(0.1, 0.3, (2, 7))
-    dx, dy, da, db = bounded._direction(matrix, matrix.T.tocsr(), iterate, low, high)
-    np.testing.assert_allclose(matrix @ dx + compliance * dy, residual, atol=1e-12)
-    np.testing.assert_allclose(weight * dx - matrix.T @ dy - da + db, -slope, atol=1e-12)
-    np.testing.assert_allclose(above * dx + down * da, low - above * down, atol=1e-12)
-    np.testing.assert_allclose(-below * dx + up * db, high - below * up, atol=1e-12)
-    value = np.array([1.0, 2.0, 4.0])
-    assert bounded._step_length(value, np.array([1.0, 0.0, 2.0])) == 1.0
-    assert bounded._step_length(value, np.array([-0.5, -1.0, 2.0])) == 1.0
-    assert bounded._step_length(value, np.array([-2.0, -1.0, -16.0])) == pytest.approx(0.995 * 0.25)
-
-
-def test_least_changes_of_small_problems():
-    """One equation x + y = t: shared evenly, cut at a bound, or violated at a quadratic or at a linear cost."""
-    one = csr_array(np.ones((1, 2)))
-    least = bounded.least_change
-    wide = -10.0 * np.ones(2), 10.0 * np.ones(2)
-    for e, t in ((1e-9, 0.8), (0.5, 0.8), (2.0, -0.3)):
-        np.testing.assert_allclose(
-            least(one, np.array([e]), np.array([t]), *wide), np.full(2, t / (2.0 + e)), rtol=1e-6
-        )
-    cut = least(one, np.array([1e-9]), np.array([0.8]), -np.ones(2), np.array([0.1, 1.0]))
-    np.testing.assert_allclose(cut, [0.1, 0.7], rtol=1e-5)
-    fixed = least(one, np.array([1e-9]), np.array([0.8]), np.array([0.0, -1.0]), np.array([1e-10, 1.0]))
-    np.testing.assert_allclose(fixed, [0.0, 0.8], atol=1e-8)
-    assert least(one, np.array([1.0]), np.array([0.8]), np.zeros(2), np.zeros(2)).tolist() == [0.0, 0.0]
-    # Two that exclude each other, x = 0 and x = 1: an even share, or the hard one as a whole.
-    two = csr_array(np.array([[1.0], [1.0]]))
-    given = np.array([1e-6, 1e-6]), np.array([0.0, 1.0]), np.array([-5.0]), np.array([5.0])
-    np.testing.assert_allclose(least(two, *given), [0.5], rtol=1e-4)
-    # A hard one's residual costs 1000 a unit: beyond it the other's, (1 - x) / e, takes over.
-    found = least(two, *given, np.array([True, False]))
-    np.testing.assert_allclose(found, [(1.0 - 1e3 * 1e-6) / (1.0 + 1e-6)], rtol=1e-6)
-    lax = np.array([1e-6, 1e-2]), *given[1:]
-    np.testing.assert_allclose(least(two, *lax, np.array([True, False])), [1e2 / (1.0 + 1e6 + 1e2)], rtol=1e-3)
-    for kept in (None, np.array([False, True])):
-        found = least(two, np.array([1e-2, 1e-6]), *given[1:], kept)
-        np.testing.assert_allclose(found, [1e6 / (1.0 + 1e6 + 1e2)], rtol=1e-6)
-    # A hard one that the bounds forbid is violated by what they leave, and the other one is kept as a soft one is.
-    both = csr_array(np.array([[1.0, 1.0], [1.0, -1.0]]))
-    bound = np.array([-0.2, -0.2]), np.array([0.2, 0.3])
-    found = least(both, np.array([1e-6, 1e-2]), np.array([0.9, 0.0]), *bound, np.array([True, False]))
-    np.testing.assert_allclose(found, [0.2, 0.3], atol=1e-3)
 
 
 # --- cut cells -------------------------------------------------------------------------------------------------------
@@ -279,18 +183,3 @@ def test_kept_values_do_not_depend_on_units(cut: bool, size: float):
     for found in lacks[1:]:
         np.testing.assert_allclose(found, lacks[0], atol=2e-6)
     assert np.abs(lacks[0]).max() > 1e-3
-
-
-@pytest.mark.parametrize("seed", range(4))
-def test_the_inner_point_takes_few_factorisations(seed: int, monkeypatch):
-    """At most 25, as its module says, where equations can be kept within the bounds, and they are kept."""
-    rng, counted = np.random.default_rng(seed), []
-    monkeypatch.setattr("scipy.sparse.linalg.splu", lambda *given, **more: counted.append(1) or splu(*given, **more))
-    matrix = np.where(rng.uniform(size=(30, 60)) < 0.2, rng.normal(size=(30, 60)), 0.0)
-    low, high = -rng.uniform(0.0, 0.3, 60), rng.uniform(0.0, 0.3, 60)
-    inside = rng.uniform(low, high)
-    hard = np.arange(30) < 4
-    found = bounded.least_change(csr_array(matrix), np.full(30, 1e-9), matrix @ inside, low, high, hard)
-    assert 5 <= len(counted) <= 25
-    np.testing.assert_allclose(matrix @ found, matrix @ inside, atol=1e-6)
-    assert (found >= low).all() and (found <= high).all() and np.sum(found**2) <= np.sum(inside**2)

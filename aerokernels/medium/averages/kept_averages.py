@@ -18,9 +18,8 @@ least. The remaining deficit of a cell is transferred to the vertices that belon
 Beside a captured shock no vertex value leaves the range of the averages of its cells. Elsewhere it may exceed the range
 of these cells and their neighbours by at most a quarter of that range. Initial values are always allowed, except
 densities below a tenth of those around a vertex. With these bounds not every average can be kept: a cell of 1.1 between
-cells of 1 and 2 would need a value of 0.7 in its middle. The deficit of such a cell is transferred to its neighbours,
-so that the sums along rows and columns of cells are kept (row_sums.py); `cell_deficits` returns the deficit of each
-cell.
+cells of 1 and 2 would need a value of 0.7 in its middle. Such a cell keeps its deficit, which is as small as the bounds
+permit, and sums along rows and columns of cells have it, too; `cell_deficits` returns the deficit of each cell.
 
 Cells that are not cut ("bilinear") are swept twice where the flow is smooth; after one sweep the deficit is of fourth
 order.
@@ -30,9 +29,6 @@ import numpy as np
 
 from ..mesh import QuadMesh
 from ..refined import cut_in_four, has_seam
-from .edge_lines import edge_lines
-from .opposite_sides import joined_across
-from .row_sums import keep_row_sums
 from .vertex_values import linear_values_and_smooth, of_parents, values_and_smooth, vertex_gradients
 from .vertex_weights import VertexWeights, vertex_weights
 
@@ -150,8 +146,7 @@ def keep_averages(
     deficit = weights.deficit(target, found) * weights.cell_total / np.where(room > 0.0, room, 1.0)
     cell = weights.transposed.indices[weights.transposed.indptr[single]]
     found[single] = np.clip(found[single] + deficit[cell], low[single], high[single])
-    joined = None if mesh.whole is None else joined_across(mesh.whole)
-    return keep_row_sums(weights, target, found, low, high, joined, edge_lines(mesh, target))
+    return np.asarray(found)
 
 
 def _sweep(weights: VertexWeights, some, target, found, low, high, settled: float, sweeps: int) -> None:

@@ -26,24 +26,17 @@ def joined_across(mesh: QuadMesh) -> tuple[np.ndarray, np.ndarray]:
     return cell + count * (side % 2), beyond + count * (other % 2)
 
 
-def row_numbers(joined: tuple[np.ndarray, np.ndarray], count: int, some: np.ndarray | None = None) -> np.ndarray:
+def row_numbers(joined: tuple[np.ndarray, np.ndarray], count: int) -> np.ndarray:
     """Return the number of each cell's row, first through sides 0 and 2, then through 1 and 3: shape (2 * cells,).
 
     Args:
         joined: The result of `joined_across`.
         count: Number of cells of the mesh.
-        some: Cells to use; a row is then a sequence of these cells without a gap. None for all cells.
     """
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
     first, second = joined
-    if some is not None:
-        place = np.full(count, -1)
-        place[some] = np.arange(len(some))
-        kept = (place[first % count] >= 0) & (place[second % count] >= 0)
-        first, second = (place[at[kept] % count] + len(some) * (at[kept] // count) for at in (first, second))
-        count = len(some)
     ones = np.ones(len(first), dtype=np.int8)
     graph = coo_array((ones, (first, second)), shape=(2 * count, 2 * count))
     return np.asarray(connected_components(graph, directed=False)[1])

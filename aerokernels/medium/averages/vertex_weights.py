@@ -20,20 +20,10 @@ class VertexWeights(Derived):
     Attributes:
         matrix: Weights [m2, if axisymmetric m3 per radian], sparse by rows, shape (flow's cells, vertices).
         transposed: The transpose of `matrix`, sparse by rows.
-        area: Area of each of the flow's cells [m2], shape (flow's cells,).
-        mesh: The mesh, whose cells may be parts of the flow's cells.
     """
 
     matrix: Any
     transposed: Any
-    area: np.ndarray
-    mesh: QuadMesh
-
-    @cached_property
-    def center(self) -> np.ndarray:
-        """Mean of the centroids of each cell's parts [m], shape (flow's cells, 2)."""
-        moments = [np.bincount(_parents(self.mesh), self.mesh.cell_area * c) for c in self.mesh.cell_centroid.T]
-        return np.stack(moments, axis=1) / self.area[:, None]
 
     @cached_property
     def cell_total(self) -> np.ndarray:
@@ -49,12 +39,6 @@ class VertexWeights(Derived):
     def single(self) -> np.ndarray:
         """Which vertices belong to only one of the flow's cells, shape (vertices,)."""
         return np.diff(self.transposed.indptr) == 1
-
-    @cached_property
-    def adjacent(self) -> Any:
-        """Which cells share an edge, each cell with itself included: sparse, shape (flow's cells, flow's cells)."""
-        edge = self.transposed[np.flatnonzero(np.diff(self.transposed.indptr) == 2)].astype(bool).astype(np.int32)
-        return (edge.T @ edge).tocsr()
 
     def deficit(self, average: np.ndarray, values: np.ndarray) -> np.ndarray:
         """Return the averages minus the means of the interpolant of `values`, shape (flow's cells,)."""
@@ -74,8 +58,7 @@ def _make(mesh: QuadMesh) -> VertexWeights:
     rows, columns = np.repeat(parents, 4), mesh.cells.ravel()
     matrix = csr_array((mesh.corner_weights.ravel(), (rows, columns)), shape=(count, len(mesh.vertices)))
     matrix.sum_duplicates()
-    area = np.bincount(parents, mesh.cell_area)
-    return VertexWeights(matrix, matrix.T.tocsr(), area, mesh)
+    return VertexWeights(matrix, matrix.T.tocsr())
 
 
 def _parents(mesh: QuadMesh) -> np.ndarray:

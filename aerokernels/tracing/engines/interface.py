@@ -10,7 +10,6 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from ...device_arrays.pinned_memory import PinnedMemory
 from ...medium import IndexField
 from ..bundle.table import BundleTable
 from ..plan import TracePlan
@@ -31,7 +30,6 @@ class Engine(Protocol):
         is_gpu: Whether the device is a GPU.
         grid_tables: The GRID_TABLES that the device computes faster than NumPy, see tracing/grid_tables.py.
         grid_key: Key under which a grid caches the float64 spline coefficients computed on the device.
-        pinned: Cache of host memory that a GPU accesses directly; None on a CPU.
     """
 
     device: str
@@ -39,7 +37,6 @@ class Engine(Protocol):
     is_gpu: bool
     grid_tables: tuple[str, ...]
     grid_key: tuple
-    pinned: PinnedMemory | None
 
     def prepare(
         self, field: IndexField, plan: TracePlan, until, wavelength: float, outputs: frozenset, directions: np.ndarray
@@ -59,13 +56,10 @@ class Engine(Protocol):
         """Prepare the patches between traced rays to interpolate these outputs for rays of the same family."""
 
     def kernels(self, names: Iterable[str]) -> dict[str, Any]:
-        """Return the named kernels, which have no options: those of a pupil, of a grid and of rejected rays."""
+        """Return the named kernels, which have no options: those of a pupil and of a grid."""
 
     def another(self, kernel: Any) -> Any:
         """Return the same kernel for launches with other arguments: neither then sets those of the other again."""
-
-    def can_renew(self, field: IndexField, plan: TracePlan) -> bool:
-        """Whether `renew` makes all that `prepare` makes for leapfrog samples of the spline from a grid's values."""
 
     def renew(self, field: IndexField, precision: str, on_host: np.ndarray | None) -> None:
         """Make again what `prepare` has made from a grid's coefficients, whose memory on the device has changed.
@@ -162,8 +156,8 @@ class Sent(Protocol):
     def send(self, values: np.ndarray | None = None) -> None:
         """Start the upload; kernels launched after this call read the new values.
 
-        With `values`, an array like this one, those are uploaded instead, from their own memory where it is pinned:
-        leave them unchanged too. They need not be the ones of a recorded upload, see `Engine.recorded`.
+        With `values`, an array like this one, those are uploaded instead: leave them unchanged too. They need not be
+        the ones of a recorded upload, see `Engine.recorded`.
         """
 
 

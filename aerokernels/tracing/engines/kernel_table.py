@@ -19,30 +19,6 @@ TRACED = (
 KERNELS: dict[str, tuple[Value, ...]] = {
     "trace_kernel": TRACED,
     "leapfrog": (*TRACED, Value("rejected_count_out", "int*")),
-    "collect_rejected": (
-        Value("limit", "double"),
-        Value("room", "int"),
-        Value("first_ray", "int"),
-        Value("position_in", "double3*"),
-        Value("direction_in", "double3*"),
-        Value("step_error_in", "double*"),
-        Value("rows_out", "int*"),
-        Value("count_out", "int*"),
-        Value("start_out", "double3*"),
-        Value("heading_out", "double3*"),
-    ),
-    "deliver_retraced": (
-        Value("limit", "double"),
-        Value("requested", "int"),
-        Value("first_place", "int"),
-        Value("count_in", "int*"),
-        Value("rows_in", "int*"),
-        Value("found", "RayOutputs"),
-        Value("outputs", "RayOutputs"),
-        Value("rejected_count_out", "int*"),
-        Value("start_out", "double3*"),
-        Value("heading_out", "double3*"),
-    ),
     "deliver_bundle": (
         Value("block_map", "int*"),
         Value("header", "double*"),
@@ -194,7 +170,6 @@ STRUCTURE_KERNELS = "rule_in_blocks", "missed_in_layers", "missed_around"
 PROGRAMS = {
     "pupil": ("launch_pupil", "sum_rays", "reduce_sums"),
     "grid_tables": (*GRID_KERNELS, *STRUCTURE_KERNELS, "greatest_outside"),
-    "retry": ("collect_rejected", "deliver_retraced"),
 }
 # The counts that bound an OpenCL launch, whose size is rounded up to whole work-groups.
 BOUNDS = {

@@ -223,10 +223,7 @@ OPTIONS: dict[str, Option] = {
     "measured": Option(1, "whether the errors of steps are estimated; error control needs them"),
     "lanes": Option(1, "rays that a work-item moves in step, or lines or places of a grid"),
     "packets": Option(1, "leapfrog: packets of that many rays that a work-item interleaves"),
-    "threads": Option(1, "leapfrog, an NVIDIA GPU: threads that trace a ray together, 1 or scheme.RAY_THREADS"),
-    "packed": Option(0, "leapfrog, two dimensions: whether coefficients are the polynomials of cells"),
     "cubes": Option(0, "leapfrog, volume: whether coefficients are the polynomials of cubes of cells"),
-    "in_plane": Option(0, "leapfrog, two dimensions: whether all rays run along z"),
     "channels": Option(8, "how many numbers are interpolated between traced rays"),
 }
 

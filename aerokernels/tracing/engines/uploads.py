@@ -103,10 +103,6 @@ class Uploads(ABC):
             structs, control = make()
         return structs, control | plan_members(plan, outputs)
 
-    def can_renew(self, field: IndexField, plan: TracePlan) -> bool:
-        """See interface.py."""
-        return True
-
     def renew(self, field: IndexField, precision: str, on_host: np.ndarray | None) -> None:
         """See interface.py."""
         if precision == "float64":

@@ -265,7 +265,7 @@ class _Fitting:
         count = self.structure.sufficient(searched)
         if not count:
             return None
-        trials = self._trials(replace(self.plan, sample_count=count, few_rays=True))
+        trials = self._trials(replace(self.plan, sample_count=count))
         judged = judged_pair(level_pair(trials, count), self.limit)
         return None if judged is None else _Fit(count, *judged, None, searched, self.structure.steepness)
 

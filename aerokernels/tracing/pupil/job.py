@@ -31,8 +31,6 @@ REPLICATES = 16
 PILOT_SEED = 0x1A771CE
 # Plans of pupils that are cached on a field.
 CACHED = 4  # speed only
-# Up to so many rays through a volume leave most threads of a GPU idle, if each is traced by one.
-FEW_RAYS = 1 << 14  # speed only
 # The greatest reach of a pupil, over half of the diagonal of the field's box.
 GREATEST_RATIO = 10.0
 # In place of what is not examined yet.
@@ -204,13 +202,11 @@ def make_job(
     most = RADIAL_RAYS if like is None else fewer_rays(field, pupil, REPLICATES)
     radial_rays, why = choose_radial(field, pupil, look, per_replicate, REPLICATES, symmetry, most)
     count = min(per_replicate, RADIAL_RAYS) if radial_rays else per_replicate
-    is_sparse = 0 < radial_rays < RADIAL_RAYS and like is not None
     known_plan = None if like is None else like.plan  # so that `like` itself need not stay alive
 
     def plan_of(rays: int) -> TracePlan:
         made = plan or _plan_of(field, pilot, until, look, wavelength, REPLICATES * count, rays, known_plan, choices)
-        are_few = is_sparse or (field.geometry == "volume" and rays <= FEW_RAYS)
-        return replace(made, reasons=(*made.reasons, *air.reasons, why), few_rays=are_few)
+        return replace(made, reasons=(*made.reasons, *air.reasons, why))
 
     taken = 0 if like is None or not like.run.task.generator else like.run.task.per_replicate
     is_known = taken in sizes and not radial_rays
@@ -303,5 +299,4 @@ def _runner(task: PupilTask):
 
 def _finer_run(task: PupilTask, plan_of: Callable[[int], TracePlan], per_replicate: int):
     """Prepare the task with so many rays of a replicate."""
-    plan = replace(plan_of(per_replicate * REPLICATES), few_rays=False)
-    return _runner(replace(task, plan=plan, per_replicate=per_replicate))
+    return _runner(replace(task, plan=plan_of(per_replicate * REPLICATES), per_replicate=per_replicate))

@@ -118,8 +118,7 @@ class NewValues:
         told = len(like.air.reasons) + 1  # the last are those of the pupil's air and of the rays
         plan = replace(plan, sampling=None, reasons=plan.reasons[:-told])
         job = make(known, wavelength=like.task.wavelength, like=like, plan=plan)
-        engine, is_known = engine_of(plan.backend, plan.device), job.is_known or not job.sizes
-        if not (is_known and engine.can_renew(known, job.known_task.plan)):
+        if job.sizes and not job.is_known:
             return None
         box = support_box(known, limit / STRICTER, arms)
         field = _twin(known, tolerance, limit, arms, box)

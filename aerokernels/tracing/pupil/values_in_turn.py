@@ -8,7 +8,6 @@ import threading
 import weakref
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -31,8 +30,6 @@ from .sums import PupilSums, PupilTask
 
 # Fields that may be in memory at a time, each used by one thread of a CPU.
 MOST = 2  # speed only
-# Fields for whose samples memory is set aside that a GPU reads directly: that in use, the next, and one to spare.
-ASIDE = 3  # speed only
 
 
 class Examined(NamedTuple):
@@ -82,12 +79,10 @@ class ValuesInTurn:
         self.samples: Any = None  # on a CPU kernels read those of the fields themselves
         if engine.is_gpu:
             self.samples = engine.sent(engine.room((grid.samples.size,), np.float64))
-            engine.pinned.set_aside(grid.samples.nbytes, ASIDE)
         self.structure = StructureOnDevice(engine, structure, plan.sample_count, tables.block, tuple(tables.blocks))
         box = support_box(field, structure.limit, plan.lever_arms)
         self.support = GreatestOutside(engine, grid.coefficient_shape, part_of_support(grid, box))
-        few = replace(plan, few_rays=True)
-        trials = Trials(field, pilot, few, task.until, task.wavelength, PILOT_OUTPUTS)
+        trials = Trials(field, pilot, plan, task.until, task.wavelength, PILOT_OUTPUTS)
         self.trials = RepeatedTrials(trials, pair_numbers(plan.sample_count))
         parts = [each.arrays for each in (self.structure, self.support, self.trials)]
         self.reading = engine.fetched([array for arrays in parts for array in arrays])  # in one copy

@@ -203,35 +203,3 @@ def test_rays_look_up_the_same_cubes_in_any_company(name: str):
         few = launch(field, bundle.rows(slice(0, count)), plan, STOP, WAVE, OUTPUTS)
         for output in OUTPUTS:
             assert np.array_equal(np.asarray(few[output]), np.asarray(together[output])[:count]), (output, count)
-
-
-@pytest.mark.parametrize("precision", ["float32", "float64"])
-@pytest.mark.parametrize("geometry", ["volume", "planar", "axisymmetric"])
-@pytest.mark.parametrize("name", ENGINES[1::2])
-def test_threads_that_share_a_ray_trace_it_as_one_thread_does(name: str, geometry: str, precision: str):
-    """The same statuses and counts, and numbers but for the order of sums; also one ray, and a part of a warp."""
-    some = np.exp(-((np.arange(40)[:, None] - 18.0) ** 2 + (np.arange(36) - 17.0) ** 2) / 40.0)
-    made = 6e-4 * some
-    if geometry == "volume":
-        made = made[:, None] * np.exp(-((np.arange(38)[:, None] - 19.0) ** 2) / 60.0)
-    field = IndexField.from_samples(
-        made, origin=(0.0,) * made.ndim, spacing=(H,) * made.ndim, geometry=geometry, wavelength=WAVE
-    )
-    bundle, until = rays(77), Plane((0.0, 0.0, 37.0 * H), (0.0, 0.1, 1.0))
-    bundle = RayBundle(bundle.position + np.array([8.0 * H, 8.0 * H, 0.0]), bundle.direction)
-    plan = replace(leapfrog_plan(name, blob(), bundle), cubes=False, sampling=None, precision=precision)
-    plan = replace(plan, sample_count=60, tolerance=1.0, quadrature_error_scale=0.1, lever_arms=None)
-    outputs = OUTPUTS | {"position", "evaluation_count"}
-    for count in (77, 1):
-        part = bundle.rows(slice(0, count))
-        alone, shared = (
-            launch(field, part, replace(plan, few_rays=few), until, WAVE, outputs, are_read=True)
-            for few in (False, True)
-        )
-        share = 2e-6 if precision == "float32" else 1e-12
-        for key in ("status", "evaluation_count"):
-            assert (np.asarray(shared[key]) == np.asarray(alone[key])).all(), key
-        sizes = {"opd": WAVE, "step_error": WAVE, "position": H, "direction": 1e-3}
-        for key, size in sizes.items():
-            assert np.abs(np.asarray(shared[key]) - np.asarray(alone[key])).max() <= share * size, key
-        assert np.abs(np.asarray(alone["opd"])).max() > 0.1 * WAVE

@@ -14,7 +14,6 @@ from aerokernels.process.clock import clocked
 from aerokernels.rays import Disc, RayBundle
 from aerokernels.strehl.estimate import estimate_strehl, plan_strehl
 from aerokernels.tracing import ArcLength, Plane, RayStatus, trace
-from aerokernels.tracing.engines.opencl.tables import cell_polynomials
 from aerokernels.tracing.error_limit import error_limit
 from aerokernels.tracing.launch import launch
 from aerokernels.tracing.leapfrog import sample_cost
@@ -147,19 +146,6 @@ def test_rays_along_z_are_those_of_any_direction(geometry, precision, forward):
     assert np.abs(one["direction"] - other["direction"]).max() < 1e-3 * close
     good = np.isfinite(one["step_error"]) & np.isfinite(other["step_error"])
     assert good.mean() > 0.5 and np.abs(one["step_error"] - other["step_error"])[good].max() < 100.0 * close * WAVE
-
-
-def test_polynomials_of_cells_are_the_spline():
-    """Every number of the table, by the spline itself at random places of every cell."""
-    field = uniform_field("planar")
-    table = cell_polynomials(field.samples.coefficients, np.float64).reshape(*field.samples.coefficients.shape, 4, 4)
-    cells = np.indices(np.array(field.samples.samples.shape) - 1).reshape(2, -1)
-    share = np.random.default_rng(2).uniform(0.0, 1.0, cells.shape)
-    powers = (share[:, :, None] ** np.arange(4)).transpose(1, 0, 2)
-    found = np.einsum("np,npq,nq->n", powers[:, 0], table[tuple(cells)], powers[:, 1])
-    place = field.samples.low[:, None] + (cells + share) * np.array(field.samples.spacing)[:, None]
-    contrast = field.contrast_at(np.c_[np.zeros(place.shape[1]), *place])
-    np.testing.assert_allclose(found, contrast * (field.ambient_index + 0.5 * contrast), rtol=0.0, atol=1e-17)
 
 
 def test_it_is_of_fourth_order():

@@ -14,17 +14,15 @@ from ....medium import IndexField
 from ....process.clock import stage
 from ...bundle.table import BundleTable
 from ...plan import TracePlan
-from ...scheme import RAY_THREADS
 from ..field_data import FieldData, stop_kind
 from ..interface import GRID_TABLES, Prepared
 from ..kernel_table import PROGRAMS
-from ..layout import REAL_TYPES, Value, arrays_of
+from ..layout import Value, arrays_of
 from ..uploads import Uploads
 from .arguments import Kernel, pack
 from .devices import session
 from .launchers import give_back, take_kernel
 from .program import WORK_GROUP, build, build_options, lane_count
-from .tables import cell_polynomials, may_be_packed
 from .transfers import Fetched, Recorded, Sent, Shared
 
 # On a GPU, numbers below 1e-38 are flushed to zero: roots and quotients then take fewer instructions.
@@ -39,8 +37,8 @@ PACKET_GROUP = 4  # speed only
 LINE_GROUP = 32  # speed only
 # Number of equal rows up to which they are copied from the host; more are doubled on the device.
 REPEATED = 1 << 12
-# Positions of Control and of the coefficients among the arguments: after the structs Field and Bounds.
-CONTROL, FIRST_ARRAY = 2, 3
+# Position of Control among the arguments: after the structs Field and Bounds.
+CONTROL = 2
 # Kernels in which a work-group shares one group of rays: work-items per group.
 SHARED = {"sum_rays": WORK_GROUP}
 # Kernels of grids that fill a CPU's vectors with neighbouring lines or places.
@@ -59,10 +57,8 @@ class Engine(Uploads):
         self.session = session(device)
         self.device = self.session.name
         self.is_gpu = bool(self.session.device.type & cl.device_type.GPU)
-        self.threads = RAY_THREADS if self.is_gpu and "nvidia" in self.session.device.vendor.lower() else 1
         self.grid_tables: tuple[str, ...] = GRID_TABLES if self.is_gpu else GRID_TABLES[:2]
         self.grid_key = "coefficients", "opencl", self.session
-        self.pinned = self.session.pinned if self.is_gpu else None
         self.memory = float(self.session.device.global_mem_size), float(self.session.device.max_mem_alloc_size)
 
     def prepare(
@@ -78,13 +74,8 @@ class Engine(Uploads):
         leapfrog = plan.sample_count > 0
         lanes = lane_count(self.session, plan.precision) if leapfrog else 1
         packets = PACKETS if lanes > 1 else 1
-        packs = leapfrog and self._packs(field, plan)
-        threads = self.threads if leapfrog and plan.few_rays and not plan.looks_up_cubes else 1
-        in_plane = leapfrog and field.geometry != "volume" and not np.any(directions[:, :2])
         with stage("upload"):
             arguments = self.arguments(field, plan, until, wavelength, outputs, directions)
-            if packs:
-                arguments[FIRST_ARRAY] = self._packed_coefficients(field, plan.precision)
         options = self._options(
             precision=plan.precision,
             geometry=field.geometry,
@@ -96,17 +87,14 @@ class Engine(Uploads):
             measured="step_error" in outputs,
             lanes=lanes,
             packets=packets,
-            threads=threads,
-            packed=packs,
             cubes=plan.looks_up_cubes,
-            in_plane=in_plane,
         )
         if leapfrog and lanes == 1 and plan.precision == "float32":
             options = (*options, FLUSH)
         with stage("compile"):
             program = build(self.session, "leapfrog.cl" if leapfrog else "trace.cl", options)
             name = "leapfrog" if leapfrog else "trace_kernel"
-            kernel = self._kernel(program, name, packets * lanes, items=threads)
+            kernel = self._kernel(program, name, packets * lanes)
             if lanes > 1:
                 kernel.group = PACKET_GROUP
             rejected = self._counter() if leapfrog else None
@@ -332,30 +320,6 @@ class Engine(Uploads):
                 "device"
             )
         return self.put(numbers)
-
-    def _packs(self, field: IndexField, plan: TracePlan) -> bool:
-        """Whether leapfrog samples look up a table of polynomials of cells."""
-        return not plan.few_rays and may_be_packed(field, REAL_TYPES[plan.precision], int(self.memory[1]))
-
-    def can_renew(self, field: IndexField, plan: TracePlan) -> bool:
-        """See interface.py. Polynomials of cells are made by the host."""
-        return not (self.is_gpu and self._packs(field, plan))
-
-    def renew(self, field: IndexField, precision: str, on_host: np.ndarray | None) -> None:
-        """See interface.py."""
-        super().renew(field, precision, on_host)
-        packed = field.held(("opencl packed", self.session, precision))
-        if packed is not None and on_host is not None:
-            self.wait()
-            coefficients = on_host.reshape(field.samples.coefficient_shape)
-            self.put_into(packed, cell_polynomials(coefficients, REAL_TYPES[precision]))
-
-    def _packed_coefficients(self, field: IndexField, precision: str):
-        """Return the table of polynomials of cells for leapfrog in two dimensions, cached on the field."""
-        coefficients, kind = field.samples.coefficients, REAL_TYPES[precision]
-        return field.derive(
-            ("opencl packed", self.session, precision), lambda: self.put(cell_polynomials(coefficients, kind))
-        )
 
     def round_into(self, coefficients: Any, made: Any, count: int, precision: str) -> None:
         """See uploads.py."""

@@ -30,11 +30,8 @@ DOUBLES = (
     "LEAST_SLOPE",
     "ENTRY_ROUNDING",
     "GRAZING_SQUARE",
-    "FAR_AWAY",
     "INCIDENCE_NOISE",
 )
-# Macros of the arrays of a struct RayOutputs, and suffixes of the arrays' names, by the argument's name.
-PER_RAY = {"outputs": ("RAY_OUTPUT", "_out"), "found": ("RETRACED_OUTPUT", "_found")}
 
 
 def in_c(name: str) -> str:
@@ -69,9 +66,10 @@ def types() -> list[str]:
 
 def arguments() -> list[str]:
     """Return the header with a macro for the arguments of each kernel, and macros for the structs of arrays."""
-    structs = {"ARRAY": [member for name in GIVEN for member in arrays_of(name)]}
-    for macro, suffix in PER_RAY.values():
-        structs[macro] = [member._replace(name=member.name + suffix) for member in STRUCTS["RayOutputs"]]
+    structs = {
+        "ARRAY": [member for name in GIVEN for member in arrays_of(name)],
+        "RAY_OUTPUT": [member._replace(name=f"{member.name}_out") for member in STRUCTS["RayOutputs"]],
+    }
     lines = ['#include "types.h"']
     for name, members in structs.items():
         lines += _macro(f"{name}_ARGUMENTS", map(_argument, members))
@@ -151,7 +149,7 @@ def _declared(values: Sequence[Value]) -> list[str]:
     found += ["ARRAY_ARGUMENTS"] if found else []
     for value in values:
         if value.kind not in GIVEN:
-            found.append(f"{PER_RAY[value.name][0]}_ARGUMENTS" if value.kind == "RayOutputs" else _argument(value))
+            found.append("RAY_OUTPUT_ARGUMENTS" if value.kind == "RayOutputs" else _argument(value))
         if value.name in BOUNDS:
             found.append(f"const int {BOUNDS[value.name]}")
     return found
@@ -161,7 +159,7 @@ def _argument(value: Value) -> str:
     """Declare an argument; arrays are of plain numbers, because OpenCL pads vectors of three."""
     if not value.parts[2]:
         return f"const {value.kind} {value.name}"
-    constant = "" if value.name.endswith(tuple(suffix for _, suffix in PER_RAY.values())) else "const "
+    constant = "" if value.name.endswith("_out") else "const "
     return f"__global {constant}{value.parts[0]} *{value.name}"
 
 

@@ -4,7 +4,6 @@ import ctypes
 import weakref
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -35,14 +34,13 @@ class Sent:
 
     def send(self, values: np.ndarray | None = None) -> None:
         """Start the upload; the queue is in order, so later launches see it."""
-        if values is not None and not (self.is_copied and self.session.pinned.holds(values)):
+        if values is not None:
             copy_over(self.array, values)
-            values = None
         if self.is_copied:
-            self.session.do(partial(self._start, self.array if values is None else values))
+            self.session.do(self._start)
 
-    def _start(self, values: np.ndarray) -> None:
-        self.event = cl.enqueue_copy(self.session.queue, self.buffer, values, is_blocking=False)
+    def _start(self) -> None:
+        self.event = cl.enqueue_copy(self.session.queue, self.buffer, self.array, is_blocking=False)
 
 
 class Fetched:

@@ -10,7 +10,7 @@ import warp as wp
 from ....device_arrays import DeviceArray, in_reach, is_one_row
 from ....device_arrays.fetching import Fetching
 from ....device_arrays.launching import launch, load_module
-from ....device_arrays.pinned import bring, pinned_memory, to_host
+from ....device_arrays.pinned import bring, to_host
 from ....medium import IndexField
 from ....process.clock import stage
 from ....process.large_arrays import thread_count
@@ -20,12 +20,12 @@ from ....process.quiet_warp import open_device
 from ....process.threads import in_threads
 from ...bundle.table import BundleTable
 from ...plan import TracePlan
-from ...scheme import GROUP, RAY_THREADS
+from ...scheme import GROUP
 from ..field_data import FieldData, stop_kind
 from ..interface import GRID_TABLES, Prepared
 from ..layout import STRUCTS, Value
 from ..uploads import Uploads
-from .kernels import grid_tables, new_values, pupil, retry
+from .kernels import grid_tables, new_values, pupil
 from .kernels.deliver_bundle import build_bundle_kernel
 from .kernels.leapfrog import build_leapfrog_kernel
 from .kernels.team import WARP
@@ -40,12 +40,11 @@ def _kernels_of(*files: Any) -> dict[str, Any]:
 
 
 # The kernels without options, by name.
-KERNELS = _kernels_of(pupil, grid_tables, new_values, retry)
+KERNELS = _kernels_of(pupil, grid_tables, new_values)
 # Kernels in which a warp of a GPU shares one group of rays.
 SHARED = (pupil.sum_rays,)
-# Threads per block of kernels of which a GPU has few threads at a time, so that all of its multiprocessors share them:
-# those of grids, and those that share a ray among threads.
-GRID_BLOCK, RAY_BLOCK = 32, 64  # speed only
+# Threads per block of kernels of grids: of these a GPU has few threads at a time, which all multiprocessors share.
+GRID_BLOCK = 32  # speed only
 BLOCKS = dict.fromkeys(_kernels_of(grid_tables, new_values).values(), GRID_BLOCK)
 # Kernels that take less time for each ray, or for each number, than tracing.
 SHORT = (pupil.launch_pupil, pupil.reduce_sums)
@@ -84,11 +83,8 @@ class Engine(Uploads):
         self.memory = memory, memory
         self.is_gpu = bool(found.is_cuda)
         self.grid_key = "coefficients", "warp", device
-        self.pinned = pinned_memory() if found.is_cuda else None
         self.grid_tables: tuple[str, ...] = GRID_TABLES if found.is_cuda else ()
         self.outputs: list[tuple[list, Any]] = []
-        self.threads = dict.fromkeys(SHARED, WARP)  # of a GPU, for each ray or group of rays; one for other kernels
-        self.blocks = dict(BLOCKS)  # of a GPU, by kernel; others have Warp's default
         if found.is_cuda:
             OPENED.once(("memory kept", device), lambda: _keep_memory(found))
 
@@ -103,14 +99,9 @@ class Engine(Uploads):
         stop, has_body, library = stop_kind(until), field.body is not None, library_of(plan.precision)
         with stage("compile"):
             if plan.sample_count:
-                shared = self.is_gpu and plan.few_rays and not plan.looks_up_cubes
-                threads = RAY_THREADS if shared else 1
                 kernel = build_leapfrog_kernel(
-                    library, field.geometry, field.interpolation, stop, has_body, plan.looks_up_cubes, threads
+                    library, field.geometry, field.interpolation, stop, has_body, plan.looks_up_cubes
                 )
-                self.threads[kernel] = threads
-                if shared:
-                    self.blocks[kernel] = RAY_BLOCK
             else:
                 on_mesh = not field.is_uniform
                 measured = "step_error" in outputs
@@ -242,9 +233,8 @@ class Engine(Uploads):
         before = [wp.vec3d(*value) if isinstance(value, np.ndarray) else value for value in before]
         after = [self._outputs(value) if isinstance(value, dict) else value for value in after]
         if self.device != "cpu":
-            dim = self.threads.get(kernel, 1) * count
-            block = self.blocks.get(kernel)
-            launch(kernel, dim, [*before, first, *after], self.device, block)
+            dim = WARP * count if kernel in SHARED else count
+            launch(kernel, dim, [*before, first, *after], self.device, BLOCKS.get(kernel))
             return
 
         def run(begin: int) -> None:
@@ -297,7 +287,7 @@ class Engine(Uploads):
 
     def _load(self, kernel) -> None:
         # The block size of a default launch on the CPU is 1; for another one, Warp would compile again at the launch.
-        load_module(kernel.module, self.device, 1 if self.device == "cpu" else self.blocks.get(kernel))
+        load_module(kernel.module, self.device, 1 if self.device == "cpu" else BLOCKS.get(kernel))
 
     def struct_array(self, member: Value, values: np.ndarray, precision: str) -> wp.array:
         """Upload an array of a struct to the device."""

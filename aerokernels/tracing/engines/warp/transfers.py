@@ -17,8 +17,6 @@ from ....process.large_arrays import copy_over, thread_count
 
 # A part of a piece of a GPU's memory begins at a multiple of this number of bytes.
 PART = 256
-# Addresses of pinned memory that an upload knows.
-OTHERS = 16  # speed only
 
 
 class Sent:
@@ -28,30 +26,16 @@ class Sent:
         """Take an array and the buffer to which it is copied, or which shares its memory."""
         self.array, self.buffer = array, buffer
         self._there: wp.array | None = None
-        self._others: dict[int, wp.array] = {}
         if buffer.device.is_cuda:
             self._there = _beside(buffer, self)
             self.array = np.asarray(self._there).reshape(array.shape)
 
     def send(self, values: np.ndarray | None = None) -> None:
         """Start the upload; a stream is in order, so later launches see it."""
-        there = self._there
         if values is not None:
-            if there is not None and pinned_memory().holds(values):
-                there = self._at(values.ctypes.data)
-            else:
-                copy_over(self.array, values)
-        if there is not None:
-            wp.copy(self.buffer, there)
-
-    def _at(self, place: int) -> wp.array:
-        """The numbers at an address of pinned memory; cached, because to make a wp.array takes 50 us."""
-        if place not in self._others:
-            if len(self._others) >= OTHERS:
-                self._others.clear()
-            kind, size = self.buffer.dtype, self.buffer.size
-            self._others[place] = wp.array(ptr=place, dtype=kind, shape=(size,), device="cpu", pinned=True)
-        return self._others[place]
+            copy_over(self.array, values)
+        if self._there is not None:
+            wp.copy(self.buffer, self._there)
 
 
 class Fetched:

@@ -6,7 +6,6 @@ from .....medium.grid import AXIS_CORE
 from .....medium.spline import STRIDE, SUPPORT
 from ..library import KernelLibrary, built_once
 from .native_lookup import build_entry, build_volume_lookup, on_processor
-from .team import build_pick_at_ray, build_sum_at_ray, place_at_ray
 
 
 @built_once
@@ -70,18 +69,13 @@ def build_weights(library: KernelLibrary, interpolation: str):
 
 
 @built_once
-def build_sample(library: KernelLibrary, geometry: str, interpolation: str, shared: bool = False):
-    """Build a function (field, cell, frac, current_cell) -> potential s = (n^2 - a^2) / 2 and its gradient [1/m].
-
-    With `shared`, for cubic interpolation on a GPU, each of the threads that trace a ray together adds up one of the
-    four columns along the last axis, so that all of them load neighbouring numbers together.
-    """
+def build_sample(library: KernelLibrary, geometry: str, interpolation: str):
+    """Build a function (field, cell, frac, current_cell) -> potential s = (n^2 - a^2) / 2 and its gradient [1/m]."""
     t = library.types
     real, vec3, vec4, Field = t.real, t.vec3, t.vec4, t.Field
     value_weights, slope_weights = build_weights(library, interpolation)
     support, stride = SUPPORT[interpolation], STRIDE[interpolation]
     entry, volume_lookup = build_entry(library), build_volume_lookup(library)
-    sum_at_ray, pick_at_ray = build_sum_at_ray(library), build_pick_at_ray(library)
 
     @wp.func
     def split(place: real, base: int, last: int):
@@ -101,15 +95,6 @@ def build_sample(library: KernelLibrary, geometry: str, interpolation: str, shar
         total = real(0.0)
         first = real(0.0)
         second = real(0.0)
-        if wp.static(shared):
-            k = place_at_ray()
-            for i in range(support):
-                c = entry(field.coefficients, start + i * field.pitch[0] + k)
-                total += wa[i] * c
-                first += sa[i] * c
-            weight = pick_at_ray(wb)
-            along = sum_at_ray(pick_at_ray(sb) * total)
-            return vec3(sum_at_ray(weight * total), sum_at_ray(weight * first), along)
         for i in range(support):
             row = real(0.0)
             bend = real(0.0)
@@ -137,26 +122,6 @@ def build_sample(library: KernelLibrary, geometry: str, interpolation: str, shar
             sc = slope_weights(w)
             start = (a * field.pitch[0] + b * field.pitch[1] + c) * stride
             rate = field.inverse_spacing
-            if wp.static(shared):
-                k = place_at_ray()
-                total = real(0.0)
-                first = real(0.0)
-                second = real(0.0)
-                for i in range(support):
-                    sheet = real(0.0)
-                    bend = real(0.0)
-                    for j in range(support):
-                        picked = entry(field.coefficients, start + i * field.pitch[0] + j * field.pitch[1] + k)
-                        sheet += wb[j] * picked
-                        bend += sb[j] * picked
-                    total += wa[i] * sheet
-                    first += sa[i] * sheet
-                    second += wa[i] * bend
-                weight = pick_at_ray(wc)
-                value = sum_at_ray(weight * total)
-                along = sum_at_ray(pick_at_ray(sc) * total)
-                across = sum_at_ray(weight * first)
-                return vec4(value, across * rate[0], sum_at_ray(weight * second) * rate[1], along * rate[2])
             if wp.static(support == 4):
                 if on_processor():
                     s = volume_lookup(field.coefficients, start, field.pitch, wa, sa, wb, sb, wc, sc)

@@ -48,14 +48,11 @@ from .support import (
     build_may_have_left,
     build_overrun,
 )
-from .team import place_at_ray
 from .unresolved import build_unresolved, build_with_lever_arm
 from .wall import build_has_clearance, build_starting_momentum
 
 # Per thread of a GPU: with the 200 that the compiler would use, too few rays could wait for memory at the same time.
 MOST_REGISTERS = 128
-# The same for few rays, which wait for each other's results and not for memory: as many as there are.
-MOST_OF_FEW = 255
 
 
 @built_once
@@ -66,15 +63,11 @@ def build_leapfrog_kernel(
     stop: str,
     has_body: bool,
     cubes: bool = False,
-    threads: int = 1,
 ):
-    """Build the kernel for one kind of scene; its arguments are those of the tracer and the count of rejected rays.
-
-    So many threads, 1 or RAY_THREADS, trace a ray together: a launch has that many for each ray.
-    """
+    """Build the kernel for one kind of scene; its arguments are those of the tracer and the count of rejected rays."""
     t = library.types
     real, vec3, vec4 = t.real, t.vec3, t.vec4
-    sample = build_cube_sample(library) if cubes else build_sample(library, geometry, interpolation, threads > 1)
+    sample = build_cube_sample(library) if cubes else build_sample(library, geometry, interpolation)
     start_of = build_start(library, geometry, stop, has_body)
     end_of = build_end(library, geometry, interpolation, stop)
     surface_distance = build_surface_distance(library, geometry)
@@ -92,15 +85,16 @@ def build_leapfrog_kernel(
     ok = int(RayStatus.OK)
     tiny = TINY[library.precision]
     beyond_support = wp.constant(BEYOND_SUPPORT)
-    most = MOST_REGISTERS if threads == 1 else MOST_OF_FEW
 
     # With fast_math a GPU uses its own roots and quotients, accurate to about two units in the last place; here they
     # are factors of small deviations. Compensated sums stay as written: the compiler does not change their order.
-    @wp.kernel(module="unique", enable_backward=False, cuda_max_registers=most, module_options={"fast_math": True})
+    @wp.kernel(
+        module="unique", enable_backward=False, cuda_max_registers=MOST_REGISTERS, module_options={"fast_math": True}
+    )
     @takes("leapfrog", library.precision)
     def leapfrog(field, bounds, control, first_ray, position_in, direction_in, outputs, rejected_count_out):
         thread, _ = wp.tid()  # two indices, see trace.py
-        ray = thread // wp.static(threads) + first_ray
+        ray = thread + first_ray
         p0 = position_in[ray]
         d0 = direction_in[ray]
         status, interval = start_of(field, bounds, p0, d0)
@@ -349,9 +343,6 @@ def build_leapfrog_kernel(
         if missed > real(0.0):
             onward = real(wp.length(arrival.position - end) + interval.t_exit - interval.t_enter)
             error += with_lever_arm(field, missed, onward, real(wp.abs(wp.dot(normal, d0))))
-        if wp.static(threads > 1):
-            if place_at_ray() > 0:
-                return
         if error > control.tolerance:
             wp.atomic_add(rejected_count_out, 0, 1)
         samples = wp.where(runs, count, 0)
