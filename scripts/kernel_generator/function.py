@@ -13,6 +13,8 @@ APART = {
     "start_of",
     "stop_geometry_of",
     "end_of",
+    "body_exit",
+    "body_entry",
     "has_clearance",
     "behind_wall",
     "time_beyond_face",
