@@ -10,7 +10,7 @@
 
 #include "arguments.h"
 #include "bundle_family.h"
-#include "outputs.h"
+#include "generated/outputs.h"
 #include "patches.h"
 #include "ray_status.h"
 
@@ -64,5 +64,5 @@ __kernel void deliver_bundle(DELIVER_BUNDLE_ARGUMENTS)
     // Load only what is requested: on a GPU the loads take most of the time.
     const int has_costs = requested & (OUTPUT_STEP_ERROR | OUTPUT_STEP_COUNT | OUTPUT_EVALUATION_COUNT);
     const double4 costs = has_costs ? vload4(1, head) : 0.0;
-    write_outputs(&outputs, requested, ray, &arrival, costs.s1, (int)costs.s2, (int)costs.s3);
+    write_outputs(&outputs, requested, ray, arrival, costs.s1, (int)costs.s2, (int)costs.s3);
 }

@@ -29,7 +29,7 @@ LONGEST = (
     "tests/tracing/error_budget/test_scene_budgets.py",
     "tests/tracing/engines/test_backends_agree.py",
     "tests/tracing/leapfrog/test_leapfrog.py",
-    "tests/tracing/engines/test_twins.py",
+    "tests/tracing/engines/test_generated_kernels.py",
     "tests/jobs/test_sweep.py",
     "tests/tracing/engines/test_random_fields_backends.py",
     "tests/tracing/test_bodies.py",

@@ -3,8 +3,8 @@ r"""Measure the greatest rates of a device in float32, and the share of them tha
 Two ceilings, each by an OpenCL kernel that does nothing else: fused multiply-adds in independent chains, counted as two
 operations each, and vector loads from a few KiB that stay in the first cache.
 
-Operations of an evaluation of the field (kernels/include/grid.h; where steps differ, the ray equation around it is not
-counted, so the share is a lower bound):
+Operations of an evaluation of the field (kernels/generated/grid.h; where steps differ, the ray equation around it is
+not counted, so the share is a lower bound):
 
     cubic volume          64 loads of 4 B. 16 rows of 4 coefficients: value and slope along y, 2 x 64 multiply-adds;
                           then along x, 3 x 16; along z, 4 x 4: 192 multiply-adds = 384 operations, and 3 axes x 24 for

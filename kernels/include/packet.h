@@ -7,7 +7,7 @@
 
 #include "cell.h"
 #include "cubes.h"
-#include "grid.h"
+#include "generated/grid.h"
 
 #define MOST_CELLS 4
 
@@ -39,9 +39,9 @@ look_up(const Field *field, const Arrays *arrays, ints start, ints i, ints j, in
     for (int lane = 0; !all(found) && lane < LANES; lane++) {
         if (!INT_AT(found, lane)) {
 #if GEOMETRY == VOLUME
-            const int3 cell = (int3)(INT_AT(i, lane), INT_AT(j, lane), INT_AT(k, lane));
-            const real4 alone =
-                volume_sample(field, arrays, cell, REAL_AT(u, lane), REAL_AT(v, lane), REAL_AT(w, lane));
+            const real4 alone = volume_sample(
+                field, arrays, INT_AT(i, lane), REAL_AT(u, lane), INT_AT(j, lane), REAL_AT(v, lane),
+                INT_AT(k, lane), REAL_AT(w, lane));
             REAL_AT(inner.third, lane) = alone.w;
 #else
             const real3 alone =

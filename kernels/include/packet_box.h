@@ -1,10 +1,11 @@
-// Where the straight rays of a packet meet a box, and the box's faces: the functions of box.h for all lanes of a
+// Where the straight rays of a packet meet a box, and the box's faces: the functions of generated/box.h for all lanes of a
 // packet.
 #ifndef PACKET_BOX_H
 #define PACKET_BOX_H
 
-#include "box.h"
+#include "constants.h"
 #include "lanes.h"
+#include "types.h"
 
 // A vector in space for each lane.
 #if LANES == 1

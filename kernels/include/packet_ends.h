@@ -1,11 +1,16 @@
-// Both ends of nearly straight rays in double: the functions of ends.h for all lanes of a packet.
+// Both ends of nearly straight rays in double: the functions of generated/ends.h for all lanes of a packet.
 #ifndef PACKET_ENDS_H
 #define PACKET_ENDS_H
 
+#include "generated/wall.h"
 #include "packet_box.h"
 #include "ray_status.h"
 #include "support.h"
-#include "wall.h"
+
+// Change k of the momentum along the normal of the body where rays leave it, see starting_momentum in wall.h; `before` is the
+// momentum along it. A ray that would be reflected within the body runs along its surface.
+#define LEAVING_KICK(before, potential)                                                                                \
+    max(R(2.0) * (potential) / ((before) + sqrt(max((before) * (before) + R(2.0) * (potential), R(0.0)))), -(before))
 
 // Initial statuses of rays, and the intervals of the undisturbed rays.
 typedef struct {
@@ -49,7 +54,7 @@ static inline void start_at_walls(
         } else {
             DOUBLE_AT(*enter, lane) = leaves;
             if (met.odd) {
-                const double3 normal = outward_normal(arrays, met.piece, place + leaves * direction);
+                const double3 normal = outward_normal(field, arrays, met.piece, place + leaves * direction);
                 DOUBLE_AT(starts->normal.x, lane) = normal.x;
                 DOUBLE_AT(starts->normal.y, lane) = normal.y;
                 DOUBLE_AT(starts->normal.z, lane) = normal.z;

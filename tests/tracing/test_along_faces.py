@@ -22,7 +22,7 @@ FLAGGED = (RayStatus.TOLERANCE_NOT_MET, RayStatus.MAX_STEPS, RayStatus.LEFT_DIST
 
 
 # Seed and rays of each bundle. Warp takes every second one: its kernels take three times as long to build as OpenCL's,
-# its functions give the same bits (test_twins.py), and its steps are the same (test_cross_backend.py).
+# its kernels give the same bits (test_generated_kernels.py), and its steps are the same (test_cross_backend.py).
 BUNDLES = {
     "in-a-face": (524134, [137, 245]),
     "in-a-face-far-plane": (1130052, [278, 279]),

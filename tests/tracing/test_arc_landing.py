@@ -52,7 +52,7 @@ def ends() -> np.ndarray:
     ],
 )
 def test_all_rays_end_at_the_arc_length(engine, precision):
-    """Warp in float32 only, by a kernel of test_cross_backend.py: it lands by the same functions (test_twins.py)."""
+    """Warp in float32 only, by a kernel of test_cross_backend.py: both land alike (test_generated_kernels.py)."""
     field, bundle, until = strong_field(), rays(), ArcLength(LENGTH)
     off = []
     for step in (1.5 * CELL, 0.75 * CELL):

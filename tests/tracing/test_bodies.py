@@ -231,7 +231,7 @@ def test_bent_rays_meet_a_thin_plate_where_their_parabola_does(engine, settings)
     """Set-up: n^2 = 1 + 4 y / m bends rays by up to 1.6 mm before a plate 1 um thick, tilted by 40 degrees.
 
     A step looks for the wall along chords within 1e-4 cells of it (5e-8 m), at angles above 20 degrees; fixed steps
-    bow by 20 um. Warp finds walls by the same functions (test_twins.py), and needs no kernel of fixed steps for it.
+    bow by 20 um. Warp finds the same walls (test_generated_kernels.py), and needs no kernel of fixed steps for it.
     """
     turn = np.deg2rad(40.0)
     along, across = np.array([np.cos(turn), np.sin(turn)]), np.array([-np.sin(turn), np.cos(turn)])

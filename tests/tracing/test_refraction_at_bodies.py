@@ -123,7 +123,7 @@ def test_methods_refract_alike(engine):
     """Set-up: a sphere in graded air; every method against adaptive steps, which Fermat's principle has judged.
 
     "straight" has directions of first order, off by the contrast squared over the scale of the flow, times its length.
-    Warp's kernels begin by the same functions (test_twins.py), and need no kernels of fixed steps for this.
+    Warp's kernels begin by the same functions (test_generated_kernels.py), and need no kernels of fixed steps for this.
     """
     rng = np.random.default_rng(4)
     rays = RayBundle(rng.uniform(-1e-3, 1e-3, (60, 3)), rng.normal(0.0, 0.2, (60, 3)) + UP)

@@ -14,7 +14,7 @@ line, A Dz^2 > D^2 Dr^2, at the roots of the quadratic equation of the cone that
     (A Dz^2 - D^2 Dr^2) t^2 - 2 k Dr D t + R0^2 Dz^2 - k^2 = 0,   k = r1 Dz + (z0 - z1) Dr
 
 Both segments at a corner use the same value of w: no line passes between two segments, and the number of crossings of a
-closed body is even. The kernels (engines/warp/kernels/wall.py, kernels/include/wall.h) use the same formulas.
+closed body is even. The kernels (engines/warp/kernels/wall.py) use the same formulas.
 """
 
 import numpy as np

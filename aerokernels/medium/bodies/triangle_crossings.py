@@ -9,7 +9,7 @@ triangle is crossed if e has one sign for its three edges, which is the sign of 
 numbers are the weights of w at the opposite corners. For both triangles at an edge e is computed from the lesser corner
 (by x, then y) to the greater one, and zero counts as negative, which is equivalent to an infinitesimal shift of the
 line. So no line passes between two triangles, and the number of crossings of a closed surface is even. The kernels
-(engines/warp/kernels/crossings.py, kernels/include/crossings.h) use the same formulas.
+(engines/warp/kernels/crossings.py) use the same formulas.
 """
 
 import numpy as np

@@ -3,7 +3,7 @@
 A kernel for each geometry, interpolation, method, stop and precision takes Warp four seconds and OpenCL two. So the
 tests go through pairs of options, and share kernels with test_backends_agree.py: geometry and interpolation by fixed
 steps in precisions by turns, geometry and stop by error control on cubic grids, method and stop on one grid and one
-mesh, eq 5 on a grid in float64 and on a mesh in float32. test_twins.py compares the functions of which kernels consist.
+mesh, eq 5 on a grid in float64 and on a mesh in float32. test_generated_kernels.py compares kernels to the bit.
 """
 
 import ctypes

@@ -202,7 +202,7 @@ def _own_sources(session: Session) -> tuple[Path, tuple, dict]:
 
 def _stamp(folder: Path) -> tuple:
     """Return a value that changes when a source changes, so that a running process notices the change."""
-    files = [*folder.glob("*.cl"), *folder.glob("include/*.h")]
+    files = [*folder.glob("*.cl"), *folder.glob("include/*.h"), *folder.glob("generated/*.h")]
     return tuple(sorted((path.name, path.stat().st_mtime_ns, path.stat().st_size) for path in files))
 
 

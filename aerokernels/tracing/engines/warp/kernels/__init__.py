@@ -1,1 +1,1 @@
-"""The Warp kernels and their functions; each file has the name of its OpenCL twin in kernels/."""
+"""The Warp kernels and their functions; scripts/generate_kernels writes OpenCL C from some of them."""

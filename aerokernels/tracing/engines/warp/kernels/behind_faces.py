@@ -1,7 +1,4 @@
-"""Device functions: the rest to a face of a grid at which the slope jumps, and the slope behind a face or an edge.
-
-The OpenCL twin is in kernels/trace.cl.
-"""
+"""Device functions: the rest to a face of a grid at which the slope jumps, and the slope behind a face or an edge."""
 
 import warp as wp
 

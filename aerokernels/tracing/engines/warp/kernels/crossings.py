@@ -1,7 +1,7 @@
 """Device functions: where straight lines cross the surface of the body, by exact formulas. In float64.
 
 The formulas are in medium/bodies/crossings.py, the tree of boxes in medium/bodies/wall_tree.py. A line p + t d is a
-struct WallLine, see `build_wall_line`; d need not be a unit vector. The OpenCL twin is kernels/include/crossings.h.
+struct WallLine, see `build_wall_line`; d need not be a unit vector.
 """
 
 import warp as wp

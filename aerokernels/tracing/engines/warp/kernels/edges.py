@@ -6,8 +6,7 @@ an error of the momentum of at most 0.23 h K. The jumps are known beforehand (me
 samples is missed. Their errors have either sign, and add up by chance (error.py).
 
 In the plane of the mesh the ray is a parabola. With an axis its radius is a root of a quadratic, and where it crosses
-a conical edge c + b t = e r(t) is solved for a straight ray, then corrected for its bend. The OpenCL twin is
-kernels/include/edges.h.
+a conical edge c + b t = e r(t) is solved for a straight ray, then corrected for its bend.
 """
 
 import warp as wp

@@ -184,7 +184,8 @@ def build_stop_geometry(library: KernelLibrary, geometry: str, stop: str, contro
             beyond = real(wp.max(interval.stop_distance - interval.t_exit, wp.float64(0.0)))
         derating = real(1.0)
         if beyond > real(0.0):
-            derating = wp.pow(real(1.0) + real(0.25) * obliquity * beyond * wp.max(control.cell_rate), real(-0.25))
+            square = wp.sqrt(real(1.0) + real(0.25) * obliquity * beyond * wp.max(control.cell_rate))
+            derating = real(1.0) / wp.sqrt(square)
         return StopGeometry(obliquity, reach + beyond, reach, derating, resolution)
 
     return stop_geometry_of
@@ -206,7 +207,7 @@ def build_end(library: KernelLibrary, geometry: str, interpolation: str, stop: s
     detour = build_detour(library, geometry)
     face_count = wp.constant(FACE_COUNT[geometry])
     consistent_gradient = has_consistent_gradient(interpolation)
-    ok, missed, not_reached = int(RayStatus.OK), int(RayStatus.MISSED_FIELD), int(RayStatus.STOP_NOT_REACHED)
+    ok, missed_field, not_reached = int(RayStatus.OK), int(RayStatus.MISSED_FIELD), int(RayStatus.STOP_NOT_REACHED)
 
     @wp.func
     def end_of(
@@ -252,7 +253,7 @@ def build_end(library: KernelLibrary, geometry: str, interpolation: str, stop: s
         if not interval.meets:
             along = none
             if wp.static(stop == "none"):
-                status = int(missed)
+                status = int(missed_field)
                 stop_distance = none
 
         flight = none

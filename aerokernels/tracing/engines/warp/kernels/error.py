@@ -299,7 +299,7 @@ def build_step_error(library: KernelLibrary, geometry: str, interpolation: str, 
 def build_judgement(library: KernelLibrary):
     """Build a function -> (status, error) of a ray that has ended."""
     real = library.types.real
-    ok, rejected, too_many = int(RayStatus.OK), int(RayStatus.TOLERANCE_NOT_MET), int(RayStatus.MAX_STEPS)
+    ok, tolerance_not_met, max_steps = int(RayStatus.OK), int(RayStatus.TOLERANCE_NOT_MET), int(RayStatus.MAX_STEPS)
 
     @wp.func
     def judged_status(status: int, tolerance: real, used: real):
@@ -310,10 +310,10 @@ def build_judgement(library: KernelLibrary):
         """
         judged, error = status, used
         if wp.static(library.precision == "float32"):
-            if status == too_many and wp.isfinite(used):
-                judged, error = int(rejected), real(wp.inf)
+            if status == max_steps and wp.isfinite(used):
+                judged, error = int(tolerance_not_met), real(wp.inf)
         if status == ok and not (used <= tolerance):
-            judged = int(rejected)
+            judged = int(tolerance_not_met)
         return judged, error
 
     return judged_status

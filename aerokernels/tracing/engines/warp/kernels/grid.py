@@ -110,10 +110,8 @@ def build_sample(library: KernelLibrary, geometry: str, interpolation: str):
     if geometry == "volume":
 
         @wp.func
-        def sample(field: Field, cell: wp.vec3i, frac: vec3, current_cell: int):
-            a, u = split(frac[0], cell[0], field.row[0])
-            b, v = split(frac[1], cell[1], field.row[1])
-            c, w = split(frac[2], cell[2], field.row[2])
+        def volume_sample(field: Field, a: int, u: real, b: int, v: real, c: int, w: real):
+            """Value and slopes per cell at fraction (u, v, w) of cell (a, b, c)."""
             wa = value_weights(u)
             sa = slope_weights(u)
             wb = value_weights(v)
@@ -121,11 +119,9 @@ def build_sample(library: KernelLibrary, geometry: str, interpolation: str):
             wc = value_weights(w)
             sc = slope_weights(w)
             start = (a * field.pitch[0] + b * field.pitch[1] + c) * stride
-            rate = field.inverse_spacing
             if wp.static(support == 4):
                 if on_processor():
-                    s = volume_lookup(field.coefficients, start, field.pitch, wa, sa, wb, sb, wc, sc)
-                    return vec4(s[0], s[1] * rate[0], s[2] * rate[1], s[3] * rate[2])
+                    return volume_lookup(field.coefficients, start, field.pitch, wa, sa, wb, sb, wc, sc)
             total = real(0.0)
             first = real(0.0)
             second = real(0.0)
@@ -149,7 +145,16 @@ def build_sample(library: KernelLibrary, geometry: str, interpolation: str):
                 first += sa[i] * sheet
                 second += wa[i] * sheet_second
                 third += wa[i] * sheet_third
-            return vec4(total, first * rate[0], second * rate[1], third * rate[2])
+            return vec4(total, first, second, third)
+
+        @wp.func
+        def sample(field: Field, cell: wp.vec3i, frac: vec3, current_cell: int):
+            a, u = split(frac[0], cell[0], field.row[0])
+            b, v = split(frac[1], cell[1], field.row[1])
+            c, w = split(frac[2], cell[2], field.row[2])
+            s = volume_sample(field, a, u, b, v, c, w)
+            rate = field.inverse_spacing
+            return vec4(s[0], s[1] * rate[0], s[2] * rate[1], s[3] * rate[2])
 
     elif geometry == "planar":
 

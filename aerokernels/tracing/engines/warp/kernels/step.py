@@ -247,7 +247,7 @@ def build_step_acceptance(library: KernelLibrary, on_mesh: bool):
             whole += bend * wp.min(allowed / (limit * bend_share(allowed / limit)), real(1.0))
         ratio = real(4.0)
         if whole > real(0.0):
-            ratio = wp.clamp(real(0.9) * wp.pow(allowed / whole, real(0.25)), real(0.2), real(4.0))
+            ratio = wp.clamp(real(0.9) * wp.sqrt(wp.sqrt(allowed / whole)), real(0.2), real(4.0))
         return bool((whole <= allowed and wp.isfinite(whole)) or h <= h_least), ratio
 
     return step_acceptance

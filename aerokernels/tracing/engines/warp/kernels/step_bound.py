@@ -1,7 +1,4 @@
-"""Device functions about the length of a step on a uniform grid: the table of step bounds, and the faces of cells.
-
-The OpenCL twin is kernels/include/step_bound.h.
-"""
+"""Device functions about the length of a step on a uniform grid: the table of step bounds, and the faces of cells."""
 
 import numpy as np
 import warp as wp

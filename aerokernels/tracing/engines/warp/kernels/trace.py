@@ -95,7 +95,7 @@ def build_kernel(
     tiny = TINY[library.precision]
     c2, c3, a21, a31, a32 = (float(v) for v in (*C[1:3], A[1, 0], A[2, 0], A[2, 1]))
     ends = RayStatus.OK, RayStatus.HIT_BODY, RayStatus.MAX_STEPS, RayStatus.NOT_FINITE
-    ok, hit_body, too_many, not_finite = map(int, ends)
+    ok, hit_body, max_steps, not_finite = map(int, ends)
 
     @wp.kernel(module="unique", enable_backward=False)
     @takes("trace_kernel", library.precision)
@@ -370,10 +370,10 @@ def build_kernel(
                         momentum, momentum_carry = advance(momentum, momentum_carry, back * force)
                     if running and steps >= control.max_steps:
                         running = bool(False)
-                        status = int(too_many)
+                        status = int(max_steps)
                 elif evaluations // 12 > control.max_steps:
                     running = bool(False)
-                    status = int(too_many)
+                    status = int(max_steps)
                 if not (wp.isfinite(wp.length(q)) and wp.isfinite(sums[1])):
                     running = bool(False)
                     status = int(not_finite)

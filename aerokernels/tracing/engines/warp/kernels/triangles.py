@@ -1,6 +1,6 @@
 """Device functions: where straight lines cross the triangles of a body in a volume, watertight. In float64.
 
-The formulas are in medium/bodies/triangle_crossings.py. The OpenCL twin is kernels/include/triangles.h.
+The formulas are in medium/bodies/triangle_crossings.py.
 """
 
 import warp as wp

@@ -5,8 +5,7 @@ Snell's law the momentum T = n dr/ds gains k N along the normal N. With c = d . 
 
     k = sqrt(a^2 c^2 + 2 s) - a c = 2 s / (a c + sqrt(a^2 c^2 + 2 s)),    s = (n^2 - a^2) / 2
 
-All use the crossings of straight lines with the body's surface, see crossings.py. The OpenCL twin is
-kernels/include/wall.h.
+All use the crossings of straight lines with the body's surface, see crossings.py.
 """
 
 import warp as wp

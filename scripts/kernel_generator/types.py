@@ -1,0 +1,131 @@
+"""Types in C of Warp's types, terms of expressions, and members of structs."""
+
+import inspect
+from typing import Any, NamedTuple
+
+import warp as wp
+
+from aerokernels.tracing.engines.layout import STRUCTS, Value
+from aerokernels.tracing.engines.warp.types import types
+
+from .scenes import Facet
+from .text import comment
+
+# Structs that kernels get by value and functions by pointer; their arrays are in struct Arrays.
+GIVEN = ("Field", "Bounds", "Control")
+POINTERS = (*GIVEN, "RayOutputs")
+# How tightly operators bind; a term that binds less tightly than its place asks gets brackets.
+ATOM, POSTFIX, UNARY, PRODUCT, AND, OR, CHOICE = 16, 15, 14, 13, 5, 4, 3
+PICKS = {
+    "real2": "pick2",
+    "real3": "pick",
+    "real4": "pick4",
+    "double2": "pick2_64",
+    "double3": "pick64",
+    "double4": "pick4_64",
+    "int2": "pick2_int",
+    "int3": "pick_int",
+}
+
+
+class Term(NamedTuple):
+    """An expression in C: its text, its type ("*real" is an array), and how tightly its operator binds."""
+
+    text: str
+    type: str
+    rank: int = ATOM
+
+    def within(self, rank: int) -> str:
+        """Return the text, in brackets if its operator binds less tightly."""
+        return self.text if self.rank >= rank else f"({self.text})"
+
+
+def base(kind: str) -> str:
+    """Return the scalar type of a vector."""
+    return kind.rstrip("0123456789")
+
+
+def width(kind: str) -> int:
+    """Return how many numbers a type has; 1 for structs."""
+    digits = kind[len(base(kind)) :]
+    return int(digits) if digits and base(kind) in ("real", "float", "double", "int", "uint") else 1
+
+
+class Types:
+    """The types of both precisions: one that is float32 in one and float64 in the other is `real`.
+
+    Attributes:
+        members: The members of structs, by struct and name.
+        parts: Names and types of the parts of tuples, by the struct that stands for them.
+        own: Structs that stand beside kernels: module and text.
+    """
+
+    def __init__(self) -> None:
+        """Collect the types of layout.py."""
+        self._plain: dict[Any, str] = {
+            wp.float32: "float",
+            wp.float64: "double",
+            wp.int32: "int",
+            wp.uint32: "uint",
+            wp.int64: "long",
+            wp.bool: "int",
+            int: "int",
+            float: "float",
+            bool: "int",
+            wp.vec2i: "int2",
+            wp.vec3i: "int3",
+            wp.vec2d: "double2",
+            wp.vec3d: "double3",
+            wp.vec4d: "double4",
+        }
+        singles, doubles = types("float32"), types("float64")
+        self._real: dict[frozenset, str] = {frozenset((wp.float32, wp.float64)): "real"}
+        for size in (2, 3, 4):
+            one, two = singles.kinds[f"real{size}"], doubles.kinds[f"real{size}"]
+            self._real[frozenset((one, two))] = f"real{size}"
+            self._plain.setdefault(one, f"float{size}")
+            self._plain.setdefault(two, f"double{size}")
+        for name in STRUCTS:
+            self._plain[singles.kinds[name]] = self._plain[doubles.kinds[name]] = name
+        self.members = {name: {each.name: each for each in members} for name, members in STRUCTS.items()}
+        self.parts: dict[str, list[tuple[str, str]]] = {}
+        self.own: list[tuple[str, str]] = []
+
+    def of(self, facet: Facet) -> str:
+        """Return the type in C of Warp types.
+
+        Raises:
+            TypeError: There is none, or there are several.
+        """
+        found = self._real.get(frozenset(value for value, _ in facet))
+        names = {found} if found else {self._one(value) for value, _ in facet}
+        if len(names) != 1:
+            raise TypeError(f"types {', '.join(sorted(map(str, names)))}")
+        return str(names.pop())
+
+    def argument(self, facet: Facet) -> str:
+        """Return the type of an argument, "*real" for an array of them."""
+        if type(facet[0][0]).__name__ == "array":
+            return f"*{self.of([(each.dtype, mask) for each, mask in facet])}"
+        return self.of(facet)
+
+    def _one(self, kind: Any) -> str:
+        if kind in self._plain:
+            return self._plain[kind]
+        if hasattr(kind, "_wp_scalar_type_"):
+            scalar, length = self._plain[kind._wp_scalar_type_], kind._length_
+            return f"{scalar}{length}" if length in (2, 3, 4, 8, 16) else f"{scalar}[{length}]"
+        if type(kind).__name__ == "Struct":
+            return self._own_struct(kind)
+        raise TypeError(f"type {kind!r}")
+
+    def _own_struct(self, kind: Any) -> str:
+        """Write a struct that stands beside a kernel."""
+        name, module = kind.cls.__name__, kind.cls.__module__.rsplit(".", 1)[-1]
+        kinds = {member: self._one(variable.type) for member, variable in kind.vars.items()}
+        self._plain[kind] = name
+        self.members[name] = {member: Value(member, text) for member, text in kinds.items()}
+        lines = [*comment(inspect.getdoc(kind.cls) or ""), "typedef struct {"]
+        lines += [*(f"    {text} {member};" for member, text in kinds.items()), f"}} {name};"]
+        self.own.append((module, "\n".join(lines)))
+        return name
