@@ -18,7 +18,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from aerokernels.validation.random_fields import CELL, noise
 
 from aerokernels.medium import Body, IndexField, QuadMesh, SolidBody
 from aerokernels.rays import RayBundle
@@ -27,6 +26,7 @@ from aerokernels.tracing.engines import engine_of
 from aerokernels.tracing.launch import launch
 from aerokernels.tracing.plan import TracePlan
 from tests.bodies import star
+from tests.random_fields import CELL, noise
 
 from ..opencl_stands import need_opencl
 
