@@ -14,7 +14,7 @@ NAMED: dict[str, dict[str, str]] = {
     "max": {"real": "greater", "double": "greater64", "int": "max", "real3": "max", "double3": "max"},
     "min": {"real": "lesser", "double": "lesser64", "int": "min", "real3": "min", "double3": "min"},
     "clamp": {"real": "bounded", "double": "bounded64", "int": "clamp"},
-    "dot": {"real2": "dot2", "real3": "dot3", "double2": "dot2_64", "double3": "dot3_64"},
+    "dot": {"real2": "dot2", "real3": "dot3", "real4": "dot4", "double2": "dot2_64", "double3": "dot3_64"},
     "length": {"real2": "norm2", "real3": "norm3", "double2": "norm2_64", "double3": "norm3_64"},
     "normalize": {"double3": "normalized64"},
 }
