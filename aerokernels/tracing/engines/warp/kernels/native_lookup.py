@@ -9,7 +9,7 @@ import warp as wp
 
 from ..library import KernelLibrary, built_once
 
-# On a CPU a row of coefficients is a vector. All sums are in the order of grid.py, so the results are the same to the bit.
+# On a CPU a row of coefficients is a vector. All sums are in the order of grid.py: the results are the same to the bit.
 VOLUME_LOOKUP = """
 #if defined(__CUDA_ARCH__)
     return wp::vec_t<4, REAL>();
