@@ -88,6 +88,16 @@ static inline real4 slope_weights(real u)
 
 #if GEOMETRY == VOLUME
 
+// The coefficients of a cell in a row along the last axis.
+static inline real4 row_at(__global const real *coefficients, int place)
+{
+    const real one = coefficients[place], two = coefficients[place + 1];
+#if INTERPOLATION == LINEAR
+    return (real4)(one, two, R(0.0), R(0.0));
+#endif
+    return (real4)(one, two, coefficients[place + 2], coefficients[place + 3]);
+}
+
 // Value and slopes per cell at fraction (u, v, w) of cell (a, b, c).
 static inline real4 volume_sample(const Field *field, const Arrays *arrays, int a, real u, int b, real v, int c, real w)
 {
@@ -98,36 +108,22 @@ static inline real4 volume_sample(const Field *field, const Arrays *arrays, int 
     const real4 wc = value_weights(w);
     const real4 sc = slope_weights(w);
     const int start = (a * field->pitch[0] + b * field->pitch[1] + c) * STRIDE;
-    real total = R(0.0);
-    real first = R(0.0);
-    real second = R(0.0);
-    real third = R(0.0);
+    // Rows along the last axis are vectors, to whose numbers the weights along it come last.
+    real4 total = (real4)(R(0.0)), first = (real4)(R(0.0)), second = (real4)(R(0.0));
     #pragma unroll
     for (int i = 0; i < SUPPORT; i++) {
-        real sheet = R(0.0);
-        real sheet_second = R(0.0);
-        real sheet_third = R(0.0);
+        real4 sheet = (real4)(R(0.0)), bend = (real4)(R(0.0));
         #pragma unroll
         for (int j = 0; j < SUPPORT; j++) {
-            const int at = start + i * field->pitch[0] + j * field->pitch[1];
-            real row = R(0.0);
-            real bend = R(0.0);
-            #pragma unroll
-            for (int k = 0; k < SUPPORT; k++) {
-                const real picked = arrays->coefficients[at + k];
-                row += pick4(wc, k) * picked;
-                bend += pick4(sc, k) * picked;
-            }
+            const real4 row = row_at(arrays->coefficients, start + i * field->pitch[0] + j * field->pitch[1]);
             sheet += pick4(wb, j) * row;
-            sheet_second += pick4(sb, j) * row;
-            sheet_third += pick4(wb, j) * bend;
+            bend += pick4(sb, j) * row;
         }
         total += pick4(wa, i) * sheet;
         first += pick4(sa, i) * sheet;
-        second += pick4(wa, i) * sheet_second;
-        third += pick4(wa, i) * sheet_third;
+        second += pick4(wa, i) * bend;
     }
-    return (real4)(total, first, second, third);
+    return (real4)(dot4(wc, total), dot4(wc, first), dot4(wc, second), dot4(sc, total));
 }
 
 // Potential s = (n^2 - a^2) / 2 and its gradient [1/m].

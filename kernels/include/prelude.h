@@ -14,6 +14,7 @@
 // A device's own dot may add in another order.
 static inline real dot2(real2 a, real2 b) { return a.x * b.x + a.y * b.y; }
 static inline real dot3(real3 a, real3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
+static inline real dot4(real4 a, real4 b) { return a.x * b.x + a.y * b.y + a.z * b.z + a.w * b.w; }
 static inline double dot2_64(double2 a, double2 b) { return a.x * b.x + a.y * b.y; }
 static inline double dot3_64(double3 a, double3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
 static inline real norm2(real2 v) { return sqrt(dot2(v, v)); }

@@ -19,8 +19,7 @@ class Branches(Calls):
         """Return the comment behind a statement."""
         raise NotImplementedError
 
-    def do_If(self, node: Any) -> list[str]:
-        """Write an if."""
+    def _do_If(self, node: Any) -> list[str]:
         mask = self.mask
         may, rest = self.names.split(node.test, mask)
         if not may:

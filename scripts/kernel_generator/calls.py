@@ -14,19 +14,16 @@ NAMED: dict[str, dict[str, str]] = {
     "max": {"real": "greater", "double": "greater64", "int": "max", "real3": "max", "double3": "max"},
     "min": {"real": "lesser", "double": "lesser64", "int": "min", "real3": "min", "double3": "min"},
     "clamp": {"real": "bounded", "double": "bounded64", "int": "clamp"},
-    "dot": {"real2": "dot2", "real3": "dot3", "double2": "dot2_64", "double3": "dot3_64"},
+    "dot": {"real2": "dot2", "real3": "dot3", "real4": "dot4", "double2": "dot2_64", "double3": "dot3_64"},
     "length": {"real2": "norm2", "real3": "norm3", "double2": "norm2_64", "double3": "norm3_64"},
     "normalize": {"double3": "normalized64"},
 }
 OF_VECTOR = {"max": {"real3": "greatest", "double3": "greatest64"}}  # with one argument
 SCALARS = ("dot", "length")
-SAME = ("sqrt", "floor", "ceil", "cos", "sin", "cross")
+SAME = ("sqrt", "floor", "cross")
 OPERATIONS = {"cw_mul": ast.Mult, "cw_div": ast.Div}
-# What a native function of Warp is in C: text, with the arguments' texts, and type ("*": what the first array holds).
-NATIVES = {
-    "entry": ("{0}[{1}]", "*"),
-    "in_patch": ("eight_of(in_patch({0}, {1}, {2}, {3}, {4}))", "real8"),
-}
+# What a native function of Warp is in C, with the arguments' texts; it gives what the first array holds.
+NATIVES = {"entry": "{0}[{1}]"}
 
 
 class Calls(Expressions):
@@ -40,8 +37,7 @@ class Calls(Expressions):
     result: tuple[list[tuple[str, str]], str] = ([], "")
     hint: list[str | None] | None = None
 
-    def of_Call(self, node: Any) -> Term:
-        """Write a call."""
+    def _of_Call(self, node: Any) -> Term:
         called = ast.unparse(node.func)
         if is_static(node):
             found = self.constant(node)
@@ -85,17 +81,11 @@ class Calls(Expressions):
             return self.expr(ast.BinOp(node.args[0], OPERATIONS[name](), node.args[1]))
         if name == "where":
             return self.expr(ast.IfExp(*node.args))
-        if name == "cast":
-            kind = self.kinds.of(self.names.values(node.args[1], self.mask))
-            return Term(f"as_{kind}({self.expr(node.args[0]).text})", kind)
-        if name not in (*NAMED, *SAME, "abs", "isfinite", "atomic_add"):
+        if name not in (*NAMED, *SAME, "abs", "isfinite"):
             return None
         values = [self.expr(each) for each in node.args]
         texts = ", ".join(value.text for value in values)
         kind = max((value.type for value in values), key=width)
-        if name == "atomic_add":
-            place = values[0].text if values[1].text == "0" else f"{values[0].text} + {values[1].text}"
-            return Term(f"atomic_add({place}, {values[2].text})", values[0].type[1:])
         if name == "isfinite":
             return Term(f"isfinite({texts})", "int")
         if name == "abs":
@@ -171,9 +161,7 @@ class Calls(Expressions):
             if name not in NATIVES:
                 raise self.fail(node, "native function")
             values = [self.expr(each) for each in node.args]
-            text, kind = NATIVES[name]
-            text = text.format(*(value.text for value in values))
-            return Term(text, values[0].type[1:] if kind == "*" else kind, POSTFIX)
+            return Term(NATIVES[name].format(*(value.text for value in values)), values[0].type[1:], POSTFIX)
         if name == "advance":
             return self._advance(node)
         groups: dict[Any, list[tuple[Callable, int]]] = {}

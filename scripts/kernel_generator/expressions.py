@@ -32,18 +32,16 @@ class Expressions(Numbers):
 
     def expr(self, node: Any) -> Term:
         """Return an expression in C."""
-        write = getattr(self, f"of_{type(node).__name__}", None)
+        write = getattr(self, f"_of_{type(node).__name__}", None)
         if write is None:
             raise self.fail(node, "no such expression")
         term: Term = write(node)
         return term
 
-    def of_Constant(self, node: Any) -> Term:
-        """Write a literal."""
+    def _of_Constant(self, node: Any) -> Term:
         return self.number(node.value)
 
-    def of_Name(self, node: Any) -> Term:
-        """Write a variable, or the number that a name is."""
+    def _of_Name(self, node: Any) -> Term:
         if node.id in self.types:
             self.use(node.id)
             return Term(node.id, self.types[node.id])
@@ -55,8 +53,7 @@ class Expressions(Numbers):
             return self.vector_constant(facet)
         raise self.fail(node, "unknown name")
 
-    def of_Attribute(self, node: Any) -> Term:
-        """Write a member of a struct."""
+    def _of_Attribute(self, node: Any) -> Term:
         if isinstance(node.value, ast.Name) and node.value.id == "wp":
             return self.number(float(getattr(wp, node.attr)))
         owner = self.expr(node.value)
@@ -85,8 +82,7 @@ class Expressions(Numbers):
         rest = "" if column.text == "0" else f" + {column.within(PRODUCT)}"
         return f"2 * {row.within(PRODUCT)}{rest}"
 
-    def of_Subscript(self, node: Any) -> Term:
-        """Write a number of an array, a vector or a tuple."""
+    def _of_Subscript(self, node: Any) -> Term:
         if isinstance(node.value, ast.Attribute):  # of a vector in a given struct, which is an array in C
             owner = self.expr(node.value.value)
             member = self.kinds.members[owner.type][node.value.attr] if owner.type in GIVEN else None
@@ -120,16 +116,14 @@ class Expressions(Numbers):
             raise self.fail(node, f"component of {owner.type}")
         return Term(f"{PICKS[owner.type]}({owner.text}, {at})", kind)
 
-    def of_UnaryOp(self, node: Any) -> Term:
-        """Write a sign or a negation."""
+    def _of_UnaryOp(self, node: Any) -> Term:
         known = self.constant(node)
         if known is not None:
             return known
         value, sign = self.expr(node.operand), SIGNS[type(node.op)]
         return Term(f"{sign}{value.within(UNARY)}", "int" if sign == "!" else value.type, UNARY)
 
-    def of_BoolOp(self, node: Any) -> Term:
-        """Write `and` or `or`, without the parts that are known."""
+    def _of_BoolOp(self, node: Any) -> Term:
         known = self.constant(node) if any(map(is_static, ast.walk(node))) else None
         if known is not None:
             return known
@@ -145,8 +139,7 @@ class Expressions(Numbers):
                 parts.append(self.expr(each).within(rank + (1 if conjunction else 2)))
         return Term(sign.join(parts), "int", rank if len(parts) > 1 else CHOICE)
 
-    def of_Compare(self, node: Any) -> Term:
-        """Write a comparison, or a chain of them."""
+    def _of_Compare(self, node: Any) -> Term:
         texts, left, rank = [], node.left, 0
         for op, right in zip(node.ops, node.comparators, strict=True):
             if type(op) not in COMPARISONS:
@@ -157,8 +150,7 @@ class Expressions(Numbers):
             left = right
         return Term(" && ".join(texts), "int", AND if len(texts) > 1 else rank)
 
-    def of_BinOp(self, node: Any) -> Term:
-        """Write a sum, a product, or an operation on bits."""
+    def _of_BinOp(self, node: Any) -> Term:
         if type(node.op) not in OPERATORS:
             raise self.fail(node, "no such operator")
         left, right = self.expr(node.left), self.expr(node.right)
@@ -168,8 +160,7 @@ class Expressions(Numbers):
         two = right.within(ATOM - 1 if rank in BITS else rank + 1)
         return Term(f"{one} {sign} {two}", kind, rank)
 
-    def of_IfExp(self, node: Any) -> Term:
-        """Write a choice of two values."""
+    def _of_IfExp(self, node: Any) -> Term:
         truth = self.names.truth(node.test, self.mask)
         if truth is not None and truth in (0, self.mask):
             return self.expr(node.body if truth else node.orelse)

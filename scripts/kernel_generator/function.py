@@ -9,21 +9,10 @@ from .text import WIDTH, comment, filled, indented, wrapped
 from .types import GIVEN, POINTERS, base
 
 # Functions that are called, not inlined, on a CPU, which halves the time to compile.
-APART = {
-    "start_of",
-    "stop_geometry_of",
-    "end_of",
-    "body_exit",
-    "body_entry",
-    "has_clearance",
-    "behind_wall",
-    "time_beyond_face",
-    "leaves_by_rounding",
-    "overshoots",
-    "in_face",
-    "surface_intersection",
-    "sample",
-}
+APART = set(
+    "start_of stop_geometry_of end_of has_clearance behind_wall body_exit body_entry time_beyond_face "
+    "leaves_by_rounding overshoots in_face surface_intersection sample".split()
+)
 # The macros that collect the arrays of a struct RayOutputs among a kernel's arguments, see headers.py.
 OUTPUTS = {"outputs": "RAY_OUTPUTS", "found": "RETRACED_OUTPUTS"}
 PASSES = 3  # until it is known where variables are declared, and which are constant

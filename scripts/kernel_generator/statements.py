@@ -58,7 +58,7 @@ class Statements(Branches):
 
     def statement(self, node: Any) -> list[str]:
         """Write a statement."""
-        write = getattr(self, f"do_{type(node).__name__}", None)
+        write = getattr(self, f"_do_{type(node).__name__}", None)
         if write is None:
             raise self.fail(node, "no such statement")
         lines: list[str] = write(node)
@@ -66,29 +66,23 @@ class Statements(Branches):
             lines[-1] += self.trailing(node)
         return lines
 
-    def do_Pass(self, node: Any) -> list[str]:
-        """Write nothing."""
+    def _do_Pass(self, node: Any) -> list[str]:
         return []
 
-    def do_Break(self, node: Any) -> list[str]:
-        """Leave a loop."""
+    def _do_Break(self, node: Any) -> list[str]:
         return ["break;"]
 
-    def do_Continue(self, node: Any) -> list[str]:
-        """Begin the next round of a loop."""
+    def _do_Continue(self, node: Any) -> list[str]:
         return ["continue;"]
 
-    def do_Expr(self, node: Any) -> list[str]:
-        """Write a call."""
+    def _do_Expr(self, node: Any) -> list[str]:
         return [] if isinstance(node.value, ast.Constant) else [f"{self.expr(node.value).text};"]
 
-    def do_AugAssign(self, node: Any) -> list[str]:
-        """Write += and the like."""
+    def _do_AugAssign(self, node: Any) -> list[str]:
         sign = OPERATORS[type(node.op)][0] + "="
         return [self._store(node.target, self.expr(node.value), sign)]
 
-    def do_Return(self, node: Any) -> list[str]:
-        """Return a value, or a struct in place of a tuple."""
+    def _do_Return(self, node: Any) -> list[str]:
         if node.value is None:
             return ["return;"]
         if not isinstance(node.value, ast.Tuple):
@@ -112,8 +106,7 @@ class Statements(Branches):
         """The struct that the function returns in place of a tuple."""
         return "".join(part.capitalize() for part in self.name.split("_")) + "Result"
 
-    def do_Assign(self, node: Any) -> list[str]:
-        """Assign to one target or to several."""
+    def _do_Assign(self, node: Any) -> list[str]:
         target, value = node.targets[0], node.value
         if len(node.targets) > 1:
             raise self.fail(node, "several targets")
@@ -188,15 +181,13 @@ class Statements(Branches):
             self.change(target.value.id)
         return f"{self.component(owner, target.slice, is_stored=True).text} {sign} {value.text};"
 
-    def do_While(self, node: Any) -> list[str]:
-        """Write a loop with a condition."""
+    def _do_While(self, node: Any) -> list[str]:
         if node.orelse:
             raise self.fail(node, "an else of a loop")
         test, trailing = self.expr(node.test), self.trailing(node, node.test.end_lineno)
         return [f"while ({test.text}) {{{trailing}", *indented(self.block(node.body, self._inside(node))), "}"]
 
-    def do_For(self, node: Any) -> list[str]:
-        """Write a loop over a range; one whose end is known is unrolled."""
+    def _do_For(self, node: Any) -> list[str]:
         if node.orelse or not isinstance(node.iter, ast.Call) or ast.unparse(node.iter.func) != "range":
             raise self.fail(node, "no loop over a range")
         given = [self.expr(each) for each in node.iter.args]

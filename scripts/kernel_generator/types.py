@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import warp as wp
 
 from aerokernels.tracing.engines.layout import STRUCTS, Value
-from aerokernels.tracing.engines.warp.types import types
+from aerokernels.tracing.engines.warp.types import PLAIN, types
 
 from .scenes import Facet
 from .text import comment
@@ -16,16 +16,7 @@ GIVEN = ("Field", "Bounds", "Control")
 POINTERS = (*GIVEN, "RayOutputs")
 # How tightly operators bind; a term that binds less tightly than its place asks gets brackets.
 ATOM, POSTFIX, UNARY, PRODUCT, AND, OR, CHOICE = 16, 15, 14, 13, 5, 4, 3
-PICKS = {
-    "real2": "pick2",
-    "real3": "pick",
-    "real4": "pick4",
-    "double2": "pick2_64",
-    "double3": "pick64",
-    "double4": "pick4_64",
-    "int2": "pick2_int",
-    "int3": "pick_int",
-}
+PICKS = {"real3": "pick", "real4": "pick4", "double3": "pick64", "double4": "pick4_64", "int3": "pick_int"}
 
 
 class Term(NamedTuple):
@@ -62,22 +53,8 @@ class Types:
 
     def __init__(self) -> None:
         """Collect the types of layout.py."""
-        self._plain: dict[Any, str] = {
-            wp.float32: "float",
-            wp.float64: "double",
-            wp.int32: "int",
-            wp.uint32: "uint",
-            wp.int64: "long",
-            wp.bool: "int",
-            int: "int",
-            float: "float",
-            bool: "int",
-            wp.vec2i: "int2",
-            wp.vec3i: "int3",
-            wp.vec2d: "double2",
-            wp.vec3d: "double3",
-            wp.vec4d: "double4",
-        }
+        self._plain: dict[Any, str] = {kind: name.replace("bool", "int") for name, kind in PLAIN.items()}
+        self._plain |= {wp.float32: "float", int: "int", float: "float", bool: "int"}
         singles, doubles = types("float32"), types("float64")
         self._real: dict[frozenset, str] = {frozenset((wp.float32, wp.float64)): "real"}
         for size in (2, 3, 4):

@@ -10,18 +10,16 @@ from aerokernels.tracing.engines.warp.library import library_of
 
 
 def by_loops(cell: np.ndarray, weights: np.ndarray) -> list[float]:
-    """Value and slopes of coefficients (4, 4, 4) by weights (6, 4): value and slope along each axis in turn."""
+    """Value and slopes of coefficients (4, 4, 4) by weights (6, 4): rows along the last axis, summed along it last."""
     wa, sa, wb, sb, wc, sc = weights
-    sums = np.zeros(4, cell.dtype)
+    rows = np.zeros((3, 4), cell.dtype)
     for i in range(4):
-        sheet = np.zeros(3, cell.dtype)
+        sheet = np.zeros((2, 4), cell.dtype)
         for j in range(4):
-            row = np.zeros(2, cell.dtype)
-            for k in range(4):
-                row += np.array([wc[k], sc[k]]) * cell[i, j, k]
-            sheet += np.array([wb[j], sb[j], wb[j]]) * row[[0, 0, 1]]
-        sums += np.array([wa[i], sa[i], wa[i], wa[i]]) * sheet[[0, 0, 1, 2]]
-    return list(sums)
+            sheet += np.array([wb[j], sb[j]])[:, None] * cell[i, j]
+        rows += np.array([wa[i], sa[i], wa[i]])[:, None] * sheet[[0, 0, 1]]
+    terms = np.array([wc, wc, wc, sc]) * rows[[0, 1, 2, 0]]
+    return list(((terms[:, 0] + terms[:, 1]) + terms[:, 2]) + terms[:, 3])
 
 
 @pytest.mark.parametrize("precision", ["float32", "float64"])

@@ -107,6 +107,14 @@ def build_sample(library: KernelLibrary, geometry: str, interpolation: str):
             second += wa[i] * bend
         return vec3(total, first, second)
 
+    @wp.func
+    def row_at(coefficients: wp.array(dtype=real), place: int):
+        """The coefficients of a cell in a row along the last axis."""
+        one, two = entry(coefficients, place), entry(coefficients, place + 1)
+        if wp.static(support == 2):
+            return vec4(one, two, real(0.0), real(0.0))
+        return vec4(one, two, entry(coefficients, place + 2), entry(coefficients, place + 3))
+
     if geometry == "volume":
 
         @wp.func
@@ -122,30 +130,18 @@ def build_sample(library: KernelLibrary, geometry: str, interpolation: str):
             if wp.static(support == 4):
                 if on_processor():
                     return volume_lookup(field.coefficients, start, field.pitch, wa, sa, wb, sb, wc, sc)
-            total = real(0.0)
-            first = real(0.0)
-            second = real(0.0)
-            third = real(0.0)
+            # Rows along the last axis are vectors, to whose numbers the weights along it come last.
+            total, first, second = vec4(), vec4(), vec4()
             for i in range(support):
-                sheet = real(0.0)
-                sheet_second = real(0.0)
-                sheet_third = real(0.0)
+                sheet, bend = vec4(), vec4()
                 for j in range(support):
-                    at = start + i * field.pitch[0] + j * field.pitch[1]
-                    row = real(0.0)
-                    bend = real(0.0)
-                    for k in range(support):
-                        picked = entry(field.coefficients, at + k)
-                        row += wc[k] * picked
-                        bend += sc[k] * picked
+                    row = row_at(field.coefficients, start + i * field.pitch[0] + j * field.pitch[1])
                     sheet += wb[j] * row
-                    sheet_second += sb[j] * row
-                    sheet_third += wb[j] * bend
+                    bend += sb[j] * row
                 total += wa[i] * sheet
                 first += sa[i] * sheet
-                second += wa[i] * sheet_second
-                third += wa[i] * sheet_third
-            return vec4(total, first, second, third)
+                second += wa[i] * bend
+            return vec4(wp.dot(wc, total), wp.dot(wc, first), wp.dot(wc, second), wp.dot(sc, total))
 
         @wp.func
         def sample(field: Field, cell: wp.vec3i, frac: vec3, current_cell: int):
