@@ -33,6 +33,7 @@ class Crossings:
         rows: The rays, shape (n,).
         paths: Their paths.
         axis: The grid's axis across the planes.
+        space: The same axis of x, y and z.
         plane: Numbers of the planes, shape (k,).
         share: Where the paths cross them, as shares of their lengths, shape (n, k).
         weight: Length of the path that each crossing stands for [m], shape (n, k); 0 where a path ends before.
@@ -43,6 +44,7 @@ class Crossings:
     rows: np.ndarray
     paths: Paths
     axis: int
+    space: int
     plane: np.ndarray
     share: np.ndarray
     weight: np.ndarray
@@ -82,7 +84,7 @@ def crossings(field: IndexField, paths: Paths) -> Iterator[Crossings]:
         place[..., : len(others)] = np.clip(local[:, others], 0.0, np.array(grid.shape)[others] - 1.0).reshape(
             *share.shape, -1
         )
-        yield Crossings(rows, one, axis, plane, share, weight, points, place)
+        yield Crossings(rows, one, axis, axis + 3 - grid.samples.ndim, plane, share, weight, points, place)
 
 
 def _others(grid: UniformGrid | MeshSamples, axis: int) -> list[int]:
@@ -105,19 +107,30 @@ def values_at(field: IndexField, found: Crossings, order: int) -> tuple[np.ndarr
     along = np.zeros((len(value), grid.samples.ndim))
     for k, axis in enumerate(_others(grid, found.axis)):
         along[:, axis] = slope[:, k] / grid.spacing[axis]
-    gradient = in_space(field, found.points.reshape(-1, 3), along).reshape(*plane.shape, 3)
-    chord, space = found.paths.last - found.paths.first, found.axis + 3 - grid.samples.ndim
-    gradient[..., space] = -np.einsum("nki,ni->nk", gradient, chord / chord[:, space, None])
-    return value.reshape(plane.shape), gradient
+    return _in_planes(found, value, in_space(field, found.points.reshape(-1, 3), along))
+
+
+def _own_values(field: IndexField, found: Crossings) -> tuple[np.ndarray, np.ndarray]:
+    """As `values_at`, by the field's own interpolant."""
+    return _in_planes(found, *field.evaluate(found.points.reshape(-1, 3)))
+
+
+def _in_planes(found: Crossings, value: np.ndarray, gradient: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return values at crossings and gradients whose part across the planes is by the crossings' shift in them."""
+    gradient = gradient.reshape(*found.share.shape, 3)
+    chord = found.paths.last - found.paths.first
+    gradient[..., found.space] = 0.0
+    gradient[..., found.space] = -np.einsum("nki,ni->nk", gradient, chord / chord[:, found.space, None])
+    return value.reshape(found.share.shape), gradient
 
 
 def order_change(field: IndexField, paths: Paths, orders: tuple[int, int]) -> Rays:
     """Return the change by the next order of interpolation in a volume: `orders` are the interpolant's and the next."""
-    change, of_each = Rays.still(len(paths.length)), (field, for_next_order(field, orders))
+    change, finer = Rays.still(len(paths.length)), for_next_order(field, orders)
     for found in crossings(field, paths):
-        (value, slope), (after, slope_after) = (
-            values_at(one, found, order) for one, order in zip(of_each, orders, strict=True)
-        )
+        own = field.interpolation == "monotone"  # its order is that of no spline
+        value, slope = _own_values(field, found) if own else values_at(field, found, orders[0])
+        after, slope_after = values_at(finer, found, orders[1])
         _put(change, found, after - value, slope_after - slope, found.weight)
     return change
 
@@ -133,7 +146,7 @@ def thinned_sums(field: IndexField, paths: Paths, order: int) -> tuple[Rays, dic
     for found in crossings(field, paths):
         value, slope = values_at(field, found, order)
         if field.samples.keeps_averages:
-            along = slope[..., found.axis + 3 - len(field.samples.low)]
+            along = slope[..., found.space]
             value = 0.5 * float(field.samples.spacing[found.axis]) * along
             slope = np.zeros(slope.shape)
         weight = found.weight.max(axis=1, keepdims=True)

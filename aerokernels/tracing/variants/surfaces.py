@@ -37,8 +37,9 @@ def order_change(field: IndexField, paths: Paths, orders: tuple[int, int]) -> Ra
     if not (paths.length > 0.0).any():
         return Rays.still(len(paths.length))
     local = _about(field, paths)
-    of_each = field, for_next_order(field, orders)
-    before, after = (spline_of(one, local, order) for one, order in zip(of_each, orders, strict=True))
+    own = field.interpolation == "monotone"  # its order is that of no spline
+    before = field.evaluate if own else spline_of(field, local, orders[0])
+    after = spline_of(for_next_order(field, orders), local, orders[1])
     return paths.integral(_change(field, before, after, np.full(2, np.inf)), shortest_cell(field, paths) / PIECES)
 
 
