@@ -8,7 +8,7 @@ needed.
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import cache, partial
+from functools import partial
 from math import comb
 
 import numpy as np
@@ -76,17 +76,15 @@ def for_next_order(field: IndexField, orders: tuple[int, int]) -> IndexField:
     return replace(field, samples=replace(grid, samples=found))
 
 
-@cache
 def _exchanged(count: int, before: int, after: int) -> np.ndarray:
     """The matrix from a spline's values at `count` nodes to those of the spline of another order with its averages."""
 
     def rows(order: int, places: Sequence[tuple[float, float]]) -> np.ndarray:
-        found = np.zeros((count, count + 2 * (order // 2)))
-        for node in range(count):
-            for place, share in places:
-                cell = min(max(int(np.floor(node + place)), 0), count - 2)
-                weight = tap_weights(order, np.array(node + place - cell))[0]
-                found[node, cell : cell + order + 1] += share * np.array([float(one) for one in weight])
+        found, node = np.zeros((count, count + 2 * (order // 2))), np.arange(count)
+        for place, share in places:
+            cell = np.clip(np.floor(node + place).astype(np.int64), 0, count - 2)
+            for k, weight in enumerate(tap_weights(order, node + place - cell)[0]):
+                found[node, cell + k] += share * weight
         return found
 
     gauss, share = np.polynomial.legendre.leggauss(3)
