@@ -4,7 +4,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..density_field import CellDensity, DensityField
+from aerokernels.flow.density_field import DensityField
+from aerokernels.flow.sampled_density import CellDensity
+
 from ..sampled_density import GridDensity, VertexDensity
 
 if TYPE_CHECKING:

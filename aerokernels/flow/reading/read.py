@@ -7,12 +7,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from aerokernels.flow.density_field import DensityField
+from aerokernels.flow.sampled_density import CellDensity
+
 from ...inputs.checks import check_choice, check_positive
 from ...inputs.units import quantity
 from ...inputs.warned import warn_caller
 from ...inputs.written_units import DIMENSIONS, is_no_unit, unit_in_name, written_unit
 from ...medium import Body
-from ..density_field import CellDensity, DensityField
 from ..gas import check_density
 from ..sampled_density import VertexDensity
 from .block_checks import check_blocks, check_repeated_blocks, with_blanks

@@ -17,9 +17,10 @@ from itertools import product
 import numpy as np
 from numpy.polynomial import Legendre, Polynomial, legendre
 
+from aerokernels.medium.grid import GridPlaces
+
 from ...derived import cached_on
 from ...medium.grid import UniformGrid
-from ...medium.grid_places import GridPlaces
 from ...medium.spline import SUPPORT, weights
 from ...process.one_core import product_on_one_core
 from ...process.threads import in_threads

@@ -17,8 +17,8 @@ from aerokernels.flow.reading.formats import format_of
 from aerokernels.flow.reading.frame import Frame
 from aerokernels.flow.reading.read import field_of, reading_of
 from aerokernels.flow.reading.readers import foam_file
+from aerokernels.flow.sampled_density import WallDensity
 from aerokernels.flow.series_sources import open_series
-from aerokernels.flow.wall_density import WallDensity
 
 
 def test_a_decomposed_case_is_read_whole(tmp_path):

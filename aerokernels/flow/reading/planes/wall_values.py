@@ -7,7 +7,8 @@ interpolated linearly between their middles; at the end of a wall it is extrapol
 
 import numpy as np
 
-from ...wall_density import WallDensity
+from aerokernels.flow.sampled_density import WallDensity
+
 from ..dataset import Dataset, wall_patches
 from ..density import DensityChoice, Reference, density_of, in_si
 from .plane import Plane
