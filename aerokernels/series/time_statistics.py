@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from aerokernels import __version__
+from aerokernels.flow.reading.array_units import stated_unit
 
 from ..flow import Series
-from ..flow.reading.array_units import stated_unit
 from ..inputs.arguments import checked, seconds
 from ..inputs.checks import check_count, check_positive
 from ..inputs.warned import warn_caller

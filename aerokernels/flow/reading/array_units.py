@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from ...inputs.units import quantity
-from ...inputs.written_units import WrittenUnit, is_no_unit, unit_in_name, unit_of
-from .dataset import ReadError
+from aerokernels.flow.reading.dataset import ReadError
+from aerokernels.inputs.units import quantity
+from aerokernels.inputs.written_units import WrittenUnit, is_no_unit, unit_in_name, unit_of
 
 
 def stated_unit(attributes: Mapping[str, Any]) -> str:

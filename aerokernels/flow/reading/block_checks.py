@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from .array_names import plain_name
-from .dataset import Block, Dataset, ReadError, check_points
+from aerokernels.flow.reading.array_names import plain_name
+from aerokernels.flow.reading.dataset import Block, Dataset, ReadError, check_points
 
 
 def check_blocks(path, dataset: Dataset) -> None:

@@ -5,9 +5,9 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from ...process.fault_text import FileFault
-from ...process.fragile import in_child as call_in_child
-from .dataset import DAMAGED, Dataset, ReadError
+from aerokernels.flow.reading.dataset import DAMAGED, Dataset, ReadError
+from aerokernels.process.fault_text import FileFault
+from aerokernels.process.fragile import in_child as call_in_child
 
 Reader = Callable[[Path, Any, dict[str, Any]], Dataset]
 

@@ -4,11 +4,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..density_field import CellDensity, DensityField
-from ..sampled_density import GridDensity, VertexDensity
+from aerokernels.flow.density_field import CellDensity, DensityField
+from aerokernels.flow.sampled_density import GridDensity, VertexDensity
 
 if TYPE_CHECKING:
-    from .volumes.resampling import Resampling
+    from aerokernels.flow.reading.volumes.resampling import Resampling
 
 
 def front_of(places: np.ndarray) -> np.ndarray:

@@ -8,10 +8,10 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from ...process.own_files import OwnFilesError, pieces
-from .dataset import ReadError
-from .formats import format_of
-from .readers.vtk_collections import SUFFIXES, collection
+from aerokernels.flow.reading.dataset import ReadError
+from aerokernels.flow.reading.formats import format_of
+from aerokernels.flow.reading.readers.vtk_collections import SUFFIXES, collection
+from aerokernels.process.own_files import OwnFilesError, pieces
 
 
 def files_behind(path: Path, options: Mapping[str, Any] | None = None, time: float | None = None) -> list[Path]:
@@ -50,7 +50,7 @@ def _within(path: Path) -> list[Path]:
 def _files(path: Path, module: str, options: dict[str, Any], time: float | None) -> list[Path]:
     """Return the files and folders that a reader opens."""
     if module == "foam_case":
-        from .readers.foam_case import case_folder, case_times
+        from aerokernels.flow.reading.readers.foam_case import case_folder, case_times
 
         # Not all of the folder, in which results may be kept too.
         folder = case_folder(path)
@@ -61,11 +61,11 @@ def _files(path: Path, module: str, options: dict[str, Any], time: float | None)
         meshes = [one / "polyMesh" for one in constant if (one / "polyMesh").is_dir()]
         return [*fixed, *meshes, *(part / entry.name for entry in times for part in entry.parts)]
     if module == "su2":
-        from .readers.su2 import mesh_and_restart
+        from aerokernels.flow.reading.readers.su2 import mesh_and_restart
 
         return [one for one in mesh_and_restart(path, options) if one is not None]
     if module == "plot3d":
-        from .readers.plot3d import grid_and_solution
+        from aerokernels.flow.reading.readers.plot3d import grid_and_solution
 
         return list(grid_and_solution(path, options.get("solution")))
     if path.suffix.lower() in SUFFIXES:

@@ -8,10 +8,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ...inputs.warned import warn_caller
-from .array_names import plain_name
-from .dataset import Dataset, ReadError
-from .frame import Frame
+from aerokernels.flow.reading.array_names import plain_name
+from aerokernels.flow.reading.dataset import Dataset, ReadError
+from aerokernels.flow.reading.frame import Frame
+from aerokernels.inputs.warned import warn_caller
 
 VECTORS = ("u", "velocity", "velocityvector", "umean", "momentum", "rhou")
 COMPONENTS = (

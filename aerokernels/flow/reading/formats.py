@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from .calling import in_child, read_here
-from .dataset import HDF5_MAGIC, Dataset, ReadError, chosen_time
-from .readers.vtk_collections import LISTED, SUFFIXES
+from aerokernels.flow.reading.calling import in_child, read_here
+from aerokernels.flow.reading.dataset import HDF5_MAGIC, Dataset, ReadError, chosen_time
+from aerokernels.flow.reading.readers.vtk_collections import LISTED, SUFFIXES
 
 
 @dataclass(frozen=True)
@@ -84,7 +84,7 @@ def format_of(path: Path, options: Mapping[str, Any]) -> Format:
     """
     if not os.path.exists(path):  # which, unlike Path.exists, accepts a name of any length
         raise ReadError(path, "there is no such file or folder", "give the path of a flow file or case")
-    from .readers.foam_case import is_case, may_be_case
+    from aerokernels.flow.reading.readers.foam_case import is_case, may_be_case
 
     if may_be_case(path):
         if is_case(path):

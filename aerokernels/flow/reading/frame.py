@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from ...inputs.units import quantity
+from aerokernels.inputs.units import quantity
 
 AXES = {"x": 0, "y": 1, "z": 2}
 FLAT_SHARE = 1e-6  # of the greatest extent: a thinner set of points is a plane

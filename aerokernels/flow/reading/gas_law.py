@@ -10,12 +10,19 @@ from typing import Any
 
 import numpy as np
 
-from ...inputs.warned import warn_caller
-from ...inputs.written_units import is_no_unit, unit_in_name
-from ..gas import GAMMA_AIR, GAS_CONSTANT_AIR
-from .array_units import in_si_units
-from .dataset import Dataset, ReadError
-from .density import PRESSURE_NAMES, TEMPERATURE_NAMES, DensityChoice, Reference, scalar_array, usual_name
+from aerokernels.flow.gas import GAMMA_AIR, GAS_CONSTANT_AIR
+from aerokernels.flow.reading.array_units import in_si_units
+from aerokernels.flow.reading.dataset import Dataset, ReadError
+from aerokernels.flow.reading.density import (
+    PRESSURE_NAMES,
+    TEMPERATURE_NAMES,
+    DensityChoice,
+    Reference,
+    scalar_array,
+    usual_name,
+)
+from aerokernels.inputs.warned import warn_caller
+from aerokernels.inputs.written_units import is_no_unit, unit_in_name
 
 # Gas constants differ from that of air by up to 14 (hydrogen), scales of non-dimensional files by hundreds.
 APART = 30.0

@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from .array_units import ambient_attribute, stated_unit, unit_of_array
-from .dataset import Dataset
-from .density import Reference
-from .formats import checked_time
-from .frame import Frame
-from .read import field_of, length_unit_given, reading_of
+from aerokernels.flow.reading.array_units import ambient_attribute, stated_unit, unit_of_array
+from aerokernels.flow.reading.dataset import Dataset
+from aerokernels.flow.reading.density import Reference
+from aerokernels.flow.reading.formats import checked_time
+from aerokernels.flow.reading.frame import Frame
+from aerokernels.flow.reading.read import field_of, length_unit_given, reading_of
 
 
 def from_xarray(array, *, density=None, frame=None, reference=None, ambient_density=None, time=None, geometry=None,
@@ -18,7 +18,7 @@ def from_xarray(array, *, density=None, frame=None, reference=None, ambient_dens
     `units` names. An array is the density itself. Its attribute `ambient_density` is the density around the field: a
     number of kg/m3, or a text with a unit, as in "1.2e-3 g/cm3".
     """
-    from .readers.labelled import labelled_dataset
+    from aerokernels.flow.reading.readers.labelled import labelled_dataset
 
     if not hasattr(array, "dims"):
         raise TypeError(f"from_xarray takes an xarray DataArray or Dataset, got {type(array).__name__}")
@@ -41,7 +41,7 @@ def from_xarray(array, *, density=None, frame=None, reference=None, ambient_dens
 def from_pyvista(dataset, *, density=None, frame=None, reference=None, ambient_density=None, geometry=None,
                  gas_constant=None, length_unit=None, spacing=None, region=None, species=None):  # fmt: skip
     """Return a density field from a pyvista (or VTK) grid or multi-block set; arguments as in `flow.read`."""
-    from .readers.vtk_files import vtk_dataset
+    from aerokernels.flow.reading.readers.vtk_files import vtk_dataset
 
     if not hasattr(dataset, "GetClassName"):
         raise TypeError(f"from_pyvista takes a data set of pyvista or VTK, got {type(dataset).__name__}")

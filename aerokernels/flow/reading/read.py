@@ -7,30 +7,30 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...inputs.checks import check_choice, check_positive
-from ...inputs.units import quantity
-from ...inputs.warned import warn_caller
-from ...inputs.written_units import DIMENSIONS, is_no_unit, unit_in_name, written_unit
-from ...medium import Body
-from ..density_field import CellDensity, DensityField
-from ..gas import check_density
-from ..sampled_density import VertexDensity
-from .block_checks import check_blocks, check_repeated_blocks, with_blanks
-from .dataset import DAMAGED, Dataset, ReadError, grid_of, wall_patches, with_all_points
-from .density import DensityChoice, Reference, block_density, choose_density
-from .far_field import front_of
-from .flow_direction import direction_note
-from .formats import OPTIONS, load
-from .fractions import Fractions, choose_fractions
-from .frame import Frame, plane_normal
-from .gas_law import said_of_units
-from .planes.one_cell_thick import flattened
-from .planes.plane import Plane, plane_in_words, plane_mesh
-from .planes.wall_values import wall_density
-from .planes.wedges import wedge
+from aerokernels.flow.density_field import CellDensity, DensityField
+from aerokernels.flow.gas import check_density
+from aerokernels.flow.reading.block_checks import check_blocks, check_repeated_blocks, with_blanks
+from aerokernels.flow.reading.dataset import DAMAGED, Dataset, ReadError, grid_of, wall_patches, with_all_points
+from aerokernels.flow.reading.density import DensityChoice, Reference, block_density, choose_density
+from aerokernels.flow.reading.far_field import front_of
+from aerokernels.flow.reading.flow_direction import direction_note
+from aerokernels.flow.reading.formats import OPTIONS, load
+from aerokernels.flow.reading.fractions import Fractions, choose_fractions
+from aerokernels.flow.reading.frame import Frame, plane_normal
+from aerokernels.flow.reading.gas_law import said_of_units
+from aerokernels.flow.reading.planes.one_cell_thick import flattened
+from aerokernels.flow.reading.planes.plane import Plane, plane_in_words, plane_mesh
+from aerokernels.flow.reading.planes.wall_values import wall_density
+from aerokernels.flow.reading.planes.wedges import wedge
+from aerokernels.flow.sampled_density import VertexDensity
+from aerokernels.inputs.checks import check_choice, check_positive
+from aerokernels.inputs.units import quantity
+from aerokernels.inputs.warned import warn_caller
+from aerokernels.inputs.written_units import DIMENSIONS, is_no_unit, unit_in_name, written_unit
+from aerokernels.medium import Body
 
 if TYPE_CHECKING:
-    from .volumes.resampling import Resampling
+    from aerokernels.flow.reading.volumes.resampling import Resampling
 
 GEOMETRIES = ("planar", "axisymmetric", "volume")
 SI_UNITS = {"density": "kg/m3", "pressure": "Pa", "temperature": "K"}
@@ -277,7 +277,7 @@ def _without_units(dataset: Dataset, choice: DensityChoice, reference: Reference
 def field_of(reading: Reading, spacing=None, region=None, walls=None, shared: SharedMesh | None = None) -> DensityField:
     """Return the density field of a file that was read."""
     if reading.geometry == "volume":
-        from .volumes.volume import volume_field
+        from aerokernels.flow.reading.volumes.volume import volume_field
 
         return volume_field(reading, spacing, region, walls, shared)
     if spacing is not None or region is not None:
@@ -318,7 +318,7 @@ def _plane_field(reading: Reading, names=None) -> DensityField:
 
 
 def _body(path, dataset: Dataset, plane: Plane, mesh, names) -> Body | None:
-    from .planes.walls import hole_body, wall_body
+    from aerokernels.flow.reading.planes.walls import hole_body, wall_body
 
     walls = wall_patches(path, dataset.patches, names)
     edges = [plane.local(patch.edges) for patch in walls if len(patch.edges)]

@@ -2,9 +2,9 @@
 
 from typing import Any
 
-from ..density_field import DensityField
-from .read import SharedMesh, read_onto
-from .volumes.resampling import Resampling
+from aerokernels.flow.density_field import DensityField
+from aerokernels.flow.reading.read import SharedMesh, read_onto
+from aerokernels.flow.reading.volumes.resampling import Resampling
 
 
 class Reader:

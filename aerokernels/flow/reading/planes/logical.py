@@ -7,7 +7,7 @@ cells, and steps from each row to the next.
 
 import numpy as np
 
-from ....medium.mesh_cells import cells_across
+from aerokernels.medium.mesh_cells import cells_across
 
 
 def logical_rectangle(cells: np.ndarray, vertex_count: int) -> tuple[np.ndarray, np.ndarray] | None:

@@ -9,8 +9,19 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..dataset import CORNERS, HEXAHEDRON, POLYGON, PRISM, PYRAMID, TETRAHEDRON, Block, Cells, Dataset, Patch
-from .wedges import Layers, wedge
+from aerokernels.flow.reading.dataset import (
+    CORNERS,
+    HEXAHEDRON,
+    POLYGON,
+    PRISM,
+    PYRAMID,
+    TETRAHEDRON,
+    Block,
+    Cells,
+    Dataset,
+    Patch,
+)
+from aerokernels.flow.reading.planes.wedges import Layers, wedge
 
 NEAR = 1e-7  # of the size: single precision
 MATCHED = 10.0 * NEAR  # the radii of both sides of a wedge are rounded apart

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from .polygon_cells import Polygons
+from aerokernels.flow.reading.planes.polygon_cells import Polygons
 
 
 def oriented(polygons: Polygons) -> tuple[Polygons, str]:

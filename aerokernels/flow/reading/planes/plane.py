@@ -4,11 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ....medium import QuadMesh
-from ..dataset import FLAT, Block, Dataset, ReadError
-from ..frame import Frame
-from .polygon_cells import Polygons
-from .polygons import merged, quad_mesh
+from aerokernels.flow.reading.dataset import FLAT, Block, Dataset, ReadError
+from aerokernels.flow.reading.frame import Frame
+from aerokernels.flow.reading.planes.polygon_cells import Polygons
+from aerokernels.flow.reading.planes.polygons import merged, quad_mesh
+from aerokernels.medium import QuadMesh
 
 ON_AXIS = 1e-12  # of the greatest radius: rounding of points on the axis
 BOTH_SIDES = 1e-6  # of the plane's width: farther beyond the axis than rounding of single precision

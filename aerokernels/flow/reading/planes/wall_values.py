@@ -7,10 +7,10 @@ interpolated linearly between their middles; at the end of a wall it is extrapol
 
 import numpy as np
 
-from ...wall_density import WallDensity
-from ..dataset import Dataset, wall_patches
-from ..density import DensityChoice, Reference, density_of, in_si
-from .plane import Plane
+from aerokernels.flow.reading.dataset import Dataset, wall_patches
+from aerokernels.flow.reading.density import DensityChoice, Reference, density_of, in_si
+from aerokernels.flow.reading.planes.plane import Plane
+from aerokernels.flow.wall_density import WallDensity
 
 SAME = 1e-5  # of a cell's density: the resolution of a file with six digits
 

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
-from ..dataset import Block, ReadError
-from .cgns_nodes import Node, child, children, data_of, opened, text_of
-from .cgns_walls import POINTS
+from aerokernels.flow.reading.dataset import Block, ReadError
+from aerokernels.flow.reading.readers.cgns_nodes import Node, child, children, data_of, opened, text_of
+from aerokernels.flow.reading.readers.cgns_walls import POINTS
 
 REMEDY = "write the file again, with each array at its GridLocation and ghosts stated by Rind"
 # Types of the file's nodes by those of HDF5: VTK reads an array by the first, into room for the second.

@@ -10,13 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from ..dataset import Block, Dataset, ReadError
-from .cgns_counts import check_cells, check_counts
-from .cgns_statements import statements
-from .cgns_units import conversions, units
-from .cgns_walls import patches
-from .vtk_files import blocks_of
-from .vtk_running import DAMAGED, run
+from aerokernels.flow.reading.dataset import Block, Dataset, ReadError
+from aerokernels.flow.reading.readers.cgns_counts import check_cells, check_counts
+from aerokernels.flow.reading.readers.cgns_statements import statements
+from aerokernels.flow.reading.readers.cgns_units import conversions, units
+from aerokernels.flow.reading.readers.cgns_walls import patches
+from aerokernels.flow.reading.readers.vtk_files import blocks_of
+from aerokernels.flow.reading.readers.vtk_running import DAMAGED, run
 
 
 def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:

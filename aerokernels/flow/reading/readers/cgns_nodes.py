@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..dataset import HDF5_MAGIC
+from aerokernels.flow.reading.dataset import HDF5_MAGIC
 
 
 class Node:

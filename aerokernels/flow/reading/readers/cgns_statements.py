@@ -4,8 +4,17 @@ from pathlib import Path
 
 import numpy as np
 
-from ..dataset import ReadError
-from .cgns_nodes import Node, array_paths, child, children, class_of, data_of, opened, text_of
+from aerokernels.flow.reading.dataset import ReadError
+from aerokernels.flow.reading.readers.cgns_nodes import (
+    Node,
+    array_paths,
+    child,
+    children,
+    class_of,
+    data_of,
+    opened,
+    text_of,
+)
 
 ON_AXIS = 1e-6  # of the distance of the reference point from the origin: rounding of single precision
 DIMENSIONAL = ("", "Null", "DataClassNull", "UserDefined", "Dimensional")

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ..array_units import length_of
-from .cgns_nodes import Node, array_paths, children, class_of, data_of, opened
+from aerokernels.flow.reading.array_units import length_of
+from aerokernels.flow.reading.readers.cgns_nodes import Node, array_paths, children, class_of, data_of, opened
 
 # Symbols of the standard's unit names, in the order of the exponents: mass, length, time, temperature, angle.
 SYMBOLS = (

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ..dataset import Patch
-from .cgns_nodes import Node, child, children, data_of, opened, text_of
+from aerokernels.flow.reading.dataset import Patch
+from aerokernels.flow.reading.readers.cgns_nodes import Node, child, children, data_of, opened, text_of
 
 # Number of corners of CGNS edges, triangles and quadrilaterals; mid-edge points follow the corners.
 SURFACE = {3: 2, 4: 2, 5: 3, 6: 3, 7: 4, 8: 4, 9: 4}

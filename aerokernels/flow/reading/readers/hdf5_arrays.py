@@ -10,10 +10,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..array_names import plain_name
-from ..array_units import stated_unit
-from ..dataset import DAMAGED, ReadError
-from .coordinates import COLUMNS
+from aerokernels.flow.reading.array_names import plain_name
+from aerokernels.flow.reading.array_units import stated_unit
+from aerokernels.flow.reading.dataset import DAMAGED, ReadError
+from aerokernels.flow.reading.readers.coordinates import COLUMNS
 
 AXIS_END = re.compile(r"([xyzr])_?(min|max)")
 

@@ -4,14 +4,14 @@ from pathlib import Path
 
 import numpy as np
 
-from ....files.netcdf_classic import is_classic
-from ....inputs.arguments import seconds
-from ....process.room import NoRoomError, check_file
-from ..array_names import plain_name
-from ..array_units import stated_unit
-from ..dataset import DAMAGED, Dataset, ReadError
-from .coordinates import COLUMNS, axes_of
-from .named_arrays import dataset_of
+from aerokernels.files.netcdf_classic import is_classic
+from aerokernels.flow.reading.array_names import plain_name
+from aerokernels.flow.reading.array_units import stated_unit
+from aerokernels.flow.reading.dataset import DAMAGED, Dataset, ReadError
+from aerokernels.flow.reading.readers.coordinates import COLUMNS, axes_of
+from aerokernels.flow.reading.readers.named_arrays import dataset_of
+from aerokernels.inputs.arguments import seconds
+from aerokernels.process.room import NoRoomError, check_file
 
 
 def read(path: Path, time=None, options: dict | None = None) -> Dataset:

@@ -15,13 +15,13 @@ from typing import Any
 
 import numpy as np
 
-from ....inputs.listed import listed
-from ....process.room import NoRoomError, check_room
-from ..array_names import plain_name
-from ..array_units import length_of, unit_of_array
-from ..dataset import DAMAGED, HDF5_MAGIC, Block, Dataset, GridPoints, ReadError, chosen_time
-from .coordinates import COLUMNS, PLACE, axes_of
-from .hdf5_arrays import hdf5_arrays
+from aerokernels.flow.reading.array_names import plain_name
+from aerokernels.flow.reading.array_units import length_of, unit_of_array
+from aerokernels.flow.reading.dataset import DAMAGED, HDF5_MAGIC, Block, Dataset, GridPoints, ReadError, chosen_time
+from aerokernels.flow.reading.readers.coordinates import COLUMNS, PLACE, axes_of
+from aerokernels.flow.reading.readers.hdf5_arrays import hdf5_arrays
+from aerokernels.inputs.listed import listed
+from aerokernels.process.room import NoRoomError, check_room
 
 PIECE = 1 << 24  # [bytes] read at once
 
@@ -250,7 +250,7 @@ def _block(path, axes, coordinates, arrays, either: bool) -> tuple[Block, list[s
             )
         counts = shapes.pop()
         if len(counts) == 1:
-            from .point_table import joined
+            from aerokernels.flow.reading.readers.point_table import joined
 
             points = np.zeros((counts[0], 3))
             for axis, own in zip(axes, coordinates, strict=True):

@@ -18,9 +18,9 @@ from typing import Any
 
 import numpy as np
 
-from ....process.own_files import own_file
-from ..dataset import Block, Dataset, ReadError
-from .text_tables import fortran_numbers
+from aerokernels.flow.reading.dataset import Block, Dataset, ReadError
+from aerokernels.flow.reading.readers.text_tables import fortran_numbers
+from aerokernels.process.own_files import own_file
 
 DAMAGED = "the file is damaged, or no file of Plot3D: write it again"
 GRID_ENDS = (".xyz", ".x", ".g", ".p3d", ".grd", ".p2d")

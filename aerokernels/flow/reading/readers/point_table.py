@@ -11,11 +11,20 @@ from typing import Any
 
 import numpy as np
 
-from ..array_names import plain_name
-from ..array_units import length_of, unit_of_array
-from ..dataset import TETRAHEDRON, TRIANGLE, Block, Cells, Dataset, ReadError, check_points, chosen_time
-from .coordinates import COLUMNS, PLACE, axes_of
-from .text_tables import read_table
+from aerokernels.flow.reading.array_names import plain_name
+from aerokernels.flow.reading.array_units import length_of, unit_of_array
+from aerokernels.flow.reading.dataset import (
+    TETRAHEDRON,
+    TRIANGLE,
+    Block,
+    Cells,
+    Dataset,
+    ReadError,
+    check_points,
+    chosen_time,
+)
+from aerokernels.flow.reading.readers.coordinates import COLUMNS, PLACE, axes_of
+from aerokernels.flow.reading.readers.text_tables import read_table
 
 TIMES = ("time", "timevalue", "flowtime", "physicaltime", "solutiontime", "simulationtime")
 LEAST_POINTS = 4  # at a time: a column of other times is an array like any other

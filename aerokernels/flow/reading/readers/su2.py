@@ -12,8 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ....process.own_files import own_file
-from ..dataset import (  # fmt: skip
+from aerokernels.flow.reading.dataset import (  # fmt: skip
     CORNERS,
     FLAT,
     LINE,
@@ -27,9 +26,10 @@ from ..dataset import (  # fmt: skip
     ReadError,
     whole_number,
 )
-from .su2_cgns import cgns_mesh
-from .su2_configuration import configured
-from .text_tables import read_table
+from aerokernels.flow.reading.readers.su2_cgns import cgns_mesh
+from aerokernels.flow.reading.readers.su2_configuration import configured
+from aerokernels.flow.reading.readers.text_tables import read_table
+from aerokernels.process.own_files import own_file
 
 MAGIC = 535532
 NAME_LENGTH = 33

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ..calling import in_child
-from ..dataset import Cells, Patch, ReadError
+from aerokernels.flow.reading.calling import in_child
+from aerokernels.flow.reading.dataset import Cells, Patch, ReadError
 
 
 def cgns_mesh(path: Path) -> tuple[np.ndarray, Cells, list[Patch]]:

@@ -12,8 +12,17 @@ from typing import Any
 
 import numpy as np
 
-from ..dataset import HEXAHEDRON, QUAD, TETRAHEDRON, TRIANGLE, UNFINISHED, Cells, Dataset, ReadError
-from .tecplot_text import assembled, at_time, element_cells, without_static
+from aerokernels.flow.reading.dataset import (
+    HEXAHEDRON,
+    QUAD,
+    TETRAHEDRON,
+    TRIANGLE,
+    UNFINISHED,
+    Cells,
+    Dataset,
+    ReadError,
+)
+from aerokernels.flow.reading.readers.tecplot_text import assembled, at_time, element_cells, without_static
 
 ZONE, END_OF_HEADER = 299.0, 357.0
 # Other records of the header: of geometry and text, which are not read, and of words, which are passed over.

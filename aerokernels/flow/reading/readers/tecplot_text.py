@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from ..array_names import plain_name
-from ..array_units import length_of
-from ..dataset import (
+from aerokernels.flow.reading.array_names import plain_name
+from aerokernels.flow.reading.array_units import length_of
+from aerokernels.flow.reading.dataset import (
     HEXAHEDRON,
     LINE,
     QUAD,
@@ -26,8 +26,8 @@ from ..dataset import (
     chosen_time,
     whole_number,
 )
-from .coordinates import COLUMNS, PLACE, axes_of
-from .text_tables import fortran_numbers
+from aerokernels.flow.reading.readers.coordinates import COLUMNS, PLACE, axes_of
+from aerokernels.flow.reading.readers.text_tables import fortran_numbers
 
 ELEMENTS = {
     "TRIANGLE": (TRIANGLE, 3),

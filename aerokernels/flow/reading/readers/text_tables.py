@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..dataset import ReadError
+from aerokernels.flow.reading.dataset import ReadError
 
 DAMAGED = "write it again with a line of names and as many numbers in every line"
 _LETTER_LEFT_OUT = re.compile(r"(?<=[\d.])(?=[+-]\d{3}(?![\d.]))")

@@ -10,8 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ....process.own_files import check_own_files
-from ..dataset import (  # fmt: skip
+from aerokernels.flow.reading.dataset import (  # fmt: skip
     CORNERS,
     FLAT,
     LINE,
@@ -26,10 +25,11 @@ from ..dataset import (  # fmt: skip
     ReadError,
     chosen_time,
 )
-from ..volumes.solids import FACES
-from .high_order import BY_CORNERS, joined, linear_cells
-from .vtk_collections import SUFFIXES, collection
-from .vtk_running import DAMAGED, text_of, vtk_output
+from aerokernels.flow.reading.readers.high_order import BY_CORNERS, joined, linear_cells
+from aerokernels.flow.reading.readers.vtk_collections import SUFFIXES, collection
+from aerokernels.flow.reading.readers.vtk_running import DAMAGED, text_of, vtk_output
+from aerokernels.flow.reading.volumes.solids import FACES
+from aerokernels.process.own_files import check_own_files
 
 NO_OWN_FLOW = 1 | 8 | 32  # flags of cells that vtkDataSetAttributes calls duplicate, refined and hidden
 STRUCTURED_ORDER = {11: [0, 1, 3, 2, 4, 5, 7, 6], 8: [0, 1, 3, 2]}  # voxel and pixel corners in hexahedron, quad order

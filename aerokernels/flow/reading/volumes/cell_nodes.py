@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .reconstruction import Reconstruction
-from .rows import Rows
+from aerokernels.flow.reading.volumes.reconstruction import Reconstruction
+from aerokernels.flow.reading.volumes.rows import Rows
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +56,7 @@ class CellNodes:
             spacing: Of the nodes [m].
             density: Of all nodes of the grid, shape (node_count,): changed in place.
         """
-        from .mesh_kernels import densities_at_nodes, densities_in_tetrahedra, launch
+        from aerokernels.flow.reading.volumes.mesh_kernels import densities_at_nodes, densities_in_tetrahedra, launch
 
         of_rows: tuple[np.ndarray, ...] = (self.rows.start, self.rows.column)
         kernel = densities_at_nodes

@@ -14,10 +14,10 @@ sum, to rounding.
 
 import numpy as np
 
-from ....medium import spline
-from ....medium.averages.vertex_values import SHOCK_SHARE
-from ....process.threads import in_threads
-from .point_values import LEAST_SHARE
+from aerokernels.flow.reading.volumes.point_values import LEAST_SHARE
+from aerokernels.medium import spline
+from aerokernels.medium.averages.vertex_values import SHOCK_SHARE
+from aerokernels.process.threads import in_threads
 
 # The c_k for one and for three slopes on either side: M F = 1 + O(w^4) and O(w^8) for a wave exp(i w x / h), with M the
 # mean over a cell of the spline through values F exp(i w x / h) at the faces.

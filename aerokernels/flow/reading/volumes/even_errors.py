@@ -8,7 +8,7 @@ cell to cell along the row counts.
 
 import numpy as np
 
-from .measuring_lines import LINES, VolumeResampling, unresolved
+from aerokernels.flow.reading.volumes.measuring_lines import LINES, VolumeResampling, unresolved
 
 SIDES = np.array([[-0.5, 0.5]])
 

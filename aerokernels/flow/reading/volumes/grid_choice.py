@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 
-from ..dataset import SOLID, Block, ReadError
-from .raster import CellFacts
+from aerokernels.flow.reading.dataset import SOLID, Block, ReadError
+from aerokernels.flow.reading.volumes.raster import CellFacts
 
 DEFAULT_NODES = 8_000_000  # of a grid whose spacing the caller did not choose
 NODE_LIMIT = 200_000_000

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from .rows import Rows
+from aerokernels.flow.reading.volumes.rows import Rows
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +68,7 @@ class PointDeficits:
 
     def deficit(self, value: np.ndarray) -> np.ndarray:
         """Return twice the deficit of each cell's function at the mean of its corners, from values at all points."""
-        from .mesh_kernels import launch, linear_functions
+        from aerokernels.flow.reading.volumes.mesh_kernels import launch, linear_functions
 
         count = len(self.middle)
         function = np.empty((count, 6))

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .rows import Rows
+from aerokernels.flow.reading.volumes.rows import Rows
 
 LEAST_SHARE = 0.1  # of the least average around a point on the rim: lower bound of its value
 FLAT = 1e-11  # of the greatest eigenvalue: directions with less spread of the places get no slope
@@ -56,8 +56,8 @@ class PointValues:
             points: [m], shape (point_count, 3).
             blank: Which cells have no flow, shape (cell_count,); None where all have.
         """
-        from .mesh_kernels import launch
-        from .point_kernels import convex_weights
+        from aerokernels.flow.reading.volumes.mesh_kernels import launch
+        from aerokernels.flow.reading.volumes.point_kernels import convex_weights
 
         cells = _turned(corners, len(points), blank)
         weight, inside = np.empty(len(cells.column)), np.zeros(len(points), np.int32)
@@ -75,8 +75,8 @@ class PointValues:
 
     def values(self, average: np.ndarray) -> np.ndarray:
         """Return values at the points, shape (point_count,); 0 where no cell has flow."""
-        from .mesh_kernels import launch
-        from .point_kernels import carry_to_rim, weighted_means
+        from aerokernels.flow.reading.volumes.mesh_kernels import launch
+        from aerokernels.flow.reading.volumes.point_kernels import carry_to_rim, weighted_means
 
         cells, value = self.cells, np.empty(len(self.cells.start) - 1)
         launch(weighted_means, len(value), cells.start, cells.column, self.weight, average, value)

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from ....process.machine import core_count
-from ..dataset import Block
-from .solids import Solids, solid_chunks
+from aerokernels.flow.reading.dataset import Block
+from aerokernels.flow.reading.volumes.solids import Solids, solid_chunks
+from aerokernels.process.machine import core_count
 
 PAIRS = 400_000  # pairs of a cell and a node in its box that are tested together
 ON_FACE = 1e-9  # of a cell's size: a node this close is on the face

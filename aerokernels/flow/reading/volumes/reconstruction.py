@@ -9,12 +9,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..dataset import POLYHEDRON, Block, Faces
-from .point_deficits import PointDeficits
-from .point_values import PointValues
-from .raster import CellFacts
-from .rows import Rows
-from .solids import corner_chunks, corner_counts
+from aerokernels.flow.reading.dataset import POLYHEDRON, Block, Faces
+from aerokernels.flow.reading.volumes.point_deficits import PointDeficits
+from aerokernels.flow.reading.volumes.point_values import PointValues
+from aerokernels.flow.reading.volumes.raster import CellFacts
+from aerokernels.flow.reading.volumes.rows import Rows
+from aerokernels.flow.reading.volumes.solids import corner_chunks, corner_counts
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,7 +110,7 @@ class SomeCells:
 
     def linear(self, value: np.ndarray, near: np.ndarray, origin) -> Linear:
         """Return their linear functions from the result of `Reconstruction.values`, relative to `origin` [m]."""
-        from .mesh_kernels import launch, linear_functions
+        from aerokernels.flow.reading.volumes.mesh_kernels import launch, linear_functions
 
         own, function, origin = value[self.cell], np.empty((len(self.cell), 6)), tuple(float(x) for x in origin)
         launch(
@@ -162,8 +162,8 @@ def _points_of_faces(faces: Faces, cell_count: int, point_count: int) -> Rows:
 
 def _fitted(rows: Rows, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return corner weights in the least-squares slope, shape (entry_count, 3), and the means of the corners."""
-    from .mesh_kernels import launch
-    from .point_kernels import slope_weights
+    from aerokernels.flow.reading.volumes.mesh_kernels import launch
+    from aerokernels.flow.reading.volumes.point_kernels import slope_weights
 
     count = len(rows.start) - 1
     weight, centre = np.empty((len(rows.column), 3)), np.zeros((count, 3))

@@ -10,16 +10,16 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ...sampled_density import GridDensity
-from ...species import Composition
-from ..dataset import Block, ReadError
-from .cell_nodes import CellNodes
-from .grid_choice import check_solids, choose_grid
-from .measuring_lines import MeasuringLines, VolumeResampling
-from .node_fill import EmptyNodes, SmallCells, foremost
-from .raster import CellFacts, NodeGrid, rasterise
-from .reconstruction import Reconstruction
-from .solid_walls import solid_body
+from aerokernels.flow.reading.dataset import Block, ReadError
+from aerokernels.flow.reading.volumes.cell_nodes import CellNodes
+from aerokernels.flow.reading.volumes.grid_choice import check_solids, choose_grid
+from aerokernels.flow.reading.volumes.measuring_lines import MeasuringLines, VolumeResampling
+from aerokernels.flow.reading.volumes.node_fill import EmptyNodes, SmallCells, foremost
+from aerokernels.flow.reading.volumes.raster import CellFacts, NodeGrid, rasterise
+from aerokernels.flow.reading.volumes.reconstruction import Reconstruction
+from aerokernels.flow.reading.volumes.solid_walls import solid_body
+from aerokernels.flow.sampled_density import GridDensity
+from aerokernels.flow.species import Composition
 
 OUTSIDE = "are in a body or beyond the mesh: the density is extrapolated there"
 

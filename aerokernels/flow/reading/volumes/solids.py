@@ -10,7 +10,7 @@ from functools import partial
 
 import numpy as np
 
-from ..dataset import CORNERS, HEXAHEDRON, POLYHEDRON, PRISM, PYRAMID, TETRAHEDRON, Block
+from aerokernels.flow.reading.dataset import CORNERS, HEXAHEDRON, POLYHEDRON, PRISM, PYRAMID, TETRAHEDRON, Block
 
 # Faces by their corners, counter-clockwise seen from outside; a triangle repeats its last corner.
 FACES = {

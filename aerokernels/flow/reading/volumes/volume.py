@@ -4,13 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from ....medium.labelled_grid import unevenness
-from ...sampled_density import GridDensity
-from ..dataset import SOLID, Block, ReadError, grid_of, with_all_points
-from .even_averages import at_corners
-from .even_errors import estimated_error
-from .resampling import Resampling
-from .solids import corner_chunks
+from aerokernels.flow.reading.dataset import SOLID, Block, ReadError, grid_of, with_all_points
+from aerokernels.flow.reading.volumes.even_averages import at_corners
+from aerokernels.flow.reading.volumes.even_errors import estimated_error
+from aerokernels.flow.reading.volumes.resampling import Resampling
+from aerokernels.flow.reading.volumes.solids import corner_chunks
+from aerokernels.flow.sampled_density import GridDensity
+from aerokernels.medium.labelled_grid import unevenness
 
 
 def volume_field(reading, spacing=None, region=None, walls=None, shared=None) -> GridDensity:
