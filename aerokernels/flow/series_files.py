@@ -8,10 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from aerokernels.flow.reading.array_names import known_names
-from aerokernels.flow.reading.array_units import ambient_attribute, stated_unit
+from aerokernels.flow.reading.arrays import ambient_attribute, known_names, stated_unit
 from aerokernels.flow.reading.density import DENSITY_NAMES
-from aerokernels.flow.reading.files_behind import files_behind, stamp
+from aerokernels.flow.reading.formats import files_behind, stamp
 
 from ..files.netcdf_reading import open_netcdf
 from ..files.zarr_codecs import check_codecs

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from aerokernels import __version__
-from aerokernels.flow.reading.array_units import stated_unit
+from aerokernels.flow.reading.arrays import stated_unit
 
 from ..flow import Series
 from ..inputs.arguments import checked, seconds

@@ -10,8 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from aerokernels.flow.gas import GAS_CONSTANT_AIR, no_gas
-from aerokernels.flow.reading.array_names import known_names, plain_name
-from aerokernels.flow.reading.array_units import in_si_units, unit_of_array
+from aerokernels.flow.reading.arrays import in_si_units, known_names, plain_name, unit_of_array
 from aerokernels.flow.reading.dataset import FLAT, SOLID, Block, Dataset, ReadError
 from aerokernels.inputs.checks import check_positive
 from aerokernels.inputs.units import quantity

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aerokernels.flow.reading.array_names import plain_name
+from aerokernels.flow.reading.arrays import plain_name
 from aerokernels.flow.reading.dataset import Block, Dataset, ReadError
 from aerokernels.flow.reading.density import found_name, scalar_array
 from aerokernels.flow.species import SPECIES_NAMES, Composition, molar_mass

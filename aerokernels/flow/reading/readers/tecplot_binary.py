@@ -6,6 +6,7 @@ the last.
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -82,7 +83,7 @@ class _Bytes:
         return "".join(letters)
 
 
-def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
+def read(path: Path, time: Any, options: Mapping[str, Any]) -> Dataset:
     """Read a Tecplot binary file.
 
     Raises:

@@ -6,7 +6,7 @@ import numpy as np
 
 from aerokernels.flow.reading.dataset import Block
 from aerokernels.flow.reading.volumes.point_values import LEAST_SHARE
-from aerokernels.flow.reading.volumes.raster import CellFacts, NodeGrid
+from aerokernels.flow.reading.volumes.solids import CellFacts, NodeGrid
 
 LEAST_AVERAGED = 4  # cells around a node: from this number on their average replaces the cell that contains it
 CARRIED_ON = 8  # layers of nodes into which the density is extrapolated, in a body and beyond the mesh

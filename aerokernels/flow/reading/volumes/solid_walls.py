@@ -8,8 +8,7 @@ flow inside, such as a tunnel's walls or the outer edge of a mesh, bounds none.
 import numpy as np
 
 from aerokernels.flow.reading.dataset import Block, Dataset, Polygons, ReadError, wall_patches
-from aerokernels.flow.reading.volumes.raster import NodeGrid
-from aerokernels.flow.reading.volumes.solids import FACES, corner_chunks
+from aerokernels.flow.reading.volumes.solids import FACES, NodeGrid, corner_chunks
 from aerokernels.medium import SolidBody
 
 CLOSE = 1e-9  # of the field's size: closer points are the same
