@@ -11,7 +11,7 @@ import numpy as np
 
 from ..medium.grid import UniformGrid
 from .engines import Engine
-from .support import MARGIN_NODES
+from .error_limit import MARGIN_NODES
 
 # The first and the last node of a part along each axis.
 Part = list[tuple[int, int]]

@@ -5,9 +5,9 @@ import pytest
 
 from aerokernels import IndexField
 from aerokernels.tracing.engines import engine_of
+from aerokernels.tracing.error_limit import left_out, support_box
 from aerokernels.tracing.greatest_outside import GreatestOutside, part_of_support
 from aerokernels.tracing.grid_tables import GridTables
-from aerokernels.tracing.support import left_out, support_box
 
 from .backends import ENGINES, on
 

@@ -16,8 +16,7 @@ from ..engines import Engine
 from ..engines.kernel_table import STRUCTURE_KERNELS
 from ..scheme import MISSED_SLOPE
 from .between_samples import NEGLIGIBLE, MissedStructure
-from .missed_on_lines import ENDS_SHARE, known_ends, with_lever_arm
-from .path_through_blocks import Layers, path_of
+from .missed_on_lines import ENDS_SHARE, Layers, known_ends, path_of, with_lever_arm
 from .unresolved import RULE_AT_END, rule_scales, turned
 
 
