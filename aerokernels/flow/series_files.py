@@ -8,14 +8,14 @@ from typing import Any
 
 import numpy as np
 
+from aerokernels.inputs.checks import listed
+from aerokernels.inputs.units import unit_of
+from aerokernels.process.foreign_files import FileFault, check_file, check_room, fault_text
+
 from ..files.netcdf_reading import open_netcdf
 from ..files.zarr_codecs import check_codecs
 from ..inputs.arguments import seconds
-from ..inputs.listed import listed
-from ..inputs.written_units import unit_of
 from ..medium.labelled_grid import GEOMETRIES
-from ..process.fault_text import FileFault, fault_text
-from ..process.room import check_file, check_room
 from .reading.array_names import known_names
 from .reading.array_units import ambient_attribute, stated_unit
 from .reading.density import DENSITY_NAMES

@@ -31,7 +31,7 @@ from aerokernels.hardware.transaction import (
 )
 from aerokernels.hardware.waveform import as_whole
 from aerokernels.inputs.checks import check_path
-from aerokernels.process.fault_text import FileFault
+from aerokernels.process.foreign_files import FileFault
 
 Made = TypeVar("Made")
 _BUSY_TIME = 30.0  # [s] wait for another recorder that is committing to the same store

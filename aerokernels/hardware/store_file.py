@@ -6,7 +6,7 @@ import sqlite3
 import tempfile
 from pathlib import Path
 
-from aerokernels.process.fault_text import FileFault
+from aerokernels.process.foreign_files import FileFault
 
 
 def store_address(path: Path, *, read_only: bool) -> str:

@@ -3,7 +3,7 @@
 import re
 from collections.abc import Iterable, Sequence
 
-from ...inputs.written_units import in_brackets, is_no_unit, written_unit
+from aerokernels.inputs.units import in_brackets, is_no_unit, written_unit
 
 # Words in brackets that leave a quantity what it is; others, such as "total" and "gauge", make another one of it.
 SAME_QUANTITY = ("static", "absolute", "abs", "thermodynamic", "mean", "average", "averaged", "avg", "si", "gas", "air",

@@ -5,8 +5,9 @@ from typing import Any
 
 import numpy as np
 
+from aerokernels.inputs.units import WrittenUnit, is_no_unit, unit_in_name, unit_of
+
 from ...inputs.units import quantity
-from ...inputs.written_units import WrittenUnit, is_no_unit, unit_in_name, unit_of
 from .dataset import ReadError
 
 

@@ -5,7 +5,8 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from ...process.fault_text import FileFault
+from aerokernels.process.foreign_files import FileFault
+
 from ...process.fragile import in_child as call_in_child
 from .dataset import DAMAGED, Dataset, ReadError
 

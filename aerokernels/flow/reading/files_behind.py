@@ -8,7 +8,8 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from ...process.own_files import OwnFilesError, pieces
+from aerokernels.process.foreign_files import OwnFilesError, pieces
+
 from .dataset import ReadError
 from .formats import format_of
 from .readers.vtk_collections import SUFFIXES, collection

@@ -8,7 +8,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ...inputs.warned import warn_caller
+from aerokernels.inputs.checks import warn_caller
+
 from .array_names import plain_name
 from .dataset import Dataset, ReadError
 from .frame import Frame

@@ -10,8 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from ...inputs.warned import warn_caller
-from ...inputs.written_units import is_no_unit, unit_in_name
+from aerokernels.inputs.checks import warn_caller
+from aerokernels.inputs.units import is_no_unit, unit_in_name
+
 from ..gas import GAMMA_AIR, GAS_CONSTANT_AIR
 from .array_units import in_si_units
 from .dataset import Dataset, ReadError

@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from aerokernels.inputs.checks import warn_caller
+from aerokernels.inputs.units import EXPONENTS, is_no_unit, unit_in_name, written_unit
+
 from ...inputs.checks import check_choice, check_positive
 from ...inputs.units import quantity
-from ...inputs.warned import warn_caller
-from ...inputs.written_units import DIMENSIONS, is_no_unit, unit_in_name, written_unit
 from ...medium import Body
 from ..density_field import CellDensity, DensityField
 from ..gas import check_density
@@ -336,7 +337,7 @@ def unit_of_length(unit: str | float | None) -> float:
     """
     if unit is None:
         return 1.0
-    if isinstance(unit, str) and (written := written_unit(unit)) and written.exponents == DIMENSIONS["length"]:
+    if isinstance(unit, str) and (written := written_unit(unit)) and written.exponents == EXPONENTS["length"]:
         return written.factor
     if isinstance(unit, str) and not any(c.isdigit() for c in unit):
         unit = f"1 {unit}"

@@ -11,7 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ....process.own_files import own_file
+from aerokernels.process.foreign_files import own_file
+
 from ..dataset import POLYHEDRON, Block, Cells, Dataset, ReadError, chosen_time
 from .foam_file import FoamFile, find
 from .foam_mesh import FoamMesh, flat_block, plane_of, read_mesh, surface_patches

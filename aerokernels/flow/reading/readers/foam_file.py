@@ -14,7 +14,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ....process.room import check_room
+from aerokernels.process.foreign_files import check_room
+
 from ..dataset import ReadError, whole_number
 
 _BLANK = re.compile(rb"(?:\s+|//[^\n]*\n?|/\*.*?\*/)*", re.DOTALL)

@@ -4,9 +4,10 @@ from pathlib import Path
 
 import numpy as np
 
-from ....files.netcdf_classic import is_classic
+from aerokernels.files.netcdf_reading import is_classic
+from aerokernels.process.foreign_files import NoRoomError, check_file
+
 from ....inputs.arguments import seconds
-from ....process.room import NoRoomError, check_file
 from ..array_names import plain_name
 from ..array_units import stated_unit
 from ..dataset import DAMAGED, Dataset, ReadError

@@ -15,8 +15,9 @@ from typing import Any
 
 import numpy as np
 
-from ....inputs.listed import listed
-from ....process.room import NoRoomError, check_room
+from aerokernels.inputs.checks import listed
+from aerokernels.process.foreign_files import NoRoomError, check_room
+
 from ..array_names import plain_name
 from ..array_units import length_of, unit_of_array
 from ..dataset import DAMAGED, HDF5_MAGIC, Block, Dataset, GridPoints, ReadError, chosen_time

@@ -18,7 +18,8 @@ from typing import Any
 
 import numpy as np
 
-from ....process.own_files import own_file
+from aerokernels.process.foreign_files import own_file
+
 from ..dataset import Block, Dataset, ReadError
 from .text_tables import fortran_numbers
 

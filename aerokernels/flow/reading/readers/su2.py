@@ -12,7 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from ....process.own_files import own_file
+from aerokernels.process.foreign_files import own_file
+
 from ..dataset import (  # fmt: skip
     CORNERS,
     FLAT,

@@ -12,7 +12,7 @@ import re
 from collections.abc import Mapping
 from pathlib import Path
 
-from ....process.own_files import OwnFilesError, own_file
+from aerokernels.process.foreign_files import OwnFilesError, own_file
 
 MOST_CONFIGURATIONS, LONGEST_CONFIGURATION = 20, 1_000_000  # files, characters
 GAS_CONSTANT = 287.058  # [J/(kg K)] SU2's of air

@@ -12,7 +12,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 from xml.etree import ElementTree
 
-from ....process.own_files import OwnFilesError, own_file
+from aerokernels.process.foreign_files import OwnFilesError, own_file
+
 from ..dataset import ReadError
 
 SUFFIXES = (".pvd", ".series")

@@ -10,7 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from ....process.own_files import check_own_files
+from aerokernels.process.foreign_files import check_own_files
+
 from ..dataset import (  # fmt: skip
     CORNERS,
     FLAT,

@@ -7,13 +7,14 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from aerokernels.process.threads import thread_count
+
 from ....device_arrays import DeviceArray, in_reach, is_one_row
 from ....device_arrays.fetching import Fetching
 from ....device_arrays.launching import launch, load_module
 from ....device_arrays.pinned import bring, to_host
 from ....medium import IndexField
 from ....process.clock import stage
-from ....process.large_arrays import thread_count
 from ....process.machine import core_count, host_memory
 from ....process.opened import OPENED
 from ....process.quiet_warp import open_device
