@@ -11,11 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from aerokernels.files.writing import RetryingFile, draft_of, only_writer
-from aerokernels.hardware.csv_cells import csv_cell
+from aerokernels.files.writing import RetryingFile, draft_of
 from aerokernels.hardware.rows import StoredEcho, encode_label, signed
 from aerokernels.hardware.store import EchoStore
-from aerokernels.hardware.transaction import StoreError
+from aerokernels.hardware.store_file import StoreError
 from aerokernels.inputs.checks import check_path, listed
 
 ECHOES_AT_ONCE = 1024  # most echoes written at a time
@@ -247,3 +246,23 @@ def _blocks(echoes: Iterator[StoredEcho], count: int) -> Iterator[list[StoredEch
 
 def _text_of(label: Mapping[str, str]) -> str:
     return " ".join(f"{key}={value}" for key, value in label.items()) or "(empty)"
+
+
+FORMULA = ("=", "+", "-", "@", "\t", "\r")
+
+
+def text_of_cell(cell: str) -> str:
+    """Return the text for which `csv_cell` wrote a cell."""
+    text = cell.removeprefix("'")
+    return text if csv_cell(text) == cell else cell
+
+
+def csv_cell(value: object) -> object:
+    """Return a cell's value; a text that begins like a formula and is not a number gets a leading apostrophe."""
+    if not isinstance(value, str) or not value.lstrip(" ").startswith(FORMULA):
+        return value
+    try:
+        float(value)
+    except ValueError:
+        return f"'{value}"
+    return value

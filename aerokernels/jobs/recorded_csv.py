@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from aerokernels.hardware.csv_cells import text_of_cell
+from aerokernels.hardware.export import text_of_cell
 from aerokernels.inputs.units import quantity
 from aerokernels.process.foreign_files import FileFault
 

@@ -19,7 +19,6 @@ from pathlib import Path
 from typing import IO, Any, NamedTuple
 
 from aerokernels.process.foreign_files import LISTS, FileFault, check_own_files
-
 from aerokernels.process.machine import address_space, host_memory, python_child
 from aerokernels.process.opened import OPENED
 
