@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from aerokernels.files.writing import RetryingFile, draft_of
+from aerokernels.files.writing import RetryingFile, draft_of, only_writer
 from aerokernels.hardware.rows import StoredEcho, encode_label, signed
 from aerokernels.hardware.store import EchoStore
 from aerokernels.hardware.store_file import StoreError
