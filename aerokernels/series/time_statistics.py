@@ -8,11 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from aerokernels import __version__
-from aerokernels.inputs.checks import warn_caller
-from aerokernels.inputs.units import unit_of
+from aerokernels.flow.reading.arrays import stated_unit
 
 from ..flow import Series
-from ..flow.reading.array_units import stated_unit
 from ..inputs.arguments import checked, seconds
 from ..inputs.checks import check_count, check_positive
 from ..inputs.wavelength import DEFAULT_WAVELENGTH, check_wavelength

@@ -14,8 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from aerokernels.flow.reading.array_names import plain_name
-from aerokernels.flow.reading.array_units import length_of, unit_of_array
+from aerokernels.flow.reading.arrays import length_of, plain_name, unit_of_array
 from aerokernels.flow.reading.dataset import ReadError
 from aerokernels.flow.reading.fractions import species_arrays
 from aerokernels.flow.reading.readers.foam_case import times_of, unit_in_words

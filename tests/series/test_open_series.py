@@ -171,10 +171,10 @@ def test_collections_and_cases_have_their_times(tmp_path: Path, monkeypatch: pyt
         asked.append((path.name, time, options))
         return flow.GridDensity(np.full((4, 5, 6), 0.6), [0, 0, 0], [1e-3] * 3, "volume", 0.5)
 
-    def kept(_, path: Path, **options) -> DensityField:  # what `flow.read` and `flow.Reader` share
-        return read(path, **options)
+    def kept(reader, path: Path, **more) -> DensityField:  # what `flow.read` and `flow.Reader` share
+        return read(path, **{**reader.options, **more})
 
-    monkeypatch.setattr("aerokernels.flow.reading.reader.read_onto", kept)
+    monkeypatch.setattr(flow.Reader, "__call__", kept)
     for name in ("b.vtu", "a.vtu"):
         (tmp_path / name).write_text("")
     lines = [f'<DataSet timestep="{t}" file="{name}"/>' for t, name in ((2e-5, "b.vtu"), (1e-5, "a.vtu"))]
