@@ -11,6 +11,8 @@ import numpy as np
 from aerokernels.flow.reading.arrays import ambient_attribute, known_names, stated_unit
 from aerokernels.flow.reading.density import DENSITY_NAMES
 from aerokernels.flow.reading.formats import files_behind, stamp
+from aerokernels.inputs.checks import listed
+from aerokernels.inputs.units import unit_of
 from aerokernels.process.foreign_files import FileFault, check_file, check_room, fault_text
 
 from ..files.netcdf_reading import open_netcdf

@@ -10,6 +10,7 @@ import numpy as np
 from aerokernels import __version__
 from aerokernels.flow.reading.arrays import stated_unit
 from aerokernels.inputs.checks import warn_caller
+from aerokernels.inputs.units import unit_of
 
 from ..flow import Series
 from ..inputs.arguments import checked, seconds
