@@ -10,8 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..inputs.checks import check_choice, check_count, check_positive
-from ..inputs.warned import warn_caller
+from ..inputs.checks import check_choice, check_count, check_positive, warn_caller
 from ..medium import IndexField
 from ..rays import RayBundle
 from .engines import engine_of

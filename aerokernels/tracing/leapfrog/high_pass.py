@@ -25,8 +25,7 @@ import numpy as np
 from ...derived import cached_on
 from ...medium.grid import UniformGrid
 from ...medium.grid_places import GridPlaces
-from ...process.one_core import product_on_one_core
-from ...process.threads import in_threads, own_cores, slabs
+from ...process.threads import in_threads, own_cores, product_on_one_core, slabs
 from ..step_bound import block_size, potential_at_nodes
 
 # The share of a component that is passed at phi H = x is 1 - exp(-(x / edge)^24): for edge = 0.92 it is 0.03 at
