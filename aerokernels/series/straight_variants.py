@@ -11,7 +11,8 @@ from ..tracing import Plane
 from ..tracing.cuts import lost
 from ..tracing.engines.choice import choose_backend
 from ..tracing.plan import TracePlan
-from ..tracing.planning import backend_for, step_allowance
+from ..tracing.planning import backend_for
+from ..tracing.step_bound import step_allowance
 from ..tracing.stop import stop_distance
 from ..tracing.trace import rerun
 from ..tracing.variants.causes import Run, Variants, variants

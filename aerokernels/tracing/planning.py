@@ -23,7 +23,7 @@ from .leapfrog.pilot import pays_once
 from .leapfrog.sample_count import fit_leapfrog, may_be_leapfrog
 from .lines import box_size
 from .plan import LEAPFROG, METHODS, PRECISIONS, TracePlan
-from .step_bound import predict_evaluations
+from .step_bound import predict_evaluations, step_allowance
 from .straight_lines import lever_arms_of
 
 STRAIGHT = "; along the undisturbed line, with the second-order correction of the optical path"
@@ -236,18 +236,3 @@ def seen_in_mesh(
         predicted_evaluations=each,
         reasons=(*plan.reasons, f"a mesh, not resampled: {needed}, seen in {SOME} rays"),
     )
-
-
-# Average step in cells that a ray may need where it runs along a ridge of a piecewise linear index.
-FINEST = 0.02
-
-
-def step_allowance(field: IndexField, method: str, step, path_length) -> int:
-    """The greatest number of steps: ten times the need of a ray across the box, so that only trapped rays reach it."""
-    diagonal = box_size(field)
-    if path_length is not None:
-        diagonal = max(diagonal, path_length)
-    finest = float(field.samples.paper_step.min()) if method == "paper" else float(np.min(field.spacing)) * FINEST
-    if method == "fixed":
-        finest = step
-    return int(min(10.0 * diagonal / finest + 1000.0, 2_000_000_000.0))

@@ -27,8 +27,8 @@ from ...medium.grid import UniformGrid
 from ...medium.refined import refined
 from ...rays import RayBundle
 from ..plan import TracePlan
-from ..planning import step_allowance
 from ..status import reached
+from ..step_bound import step_allowance
 from .jumps import jumps, lacking, next_order, patterns
 from .orders import change_in_planes, change_on_two_axes, thinned_along_r, thinned_sums
 from .paths import Cause, Paths, Rays, paths_of, shortest_cell
