@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from ..inputs.warned import warn_caller
+from aerokernels.inputs.checks import warn_caller
+
 from ..inputs.wavelength import DEFAULT_WAVELENGTH
 from .density_field import CellDensity, DensityField
 from .models import refractivity_model

@@ -296,34 +296,6 @@ def test_files_with_falling_axes_and_of_the_classic_form(tmp_path: Path):
         assert np.array_equal(series.density(1), expected.density(1))
 
 
-@pytest.mark.parametrize("form", ["NETCDF3_CLASSIC", "NETCDF3_64BIT"])
-def test_the_classic_form_is_read_as_scipy_reads_it(tmp_path: Path, form: str):
-    """Set-up: records of several variables, their values apart; texts, numbers, small integers, no value.
-
-    Expected: what xarray makes of it with SciPy, all at once, by times, and by numbers in any order.
-    """
-    from aerokernels.files.netcdf_classic import open_classic
-
-    draw = np.random.default_rng(0)
-    plain = dataset().assign(
-        u=(("time", "y"), draw.random((3, 5), np.float32), {"units": "m/s", "_FillValue": np.float32(0.5)}),
-        count=("time", np.arange(3, dtype="i2")), note=((), 2.5), name=("time", [b"one", b"two", b"six"]),
-    )  # fmt: skip
-    plain.to_netcdf(tmp_path / "a.nc", engine="scipy", format=form, unlimited_dims=["time"])
-    with xarray.open_dataset(tmp_path / "a.nc", engine="scipy") as data:
-        expected = data.load()
-    found = open_classic(tmp_path / "a.nc")
-    for key in (
-        {"time": 1},
-        {"time": slice(None, None, -1), "y": slice(1, 3)},
-        {"time": [2, 0]},
-        {"time": slice(0)},
-        {"time": slice(0, 3, 2), "y": [3, 0, 3]},
-    ):
-        xarray.testing.assert_identical(found.isel(key).load(), expected.isel(key))
-    xarray.testing.assert_identical(open_classic(tmp_path / "a.nc").load(), expected)
-
-
 @pytest.mark.parametrize("engine", ["scipy", "h5netcdf"])
 @pytest.mark.parametrize("lost", ["short", "gone", "other", "a folder"])
 def test_a_file_that_changes_while_a_series_is_read_is_refused(

@@ -7,8 +7,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from aerokernels.flow.reading.dataset import ReadError
-from aerokernels.inputs.units import quantity
-from aerokernels.inputs.written_units import WrittenUnit, in_brackets, is_no_unit, unit_in_name, unit_of, written_unit
+from aerokernels.inputs.units import WrittenUnit, in_brackets, is_no_unit, quantity, unit_in_name, unit_of, written_unit
 
 # Words in brackets that leave a quantity what it is; others, such as "total" and "gauge", make another one of it.
 SAME_QUANTITY = ("static", "absolute", "abs", "thermodynamic", "mean", "average", "averaged", "avg", "si", "gas", "air",

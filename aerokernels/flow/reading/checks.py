@@ -18,8 +18,8 @@ from aerokernels.flow.reading.density import (
     scalar_array,
     usual_name,
 )
-from aerokernels.inputs.warned import warn_caller
-from aerokernels.inputs.written_units import is_no_unit, unit_in_name
+from aerokernels.inputs.checks import warn_caller
+from aerokernels.inputs.units import is_no_unit, unit_in_name
 
 
 def check_blocks(path, dataset: Dataset) -> None:

@@ -21,7 +21,7 @@ import numpy as np
 from aerokernels.flow.reading.dataset import DAMAGED, HDF5_MAGIC, Dataset, ReadError, chosen_time
 from aerokernels.flow.reading.readers.vtk_collections import LISTED, SUFFIXES
 from aerokernels.process import fragile
-from aerokernels.process.fault_text import FileFault
+from aerokernels.process.foreign_files import FileFault
 
 
 @dataclass(frozen=True)

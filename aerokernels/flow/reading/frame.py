@@ -18,8 +18,8 @@ import numpy as np
 
 from aerokernels.flow.reading.arrays import plain_name
 from aerokernels.flow.reading.dataset import Dataset, ReadError
+from aerokernels.inputs.checks import warn_caller
 from aerokernels.inputs.units import quantity
-from aerokernels.inputs.warned import warn_caller
 
 AXES = {"x": 0, "y": 1, "z": 2}
 FLAT_SHARE = 1e-6  # of the greatest extent: a thinner set of points is a plane

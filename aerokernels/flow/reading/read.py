@@ -19,10 +19,8 @@ from aerokernels.flow.reading.frame import Frame, direction_note, plane_normal
 from aerokernels.flow.reading.planes.one_cell_thick import flattened, wedge
 from aerokernels.flow.reading.planes.plane import Plane, plane_in_words, plane_mesh, wall_density
 from aerokernels.flow.sampled_density import GridDensity, VertexDensity
-from aerokernels.inputs.checks import check_choice, check_positive
-from aerokernels.inputs.units import quantity
-from aerokernels.inputs.warned import warn_caller
-from aerokernels.inputs.written_units import DIMENSIONS, is_no_unit, unit_in_name, written_unit
+from aerokernels.inputs.checks import check_choice, check_positive, warn_caller
+from aerokernels.inputs.units import EXPONENTS, is_no_unit, quantity, unit_in_name, written_unit
 from aerokernels.medium import Body
 
 if TYPE_CHECKING:
@@ -370,7 +368,7 @@ def unit_of_length(unit: str | float | None) -> float:
     """
     if unit is None:
         return 1.0
-    if isinstance(unit, str) and (written := written_unit(unit)) and written.exponents == DIMENSIONS["length"]:
+    if isinstance(unit, str) and (written := written_unit(unit)) and written.exponents == EXPONENTS["length"]:
         return written.factor
     if isinstance(unit, str) and not any(c.isdigit() for c in unit):
         unit = f"1 {unit}"

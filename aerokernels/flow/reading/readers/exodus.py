@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from aerokernels.files.netcdf_classic import is_classic
+from aerokernels.files.netcdf_reading import is_classic
 from aerokernels.flow.reading.dataset import (  # fmt: skip
     CORNERS,
     DAMAGED,

@@ -15,7 +15,7 @@ import numpy as np
 from aerokernels.flow.reading.dataset import POLYHEDRON, Block, Cells, Dataset, ReadError, chosen_time
 from aerokernels.flow.reading.readers.foam_file import FoamFile, find
 from aerokernels.flow.reading.readers.foam_mesh import FoamMesh, flat_block, plane_of, read_mesh, surface_patches
-from aerokernels.process.own_files import own_file
+from aerokernels.process.foreign_files import own_file
 
 UNIVERSAL_GAS_CONSTANT = 8314.4626  # [J/(kmol K)]
 _INTERNAL = re.compile(rb"\binternalField\s+(uniform|nonuniform)\b")

@@ -17,7 +17,7 @@ import numpy as np
 
 from aerokernels.flow.reading.arrays import COLUMNS, PLACE, axes_of, length_of, plain_name, unit_of_array
 from aerokernels.flow.reading.dataset import DAMAGED, Block, Dataset, GridPoints, ReadError, chosen_time
-from aerokernels.inputs.listed import listed
+from aerokernels.inputs.checks import listed
 
 NOTHING: Mapping[str, Any] = {}
 

@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from aerokernels.files.netcdf_classic import is_classic
+from aerokernels.files.netcdf_reading import is_classic
 from aerokernels.flow.reading.arrays import COLUMNS, axes_of, plain_name, stated_unit
 from aerokernels.flow.reading.dataset import DAMAGED, Dataset, ReadError
 from aerokernels.flow.reading.readers.named_arrays import dataset_of
 from aerokernels.inputs.arguments import seconds
-from aerokernels.process.room import NoRoomError, check_file
+from aerokernels.process.foreign_files import NoRoomError, check_file
 
 
 def read(path: Path, time: Any, options: Mapping[str, Any]) -> Dataset:

@@ -8,7 +8,7 @@ import numpy as np
 
 from aerokernels.flow.reading.dataset import DAMAGED, Dataset, ReadError
 from aerokernels.flow.reading.readers.named_arrays import arrays_as_dataset
-from aerokernels.process.room import NoRoomError, check_room
+from aerokernels.process.foreign_files import NoRoomError, check_room
 
 
 def read(path: Path, time: Any, options: Mapping[str, Any]) -> Dataset:

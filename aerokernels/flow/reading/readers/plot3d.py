@@ -20,7 +20,7 @@ import numpy as np
 
 from aerokernels.flow.reading.dataset import Block, Dataset, ReadError
 from aerokernels.flow.reading.readers.point_table import fortran_numbers
-from aerokernels.process.own_files import own_file
+from aerokernels.process.foreign_files import own_file
 
 DAMAGED = "the file is damaged, or no file of Plot3D: write it again"
 GRID_ENDS = (".xyz", ".x", ".g", ".p3d", ".grd", ".p2d")

@@ -14,7 +14,7 @@ from typing import Any
 from aerokernels.flow.reading.dataset import UNFINISHED, Dataset, Patch, ReadError
 from aerokernels.flow.reading.readers.vtk_files import vtk_dataset
 from aerokernels.flow.reading.readers.vtk_running import run
-from aerokernels.process.own_files import own_file
+from aerokernels.process.foreign_files import own_file
 
 SINGLE = "VTK reads its coordinates in single precision"
 # Format, module of VTK and reader by the end of the name; the longest end counts.

@@ -28,7 +28,7 @@ from aerokernels.flow.reading.dataset import (
 )
 from aerokernels.flow.reading.formats import in_child
 from aerokernels.flow.reading.readers.point_table import fortran_numbers, is_number, read_table
-from aerokernels.process.own_files import OwnFilesError, own_file
+from aerokernels.process.foreign_files import OwnFilesError, own_file
 
 MAGIC = 535532
 NAME_LENGTH = 33

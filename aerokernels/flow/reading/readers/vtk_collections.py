@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 from xml.etree import ElementTree
 
 from aerokernels.flow.reading.dataset import ReadError
-from aerokernels.process.own_files import OwnFilesError, own_file
+from aerokernels.process.foreign_files import OwnFilesError, own_file
 
 SUFFIXES = (".pvd", ".series")
 # Formats that a list may name; a list cannot contain another list.

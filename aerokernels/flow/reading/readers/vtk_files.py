@@ -30,7 +30,7 @@ from aerokernels.flow.reading.readers.high_order import BY_CORNERS, joined, line
 from aerokernels.flow.reading.readers.vtk_collections import SUFFIXES, collection
 from aerokernels.flow.reading.readers.vtk_running import DAMAGED, text_of, vtk_output
 from aerokernels.flow.reading.volumes.solids import FACES
-from aerokernels.process.own_files import check_own_files, pieces
+from aerokernels.process.foreign_files import check_own_files, pieces
 
 NO_OWN_FLOW = 1 | 8 | 32  # flags of cells that vtkDataSetAttributes calls duplicate, refined and hidden
 STRUCTURED_ORDER = {11: [0, 1, 3, 2, 4, 5, 7, 6], 8: [0, 1, 3, 2]}  # voxel and pixel corners in hexahedron, quad order
