@@ -22,8 +22,7 @@ and R. J. Hill, Refractive index of air. 2. Group index, Applied Optics 38 (1999
 import math
 
 from aerokernels.inputs.arguments import checked
-from aerokernels.inputs.checks import check_positive
-from aerokernels.inputs.warned import warn_caller
+from aerokernels.inputs.checks import check_positive, warn_caller
 from aerokernels.inputs.wavelength import SAME, check_wavelength
 
 # Wavelengths for which the equations were fitted [m].

@@ -10,19 +10,17 @@ import numpy as np
 
 from aerokernels.files.netcdf_reading import open_netcdf
 from aerokernels.files.zarr_codecs import check_codecs
-from aerokernels.flow.reading.array_names import known_names
-from aerokernels.flow.reading.array_units import ambient_attribute, stated_unit
+from aerokernels.flow.reading.arrays import ambient_attribute, known_names, stated_unit
 from aerokernels.flow.reading.density import DENSITY_NAMES
-from aerokernels.flow.reading.files_behind import files_behind, stamp
+from aerokernels.flow.reading.formats import files_behind, stamp
 from aerokernels.flow.reading.fractions import Fractions, mass_fractions, mixture_in_words, species_arrays
 from aerokernels.flow.sampled_density import GridDensity
 from aerokernels.flow.series import GridMesh, Series
 from aerokernels.inputs.arguments import seconds
-from aerokernels.inputs.listed import listed
-from aerokernels.inputs.written_units import unit_of
+from aerokernels.inputs.checks import listed
+from aerokernels.inputs.units import unit_of
 from aerokernels.medium.labelled_grid import GEOMETRIES
-from aerokernels.process.fault_text import FileFault, fault_text
-from aerokernels.process.room import check_file, check_room
+from aerokernels.process.foreign_files import FileFault, check_file, check_room, fault_text
 
 TIME_NAMES = ("time", "t", "Time")
 
@@ -147,7 +145,7 @@ def series_of_dataset(data: Any, given: Mapping[str, Any], name: str, identity: 
     own: dict[str, Any] = {key: given.get(key) for key in ("body", "conditions")}
     unit = given.get("length_unit")
     if unit is not None:
-        unit = import_module(f"{__package__}.reading.read").unit_of_length(unit)
+        unit = import_module("aerokernels.flow.reading.read").unit_of_length(unit)
     if density is not None and not isinstance(density, str):
         raise ValueError(f"{name}: data with a time axis hold the density itself: give density=NAME, got {density!r}")
     if hasattr(data, "data_vars"):

@@ -20,8 +20,7 @@ from aerokernels.flow.refractivity import refractivity_model
 from aerokernels.flow.sampled_density import CellDensity, GridDensity, VertexDensity
 from aerokernels.flow.series import GridMesh, InOrder, Series, mesh_of, times_of
 from aerokernels.flow.series_files import opened, series_of_dataset
-from aerokernels.inputs.checks import check_path
-from aerokernels.inputs.warned import warn_caller
+from aerokernels.inputs.checks import check_path, warn_caller
 from aerokernels.inputs.wavelength import DEFAULT_WAVELENGTH
 from aerokernels.medium import Body, QuadMesh
 
@@ -90,7 +89,7 @@ class SeriesReader:
         self.options: dict[str, Any] | None = None
         self._read: Any
         if read is None:
-            self._read = import_module(f"{__package__}.reading.reader").Reader(**options)
+            self._read = import_module("aerokernels.flow.reading.read").Reader(**options)
             self.options = self._read.options
         else:
             self._read = partial(read, **options)
@@ -108,7 +107,7 @@ class SeriesReader:
     def _watch(self, path: Path, found: DensityField) -> None:
         """Hold the ambient density of the first file, and warn of the first other one with another far field."""
         assert self.options is not None
-        front = import_module(f"{__package__}.reading.far_field").far_field(found, self._read.resampling)
+        front = import_module("aerokernels.flow.reading.read").far_field(found, self._read.resampling)
         low, middle, high = np.quantile(front[:: max(1, front.size // SAMPLES)], SHARES)
         here = np.array([middle, 0.5 * (high - low)])
         if not self._first.size:
@@ -284,7 +283,7 @@ def _of_path(path: Path, given: Given, time: Sequence[float] | None, step: float
     if any(letter in str(path) for letter in "*?[") and not path.exists():
         reader = _reader(str(path), given)
         return _of_files(_matching(path), time, step, start, reader)
-    lists = import_module(f"{__package__}.reading.readers.vtk_collections")
+    lists = import_module("aerokernels.flow.reading.readers.vtk_collections")
     if path.suffix.lower() in lists.SUFFIXES and path.is_file():
         reader = _reader(str(path), given)
         entries = lists.collection(path)
@@ -294,7 +293,7 @@ def _of_path(path: Path, given: Given, time: Sequence[float] | None, step: float
         else:
             found = _of_files(paths, instants, None, 0.0, reader)
         return _with_times(found, time, step, start)
-    case = import_module(f"{__package__}.reading.readers.foam_case")
+    case = import_module("aerokernels.flow.reading.readers.foam_case")
     if path.exists() and case.may_be_case(path) and case.is_case(path):
         # The time directories from which `flow.read` chooses one.
         instants = [one.value for one in case.case_times(case.case_folder(path))]
@@ -302,7 +301,7 @@ def _of_path(path: Path, given: Given, time: Sequence[float] | None, step: float
         return _with_times(found, time, step, start)
     times = None
     if path.is_file():
-        times = import_module(f"{__package__}.reading.formats").times_in(path, given.for_files())
+        times = import_module("aerokernels.flow.reading.formats").times_in(path, given.for_files())
     if times is not None:
         found = _at_times(path, np.array(times), _reader(str(path), given), {"file": path.name})
     else:
@@ -427,7 +426,7 @@ def _at_times(path: Path, times: np.ndarray, reader: SeriesReader, identity: dic
 
 def _stamp(path: Path, reader: SeriesReader, time: float | None = None) -> str:
     """Return a text that changes when one of the files is written again that are read for a path at a time."""
-    behind = import_module(f"{__package__}.reading.files_behind")
+    behind = import_module("aerokernels.flow.reading.formats")
     found: str = behind.stamp(behind.files_behind(path, reader.options, time))
     return found
 

@@ -16,12 +16,11 @@ import numpy as np
 from aerokernels.derived import Derived
 from aerokernels.device_arrays import plain_array
 from aerokernels.display.shown import shown
-from aerokernels.inputs.checks import check_choice
+from aerokernels.inputs.checks import check_choice, warn_caller
 from aerokernels.inputs.kinds import are_numbers
-from aerokernels.inputs.warned import warn_caller
 from aerokernels.medium import spline
-from aerokernels.process.large_arrays import copy_and_scan, extremes_of
 from aerokernels.process.opened import OPENED
+from aerokernels.process.threads import copy_and_scan, extremes_of
 
 # Radius in cells within which the gradient of a linear interpolant is smoothed about r = 0, where the interpolant may
 # have a kink: rays that oscillate about the axis would otherwise reverse at every crossing.
