@@ -10,7 +10,7 @@ from aerokernels.display.shown import extent_of
 from aerokernels.jobs.figure_layout import styled_figure
 from aerokernels.jobs.plots import ACCENT
 from aerokernels.schlieren import HalfComparison, ShockAngle
-from aerokernels.schlieren.view import PictureView
+from aerokernels.schlieren.picture import PictureView
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

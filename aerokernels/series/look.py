@@ -30,7 +30,7 @@ from ..strehl.sums import NoRayArrived
 from ..tracing.flow_ends import flow_ends
 from ..tracing.meeting import NoRayMeetsField
 from ..tracing.pupil.radial_quadrature import asymmetry
-from ..wavefront.pupil_numbers import NUMBERS
+from ..wavefront.terms import NUMBERS
 from .look_batch import batch_looks, can_batch
 from .look_errors import Look, numbers_of, tell_errors
 

@@ -8,8 +8,7 @@ from ..display.error_budget import combine
 from ..tracing.variants.causes import Variants
 from ..tracing.variants.rays import Rays
 from ..tracing.variants.spread import errors, of_a_ray
-from ..wavefront.pupil_numbers import PupilNumbers
-from ..wavefront.terms import fit_tilt, remove_terms, weighted_mean
+from ..wavefront.terms import PupilNumbers, fit_tilt, remove_terms, weighted_mean
 
 # The numbers, in order; and with the optical path difference of a ray, what has an error.
 NAMES = ("strehl", "boresight_x", "boresight_y", "piston", "opd_rms", "opd_rms_with_tilt")

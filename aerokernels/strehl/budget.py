@@ -17,7 +17,7 @@ from ..tracing.status import reached
 from ..tracing.trace import rerun
 from ..tracing.variants.causes import Variants, sample_size, variants
 from ..tracing.variants.spread import errors
-from ..wavefront.pupil_numbers import NUMBERS, PupilNumbers
+from ..wavefront.terms import NUMBERS, PupilNumbers
 
 # Standard errors of a mean over 16 replicates within which it is 95 times of 100 (Student's t).
 STANDARD_ERRORS = 2.13

@@ -20,7 +20,7 @@ from ..tracing.variants.rays import Cause, Rays
 from ..tracing.variants.spread import FACTOR
 from ..zernike import zernike_modes
 from .changes import smooth_draws
-from .grid import pupil_grid
+from .pixels import pupil_grid
 
 # Most Zernike polynomials; fewest samples for each of them; fewest samples of a wavefront.
 MODES, PER_MODE, FEWEST = 36, 3, 9

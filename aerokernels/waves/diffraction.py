@@ -20,7 +20,7 @@ from functools import cached_property, partial
 import numpy as np
 
 from ..pupils import Pupil
-from ..wavefront.grid import LEAST_COVER
+from ..wavefront.pixels import LEAST_COVER
 from .bending import MARGIN, bending
 from .slabs import FINEST, Slabs
 

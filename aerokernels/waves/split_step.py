@@ -25,7 +25,7 @@ from ..process.clock import clocked, stage
 from ..pupils import Pupil
 from ..wavefront import Wavefront
 from ..wavefront.changes import of_pixels
-from ..wavefront.grid import LEAST_COVER
+from ..wavefront.pixels import LEAST_COVER
 from .angular_spectrum import transfer_exponent
 from .layers import FEWEST_STEPS, check_memory, layer_count, mean_layers, path_range
 from .library import PRECISIONS, FourierLibrary, fourier_library
