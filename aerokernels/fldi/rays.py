@@ -9,14 +9,14 @@ import math
 
 import numpy as np
 
-from ..inputs.warned import warn_caller
+from ..inputs.checks import warn_caller
 from ..medium import IndexField
 from ..medium.tensor_points import contrast_without_gradient
 from ..rays import RayBundle
-from ..tracing.beyond import ways_through
 from ..tracing.cuts import lost, may_lose
 from ..tracing.lines import box_size, cell_along, cylinder_span, slab_span
 from ..tracing.pupil.air import GREATEST_SHARE, TruncationWarning
+from ..tracing.stop import ways_through
 from .instrument import FLDI
 
 # Radii up to which a beam is traced; fewest and most rays across a beam; share of the light beyond REACH.

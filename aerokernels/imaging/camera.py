@@ -15,8 +15,7 @@ from typing import Any
 import numpy as np
 
 from ..inputs.arguments import checked
-from ..inputs.checks import check_positive
-from ..inputs.warned import warn_caller
+from ..inputs.checks import check_positive, warn_caller
 from ..medium import IndexField
 from ..pupils import Pupil
 from ..rays import RayBundle

@@ -16,13 +16,12 @@ import numpy as np
 
 from ..inputs.wavelength import check_spectrum
 from ..medium import IndexField
-from ..process.one_core import product_on_one_core
-from ..process.threads import in_threads
+from ..process.threads import in_threads, product_on_one_core
 from ..rays import RayBundle
 from ..tracing import Plane, trace
-from ..tracing.beyond import way_beyond
-from ..tracing.meeting import greatest_contrast
+from ..tracing.lines import greatest_contrast
 from ..tracing.status import reached
+from ..tracing.stop import way_beyond
 from ..wavefront.pixels import pupil_grid
 from .camera import Camera, along
 

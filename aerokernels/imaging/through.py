@@ -18,10 +18,10 @@ from typing import Any
 import numpy as np
 
 from ..display.shown import drawn_on
-from ..files.grey_picture import write_grey
+from ..files.writing import write_grey
 from ..inputs.arguments import Numbers, checked
 from ..inputs.checks import check_count
-from ..inputs.doubtful import refuse_masked
+from ..inputs.kinds import refuse_masked
 from ..medium import IndexField
 from ..process.clock import clocked, stage
 from ..sensor import Sensor

@@ -11,7 +11,7 @@ from aerokernels.compare import DEGREES
 from aerokernels.display.error_budget import two_digits
 from aerokernels.display.quantities import Quantity
 from aerokernels.echo.waveform import SPEED_OF_LIGHT
-from aerokernels.hardware.csv_cells import csv_cell
+from aerokernels.hardware.export import csv_cell
 from aerokernels.jobs.comparison import BenchComparison, LabelComparison
 from aerokernels.jobs.comparison_figure import ranges_figure, waveforms_figure
 from aerokernels.jobs.comparison_options import EACH, NO_ALIGNMENT

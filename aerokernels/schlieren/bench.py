@@ -21,10 +21,9 @@ from typing import Any
 
 import numpy as np
 
-from aerokernels.medium import IndexField
-
 from ..inputs.arguments import checked
 from ..inputs.checks import check_choice, check_count
+from ..medium import IndexField
 from ..pupils import Disc, Pupil, Rectangle
 from ..sensor import Sensor
 from .line_of_sight import LineOfSight, ParallelLight, line_of_sight

@@ -17,11 +17,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from aerokernels.medium import IndexField
-
 from ..display.shown import shown
 from ..inputs.arguments import checked
-from ..inputs.warned import warn_caller
+from ..inputs.checks import warn_caller
+from ..medium import IndexField
 from .bench import Bench, SourceLight
 from .line_of_sight import LineOfSight, check_exposure, check_turn, line_of_sight
 from .picture import TracedPicture

@@ -20,11 +20,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from aerokernels.medium import IndexField
-
 from ..display.flatness import ROUNDING
 from ..display.shown import shown
 from ..inputs.arguments import checked
+from ..medium import IndexField
 from .bench import Bench, SourceLight
 from .line_of_sight import LineOfSight, check_exposure, check_turn, line_of_sight
 from .picture import TracedPicture

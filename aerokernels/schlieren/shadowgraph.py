@@ -21,10 +21,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from aerokernels.medium import IndexField
-
 from ..display.shown import shown
 from ..inputs.arguments import checked
+from ..medium import IndexField
 from ..pupils import Pupil
 from ..tracing.pupil.air import GREATEST_SHARE
 from .bench import Bench, blurred, check_source

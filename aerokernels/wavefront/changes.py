@@ -12,9 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from ..tracing.variants.causes import Variants
-from ..tracing.variants.rays import Cause, Rays
-from ..tracing.variants.spread import FACTOR, errors, of_a_ray
+from ..tracing.variants.causes import FACTOR, Variants, errors, of_a_ray
+from ..tracing.variants.paths import Cause, Rays
 from .pixels import derivatives, three_in_a_row
 from .terms import PupilNumbers, remove_named, weighted_mean
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..files.drafts import replacing
+from ..files.writing import replacing
 from ..inputs.arguments import checked
 from ..inputs.checks import check_choice
 from .point_spread import complex_amplitude

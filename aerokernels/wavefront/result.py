@@ -14,7 +14,7 @@ from ..display.quantities import Quantity
 from ..display.shown import drawn_on, shown
 from ..inputs.arguments import Numbers, checked
 from ..inputs.checks import check_count, check_positive, check_share
-from ..inputs.doubtful import refuse_masked
+from ..inputs.kinds import refuse_masked
 from ..inputs.wavelength import check_wavelength
 from ..process.clock import clocked, stage
 from ..pupils import Projected, Pupil, seen_along

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..inputs.arguments import Numbers, checked
-from ..tracing.variants.rays import Rays
+from ..tracing.variants.paths import Rays
 from ..zernike import zernike_modes
 
 # Terms that can be removed.

@@ -10,8 +10,7 @@ enters on the other. Evanescent waves (K > k) decay.
 import numpy as np
 
 from ..inputs.arguments import checked
-from ..inputs.checks import check_at_least, check_positive
-from ..inputs.warned import warn_caller
+from ..inputs.checks import check_at_least, check_positive, warn_caller
 from ..inputs.wavelength import check_wavelength
 
 

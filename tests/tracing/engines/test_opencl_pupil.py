@@ -6,7 +6,7 @@ import pytest
 from aerokernels import Annulus, Disc, Mask, Polygon, estimate_strehl
 from aerokernels.medium import IndexField
 from aerokernels.pupils.square_map import RING, SquareMap
-from aerokernels.tracing.pupil.lattice_quadrature import LATTICES, lattice_points, smoothed_axes
+from aerokernels.tracing.pupil.quadrature import LATTICES, lattice_points, smoothed_axes
 from aerokernels.tracing.pupil.run import check_memory
 from aerokernels.tracing.pupil.sums import MOMENT_COUNT, SUM_COUNT
 from aerokernels.tracing.scheme import GROUP, REDUCTION_WIDTH
@@ -44,7 +44,7 @@ class Device:
         from aerokernels.tracing.engines.opencl.arguments import Kernel
         from aerokernels.tracing.engines.opencl.program import WORK_GROUP, build
 
-        kernel = Kernel(cl.Kernel(build(self.opened, f"{name}.cl"), name))
+        kernel = Kernel(cl.Kernel(build(self.opened, "pupil.cl"), name))
         given = [a.data if hasattr(a, "data") else a for a in arguments]
         kernel.kernel(self.opened.queue, kernel.size(items), (WORK_GROUP,), *given).wait()
 
