@@ -12,7 +12,7 @@ from aerokernels.files.drafts import OutputError, replacing
 from aerokernels.files.grey_picture import write_grey
 from aerokernels.imaging.bos import BackgroundPictures
 from aerokernels.imaging.shift import BackgroundDisplacement
-from aerokernels.jobs.flow_figure import save_flow_figure
+from aerokernels.jobs.plots import save_flow_figure
 from aerokernels.schlieren import Picture, write_picture
 
 NOISE = np.random.default_rng(1).random((60, 70))

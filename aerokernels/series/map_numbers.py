@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..display.error_budget import combine
+from ..display.quantities import combine
 from ..tracing.variants.causes import Variants
 from ..tracing.variants.rays import Rays
 from ..tracing.variants.spread import errors, of_a_ray

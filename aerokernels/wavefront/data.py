@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..derived import key_of
-from ..display.error_budget import ErrorBudget
+from ..display.quantities import ErrorBudget
 from ..inputs.arguments import checked
 from ..inputs.checks import check_positive, check_share
 from ..inputs.doubtful import refuse_masked

@@ -10,10 +10,17 @@ import pytest
 
 from aerokernels.benchmark import SCHEMA, SUITES, Settings, find_targets, run_bench
 from aerokernels.benchmark import ceiling as ceiling_module
-from aerokernels.benchmark.cone import CONE_AMBIENT, CONE_HALF, cone_contrast, cone_field, cone_rays, cone_truth
-from aerokernels.benchmark.errors import UNDISTURBED, chosen_rays, errors
-from aerokernels.benchmark.measuring import spread
-from aerokernels.benchmark.scenes import WAVELENGTH, strehl_scene
+from aerokernels.benchmark.measuring import UNDISTURBED, chosen_rays, errors, spread
+from aerokernels.benchmark.scenes import (
+    CONE_AMBIENT,
+    CONE_HALF,
+    WAVELENGTH,
+    cone_contrast,
+    cone_field,
+    cone_rays,
+    cone_truth,
+    strehl_scene,
+)
 from aerokernels.benchmark.suites import radial_strehl
 from aerokernels.jobs.store import to_json
 from aerokernels.tracing import trace

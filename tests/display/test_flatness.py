@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import aerokernels as ak
-from aerokernels.display.flatness import NOTHING, is_flat, told
 from aerokernels.display.quantities import Quantity
+from aerokernels.display.shown import NOTHING, is_flat, told
 from aerokernels.jobs.page import cards
 
 

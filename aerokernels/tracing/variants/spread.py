@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from ...display.error_budget import ErrorBudget, combine
+from ...display.quantities import ErrorBudget, combine
 from .causes import BLOCKS, Variants
 from .rays import Cause, Rays
 
