@@ -8,13 +8,30 @@
 // rounding is negligible. frame: numbers of the family, the stop and the box, in the order of bundle/frame.py. Outputs
 // that are not requested stay unchanged. A ray outside every valid patch gets the status NOT_DELIVERED.
 
-#include "arguments.h"
+#include "types.h"
 #include "bundle_family.h"
 #include "generated/outputs.h"
 #include "patches.h"
 #include "ray_status.h"
 
-__kernel void deliver_bundle(DELIVER_BUNDLE_ARGUMENTS)
+__kernel void deliver_bundle(
+    __global const int *block_map,
+    __global const double *header,
+    __global const real *patches,
+    __global const double *frame,
+    const int map_u,
+    const int map_v,
+    const int converges,
+    const int stop,
+    const int shape,
+    const int checks_faces,
+    const int faces_that_matter,
+    const int requested,
+    const int first_ray,
+    const int ray_count,
+    __global const double *position_in,
+    __global const double *direction_in,
+    RAY_OUTPUT_ARGUMENTS)
 {
     const int ray = (int)get_global_id(0) + first_ray;
     if (ray >= ray_count) {

@@ -5,7 +5,7 @@
 // rays, which are to be traced by another method: their step_error is above the tolerance, or infinite if this method
 // is not valid for them.
 
-#include "arguments.h"
+#include "types.h"
 #include "flight.h"
 #include "packet_ends.h"
 #include "packet_outputs.h"
@@ -254,7 +254,7 @@ APART void leave(
         outputs, control, first, ray_count, &arrival, lateral_error, runs, rejected_count_out);
 }
 
-__kernel void leapfrog(LEAPFROG_ARGUMENTS)
+__kernel void leapfrog(TRACED_ARGUMENTS, __global int *rejected_count_out)
 {
     Arrays arrays = ARRAYS;
 #if DESKS

@@ -19,7 +19,7 @@
 
 #define NEVER 1e+300
 
-__kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
+__kernel void trace_kernel(TRACED_ARGUMENTS)
 {
     const Arrays arrays = ARRAYS;
     const RayOutputs outputs = RAY_OUTPUTS;

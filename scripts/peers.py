@@ -44,7 +44,7 @@ from aerokernels.benchmark.scenes import (
 )
 from aerokernels.medium import IndexField
 from aerokernels.medium.grid import UniformGrid
-from aerokernels.process.fault_text import fault_text
+from aerokernels.process.foreign_files import fault_text
 from aerokernels.rays import RayBundle
 from scripts.studies.report import markdown_table
 

@@ -6,7 +6,8 @@ if it loses more of its optical path than the tolerance. A field whose box is it
 
 import numpy as np
 
-from ..inputs.warned import warn_caller
+from aerokernels.inputs.checks import warn_caller
+
 from ..medium import IndexField
 from ..rays import RayBundle
 from ..tracing.beyond import ways_through

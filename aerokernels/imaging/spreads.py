@@ -14,8 +14,9 @@ from typing import Any
 
 import numpy as np
 
+from aerokernels.process.threads import product_on_one_core
+
 from ..medium import IndexField
-from ..process.one_core import product_on_one_core
 from ..process.threads import in_threads
 from ..rays import RayBundle
 from ..tracing import Plane, trace

@@ -35,7 +35,7 @@ from aerokernels.jobs.echo_statistics import (
 )
 from aerokernels.jobs.recorded import Label, RecordedEcho, label_text, random_subset, recorded_echoes, recorded_labels
 from aerokernels.jobs.run_folder import RunFolder, match_runs
-from aerokernels.process.fault_text import FileFault
+from aerokernels.process.foreign_files import FileFault
 
 if TYPE_CHECKING:
     import xarray

@@ -12,7 +12,7 @@ from aerokernels import __version__
 from aerokernels.compare import DEGREES
 from aerokernels.display.quantities import Quantity, two_digits
 from aerokernels.echo.waveform import SPEED_OF_LIGHT
-from aerokernels.hardware.csv_cells import csv_cell
+from aerokernels.hardware.export import csv_cell
 from aerokernels.jobs.comparison import EACH, NO_ALIGNMENT, BenchComparison, LabelComparison
 from aerokernels.jobs.echo_statistics import TOLD, covering, spread_factor
 from aerokernels.jobs.figure_layout import house_style, png, styled_figure
@@ -122,7 +122,7 @@ def range_table(found: BenchComparison) -> Table:
         (
             label_text(one.label),
             method,
-            # The error of the run's range is also in its reading, so it cancels (range_errors.py).
+            # The error of the run's range is also in its reading, so it cancels (`range_errors`).
             _millimetres(errors.systematic_error_m, covering(errors.ranged_count) * errors.systematic_standard_error_m)
             + (_caveat(one) if method in EDGE_METHODS else ""),
             str(Quantity(spread := 1e3 * errors.random_error_m, spread * spread_factor(errors.ranged_count, TOLD))),

@@ -12,7 +12,7 @@ import numpy as np
 
 from aerokernels.display.quantities import Quantity
 from aerokernels.display.shown import extent_of, is_flat, say_flat
-from aerokernels.files.drafts import replacing
+from aerokernels.files.writing import replacing
 from aerokernels.flow import DensityField
 from aerokernels.jobs.figure_layout import Panel, fitted_panel, house_style, panelled_figure, styled_figure
 from aerokernels.jobs.run_files import density_cells

@@ -1,6 +1,6 @@
 """Read recorded echoes from the recorder's store, a CSV or a NetCDF file, grouped by label.
 
-CSV: see recorded_csv.py.
+CSV: see `csv_echoes`.
 
 NetCDF: `voltage` over (echo, sample), in any order, or (sample), with `time` over sample, or `sample_period` and
 `first_sample_time` over echo; `label_KEY` over echo. Attributes "units" such as "ns" or "mV" are applied; without them
@@ -21,12 +21,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from aerokernels.files.netcdf_reading import open_netcdf
-from aerokernels.hardware.csv_cells import text_of_cell
+from aerokernels.hardware.export import text_of_cell
 from aerokernels.hardware.store import EchoStore
-from aerokernels.inputs.checks import check_path
-from aerokernels.inputs.listed import listed
+from aerokernels.inputs.checks import check_path, listed
 from aerokernels.inputs.units import quantity
-from aerokernels.process.fault_text import FileFault
+from aerokernels.process.foreign_files import FileFault
 
 if TYPE_CHECKING:
     import xarray

@@ -16,7 +16,7 @@ from aerokernels import __version__
 from aerokernels.display.plain_text import plain_json
 from aerokernels.display.quantities import Quantity
 from aerokernels.display.shown import is_flat, say_flat, told
-from aerokernels.files.one_writer import only_writer
+from aerokernels.files.writing import only_writer
 from aerokernels.flow import GridMesh, Series, open_series
 from aerokernels.jobs.figure_layout import Panel, panelled_figure, plain_decades
 from aerokernels.jobs.numbers import SERIES_NUMBERS, quantity_of

@@ -16,11 +16,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from aerokernels import __version__
+from aerokernels.inputs.checks import warn_caller
 
 from ..flow import DensityField, Series
 from ..inputs.arguments import checked
 from ..inputs.kinds import shown
-from ..inputs.warned import warn_caller
 from ..inputs.wavelength import DEFAULT_WAVELENGTH
 from ..medium import IndexField
 from ..pupils import direction_of

@@ -14,10 +14,11 @@ from typing import Any
 
 import numpy as np
 
+from aerokernels.inputs.kinds import refuse_half_precision
+
 from ..device_arrays import host_array
 from ..flow import DensityField, Series, refractivity_model
 from ..flow.gas import GREATEST_DENSITY, LEAST_DENSITY
-from ..inputs.doubtful import refuse_half_precision
 from ..medium import IndexField, QuadMesh
 from ..medium.refined import has_seam
 from ..rays import Pupil, RayBundle

@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from aerokernels.inputs.checks import warn_caller
+
 from ..inputs.arguments import Numbers, checked
 from ..inputs.checks import check_count
-from ..inputs.warned import warn_caller
 from ..medium import IndexField
 from ..process.clock import clocked, stage
 from ..process.threads import in_turn

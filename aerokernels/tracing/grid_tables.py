@@ -20,7 +20,7 @@ from ..medium.grid import FETCH, UniformGrid
 from ..medium.grid_places import GridPlaces
 from ..medium.spline import pivots
 from .engines import Engine
-from .engines.kernel_table import GRID_KERNELS
+from .engines.interface import PROGRAMS
 from .leapfrog.unresolved import potential_by_blocks
 from .step_bound import block_size, roughness_of_blocks
 from .support import potential_peaks
@@ -103,7 +103,7 @@ class GridTables:
         """Allocate memory for grids like this one: with the same nodes and the same ambient index."""
         self.engine, self.grid = engine, grid
         # One for each launch: a launch that is started again then sets no argument.
-        self.kernels = [engine.kernels(GRID_KERNELS) for _ in range(MOST_LAUNCHES)]
+        self.kernels = [engine.kernels(PROGRAMS["grid_tables"]) for _ in range(MOST_LAUNCHES)]
         self.block = block_size(grid)
         self.blocks = [_blocks(count, self.block) for count in grid.shape]
         count = math.prod(grid.coefficient_shape)

@@ -1,7 +1,6 @@
 """Launch a bundle on the engine of its plan, in chunks that fit the device's memory: upload, trace and download."""
 
 from collections.abc import Callable, Iterable, Sequence
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -184,7 +183,7 @@ class Trials:
             reading = self.prepared.engine.fetched(repeated.arrays)
             repeated.into(reading.buffers)
         with stage("kernel"):
-            self.prepared.engine.side_by_side(repeated.launches)
+            repeated.launch()
             reading.start()
             return repeated.outputs(reading.taken())
 
@@ -217,16 +216,12 @@ class RepeatedTrials:
         ]
         return self
 
-    @property
-    def launches(self) -> list[Callable[[], None]]:
-        """What starts to trace the rays for each of the numbers."""
-
-        def launch(prepared: Prepared, numbers: tuple[int, float, float], made: dict[str, Any]) -> None:
+    def launch(self) -> None:
+        """Start to trace the rays for each of the numbers."""
+        for prepared, numbers, made in zip(self.prepared, self.asked, self.results, strict=True):
             count, quadrature, trajectory = numbers
             prepared.tune(sample_count=count, quadrature_error_scale=quadrature, trajectory_error_scale=trajectory)
             prepared.launch(self.trials.starts, made, self.trials.count)
-
-        return [partial(launch, *each) for each in zip(self.prepared, self.asked, self.results, strict=True)]
 
     def outputs(self, arrays: Iterable[np.ndarray]) -> list[dict[str, np.ndarray]]:
         """The outputs for each of the numbers, from the arrays with all of them."""

@@ -13,7 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from ..inputs.doubtful import refuse_masked
+from aerokernels.inputs.kinds import refuse_masked
+
 from ..pupils import Pupil
 from ..tracing.variants.causes import Variants
 from ..tracing.variants.rays import Cause, Rays

@@ -7,7 +7,7 @@
 #pragma OPENCL FP_CONTRACT OFF
 #endif
 
-#include "arguments.h"
+#include "types.h"
 #include "constants.h"
 #include "ray_status.h"
 

@@ -13,8 +13,6 @@ APART = set(
     "start_of stop_geometry_of end_of has_clearance behind_wall body_exit body_entry time_beyond_face "
     "leaves_by_rounding overshoots in_face surface_intersection sample".split()
 )
-# The macros that collect the arrays of a struct RayOutputs among a kernel's arguments, see headers.py.
-OUTPUTS = {"outputs": "RAY_OUTPUTS", "found": "RETRACED_OUTPUTS"}
 PASSES = 3  # until it is known where variables are declared, and which are constant
 
 
@@ -78,9 +76,9 @@ class Function(Statements):
     def _head(self, kind: str) -> list[str]:
         parameters = [(each.arg, self.types[each.arg]) for each in self.source.tree.args.args]
         if self.is_kernel:
-            out = [f"__kernel void {self.name}({self.name.upper()}_ARGUMENTS)", "{"]
+            out = [f"__kernel void {self.name}(TRACED_ARGUMENTS)", "{"]
             out += ["    const Arrays arrays = ARRAYS;"] if self.takes_arrays else []
-            return out + [f"    const RayOutputs {n} = {OUTPUTS[n]};" for n, t in parameters if t == "RayOutputs"]
+            return out + [f"    const RayOutputs {n} = RAY_OUTPUTS;" for n, t in parameters if t == "RayOutputs"]
         declared = [_declaration(*each) for each in parameters]
         if self.takes_arrays:
             declared.insert(1, "const Arrays *arrays")

@@ -3,8 +3,6 @@
 import ast
 from typing import Any
 
-from aerokernels.tracing.engines.kernel_table import BOUNDS
-
 from .branches import Branches
 from .expressions import OPERATORS
 from .text import indented, joined
@@ -155,11 +153,11 @@ class Statements(Branches):
 
     def _bound(self, target: Any, value: Any) -> list[str]:
         """In a kernel, end the work-items beyond the launch's count: OpenCL rounds launches up."""
-        firsts = [each.id for each in ast.walk(value) if isinstance(each, ast.Name) and each.id in BOUNDS]
-        if not self.is_kernel or not firsts or self._is_bounded:
+        begins = any(isinstance(each, ast.Name) and each.id == "first_ray" for each in ast.walk(value))
+        if not self.is_kernel or not begins or self._is_bounded:
             return []
         self._is_bounded = True
-        return [f"if ({target.id} >= {BOUNDS[firsts[0]]}) {{", "    return;", "}"]
+        return [f"if ({target.id} >= ray_count) {{", "    return;", "}"]
 
     def _store(self, target: Any, value: Term, sign: str = "=") -> str:
         """Assign to a variable, a member, or a number of an array or vector."""

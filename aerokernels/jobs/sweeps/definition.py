@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from aerokernels import __version__
-from aerokernels.flow.reading.files_behind import files_behind
+from aerokernels.flow.reading.formats import files_behind
 from aerokernels.jobs.store import to_json
 from aerokernels.scene import Scene, SceneError
 from aerokernels.scene.changes import changed_scene, key_unit, key_value, with_units

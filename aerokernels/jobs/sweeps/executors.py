@@ -95,6 +95,8 @@ def _on_executor(cases: Sequence["Case"], executor: Executor, check: Callable[[]
             done, _ = wait(futures, timeout=1.0, return_when=FIRST_COMPLETED)
             if not done:
                 check()
+                if any(future.cancelled() for future in futures):  # `wait` does not count them as done
+                    raise RuntimeError(LOST)
             for future in done:
                 try:
                     outcome = future.result()

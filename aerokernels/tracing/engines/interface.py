@@ -1,6 +1,6 @@
 """The interface of every engine: device memory, kernel launches, and fields prepared for kernels.
 
-Kernels have the same names and arguments in Warp and in OpenCL (kernel_table.py), so code that uses only this interface
+Kernels have the same names and arguments in Warp and in OpenCL, so code that uses only this interface
 is written once for both: a bundle in chunks (launch.py), a pupil and its sums (pupil/run.py).
 """
 
@@ -17,6 +17,11 @@ from .layout import STRUCTS
 
 # Tables that kernels may compute from a grid, besides its spline coefficients.
 GRID_TABLES = ("roughness", "potential by blocks", "potential peaks")
+# The kernels without options of a scene, by the file of OpenCL C in which they are built together.
+PROGRAMS = {
+    "pupil": ("launch_pupil", "sum_rays", "reduce_sums"),
+    "grid_tables": ("spline_lines", "column_maxima", "block_maxima"),
+}
 # Per-ray outputs of the tracing kernels, in their order: how many numbers per ray, and their type.
 OUTPUT_TYPES = {member.name: (member.parts[1], member.number_type()) for member in STRUCTS["RayOutputs"]}
 
@@ -128,9 +133,6 @@ class Engine(Protocol):
         The kernel's arguments are `before`, the number of the first ray or group, and `after`; a dictionary of
         buffers stands for the struct of outputs.
         """
-
-    def side_by_side(self, works: Sequence[Callable[[], None]]) -> None:
-        """Start the launches of works that do not depend on each other; a device may run them at the same time."""
 
     def clear(self, buffer: Any) -> None:
         """Set the first number of a buffer of int32 to 0, without waiting on a GPU."""

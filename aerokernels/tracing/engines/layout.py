@@ -1,7 +1,6 @@
 """The structs and compile options of the kernels, which both engines read from these tables.
 
-warp/types.py makes Warp's structs from them, and opencl/headers.py the OpenCL headers types.h and options.h. The
-kernels' arguments are in kernel_table.py.
+warp/types.py makes Warp's structs from them, and opencl/headers.py the OpenCL headers types.h and options.h.
 
 A kind is a type of OpenCL C: int, uint, bool, real (of the kernel's precision) or double, or a vector of 2 to 4 such
 numbers; one star makes it an array in device memory, two stars an array with two indices. Structs are kinds, too.
@@ -23,7 +22,7 @@ _KIND = re.compile(r"([A-Za-z]+)(\d?)(\**)")
 
 
 class Value(NamedTuple):
-    """A member of a struct, or an argument of a kernel."""
+    """A member of a struct."""
 
     name: str
     kind: str

@@ -175,9 +175,10 @@ class MissedStructure:
         more = multiple_of_three(count * (1.02 * by_rule / allowed) ** 0.25)  # it falls with the fourth power
         return more if more <= most else self.enough(count, most)
 
-    def is_enough(self, count: int) -> bool:
-        """Whether this number of samples misses no structure, by the sharper bound."""
-        return self._greatest(count) <= NEGLIGIBLE * self.limit
+    def is_enough(self, count: int, by_rule: bool = False) -> bool:
+        """Whether this number of samples misses no structure, by the rule or, unless `by_rule`, the sharper bound."""
+        allowed = NEGLIGIBLE * self.limit
+        return self._by_rule(count) <= allowed or (not by_rule and self._greatest(count) <= allowed)
 
     def _by_rule(self, count: int) -> float:
         """The greatest error [m] by the rule's own bound, which is greater than `_greatest` but faster to compute."""

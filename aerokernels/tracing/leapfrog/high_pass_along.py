@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...process.one_core import product_on_one_core
+from aerokernels.process.threads import product_on_one_core
 
 
 @dataclass(frozen=True, eq=False)

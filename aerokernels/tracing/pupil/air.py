@@ -5,8 +5,9 @@ from typing import Any
 
 import numpy as np
 
+from aerokernels.inputs.checks import warn_caller
+
 from ...derived import cached_on
-from ...inputs.warned import warn_caller
 from ...medium import IndexField
 from ...rays import Pupil, RayBundle
 from ..cuts import cuts_crossed, lost, may_lose

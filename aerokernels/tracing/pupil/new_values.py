@@ -40,7 +40,7 @@ from .air import pupil_air
 from .job import UNKNOWN, PupilJob
 from .run import PupilRun
 from .sums import PupilSums, PupilTask
-from .values_in_turn import Examined, MemoryInTurn, ValuesInTurn
+from .values_in_turn import MemoryInTurn, ValuesInTurn
 
 # The plan is made for fields that are stronger by this factor.
 STRONGER = 1.5
@@ -89,7 +89,6 @@ class NewValues:
         structure: The structure that rays may miss between samples.
         limit: The OPD error allowed to a ray [m].
         box: The support.
-        ignored: Greatest potential that may be ignored outside the support.
         memory: The memory.
     """
 
@@ -99,7 +98,6 @@ class NewValues:
     structure: MissedStructure
     limit: float
     box: tuple[np.ndarray, np.ndarray]
-    ignored: float
     memory: MemoryInTurn
 
     @classmethod
@@ -112,8 +110,7 @@ class NewValues:
         limit = known_limit = error_limit(known, tolerance)
         if limit < tolerance:
             limit /= WEAKER
-        ignored, slope = left_out(known, limit, arms)
-        if np.isfinite(slope):
+        if np.isfinite(left_out(known, limit, arms)[1]):
             return None  # the slopes that may be left out depend on the field
         told = len(like.air.reasons) + 1  # the last are those of the pupil's air and of the rays
         plan = replace(plan, sampling=None, reasons=plan.reasons[:-told])
@@ -133,9 +130,9 @@ class NewValues:
         task = replace(job.known_task, field=field, plan=plan)
         try:
             with memory_of(plan.device):
-                place = ValuesInTurn(task, job.pilot, structure)
+                place = ValuesInTurn(task, job.pilot)
                 place.load(known)
-                wider = _wider_scales(place.read().pilots, count, limit)
+                wider = _wider_scales(place.read(known), count, limit)
                 if wider is None:
                     return None
                 plan = replace(plan, quadrature_error_scale=wider[0], trajectory_error_scale=wider[1])
@@ -149,9 +146,9 @@ class NewValues:
 
         def another() -> ValuesInTurn:
             alike = replace(task, field=found.twin(field))
-            return ValuesInTurn(alike, job.pilot, structure).prepare(alike)
+            return ValuesInTurn(alike, job.pilot).prepare(alike)
 
-        found = cls(make, job, task, structure, limit, box, ignored, MemoryInTurn(place, another))
+        found = cls(make, job, task, structure, limit, box, MemoryInTurn(place, another))
         return found
 
     def job_of(self, field: IndexField, wavelength: float) -> PupilJob | None:
@@ -170,8 +167,8 @@ class NewValues:
                 limit = error_limit(field, tolerance)
                 air = pupil_air(field, task.pupil, task.look, tolerance, job.air.rays)
             finally:
-                found = place.read()
-            worst = self._worst(field, limit, found, place)
+                pilots = place.read(field)
+            worst = self._worst(field, limit, pilots)
             if worst is None:
                 place.leave(field)
                 return None
@@ -191,24 +188,24 @@ class NewValues:
             lock=threading.Lock(),
         )
 
-    def _worst(self, field: IndexField, limit: float, found: Examined, place: ValuesInTurn) -> float | None:
-        """The pilot's greatest error [m] in a field whose values are in memory; None where the plan does not hold.
+    def _worst(self, field: IndexField, limit: float, pilots: list[dict[str, np.ndarray]]) -> float | None:
+        """The pilot's greatest error [m] in a field whose tables are known; None where the plan does not hold.
 
         `limit` is the OPD error allowed there [m].
         """
         plan = self.task.plan
-        judged = judged_pair(pair_of(found.pilots, plan.sample_count), limit)
+        judged = judged_pair(pair_of(pilots, plan.sample_count), limit)
         if judged is None or limit < self.limit:
             return None
         (scales, worst), held = judged, (plan.quadrature_error_scale, plan.trajectory_error_scale)
         covers = all(needed <= GREATER * scale for needed, scale in zip(scales, held, strict=True))
-        if not (covers or worst <= NEGLIGIBLE * limit) or found.support > self.ignored:
+        low, high = support_box(field, self.limit, plan.lever_arms)
+        is_within = (low == high).all() or ((low >= self.box[0]).all() and (high <= self.box[1]).all())
+        if not (covers or worst <= NEGLIGIBLE * limit) or not is_within:
             return None
-        is_bounded = place.structure.is_enough(found.structure, limit)
-        if not is_bounded and field.geometry != "volume":  # for which the sharper bound takes longer than to plan anew
-            place.keep_tables(field)
-            is_bounded = self.structure.of_values(field, limit).is_enough(plan.sample_count)
-        return worst if is_bounded else None
+        # For volumes the sharper bound takes longer than to plan anew.
+        structure, by_rule = self.structure.of_values(field, limit), field.geometry == "volume"
+        return worst if structure.is_enough(plan.sample_count, by_rule) else None
 
     def _is_alike(self, field: IndexField, wavelength: float) -> bool:
         """Whether a field has all of the known field but the values, and these are hardly greater."""

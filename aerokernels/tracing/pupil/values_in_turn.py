@@ -6,10 +6,9 @@ GPU as one graph or without setting an argument, which takes far less time than 
 
 import threading
 import weakref
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -17,14 +16,11 @@ from ...medium import IndexField
 from ...medium.grid import FETCH, UniformGrid
 from ...rays import RayBundle
 from ..engines import engine_of
-from ..greatest_outside import GreatestOutside, part_of_support
 from ..grid_tables import GridTables, keep_tables
 from ..launch import RepeatedTrials, Trials
-from ..leapfrog.between_samples import MissedStructure
 from ..leapfrog.pilot_levels import pair_numbers
 from ..leapfrog.sample_count import PILOT_OUTPUTS
-from ..leapfrog.structure_on_device import StructureOnDevice
-from ..support import peaks_along_axes, potential_peaks, support_box
+from ..support import peaks_along_axes, potential_peaks
 from .run import PupilRun
 from .sums import PupilSums, PupilTask
 
@@ -32,39 +28,18 @@ from .sums import PupilSums, PupilTask
 MOST = 2  # speed only
 
 
-class Examined(NamedTuple):
-    """What a device found for the values of a field.
-
-    Attributes:
-        structure: Results of StructureOnDevice.
-        support: The greatest size of the coefficients outside the support.
-        pilots: The pilot's rays, see pilot_levels.pair_numbers.
-    """
-
-    structure: Sequence[np.ndarray]
-    support: float
-    pilots: list[dict[str, np.ndarray]]
-
-
 class ValuesInTurn:
     """The memory, which one thread uses at a time.
 
     Attributes:
         lock: Held by the thread that uses it.
-        structure: The structure that the pupil's rays miss between samples.
         run: The pupil's rays.
     """
 
     run: PupilRun
 
-    def __init__(self, task: PupilTask, pilot: RayBundle, structure: MissedStructure):
-        """Prepare the pilot of a task whose field nothing else uses: only those of others are loaded.
-
-        Args:
-            task: The task.
-            pilot: The pilot.
-            structure: The structure that the rays may miss in this field.
-        """
+    def __init__(self, task: PupilTask, pilot: RayBundle):
+        """Prepare the pilot of a task whose field nothing else uses: only those of others are loaded."""
         field, plan = task.field, task.plan
         grid = field.samples
         assert isinstance(grid, UniformGrid)
@@ -79,17 +54,10 @@ class ValuesInTurn:
         self.samples: Any = None  # on a CPU kernels read those of the fields themselves
         if engine.is_gpu:
             self.samples = engine.sent(engine.room((grid.samples.size,), np.float64))
-        self.structure = StructureOnDevice(engine, structure, plan.sample_count, tables.block, tuple(tables.blocks))
-        box = support_box(field, structure.limit, plan.lever_arms)
-        self.support = GreatestOutside(engine, grid.coefficient_shape, part_of_support(grid, box))
         trials = Trials(field, pilot, plan, task.until, task.wavelength, PILOT_OUTPUTS)
         self.trials = RepeatedTrials(trials, pair_numbers(plan.sample_count))
-        parts = [each.arrays for each in (self.structure, self.support, self.trials)]
-        self.reading = engine.fetched([array for arrays in parts for array in arrays])  # in one copy
-        ends = np.cumsum([0, *map(len, parts)]).tolist()
-        self.parts = [slice(*each) for each in pairwise(ends)]
-        *self.made, pilots = [self.reading.buffers[part] for part in self.parts]
-        self.trials.into(pilots)
+        self.reading = engine.fetched(self.trials.arrays)  # in one copy
+        self.trials.into(self.reading.buffers)
         self.repeat = engine.recorded()
         self._holds: Any = None  # refers weakly to the samples whose values are in memory
 
@@ -114,24 +82,22 @@ class ValuesInTurn:
             self.repeat(self._start_from_buffer)
         self._holds = weakref.ref(samples)
 
-    def read(self) -> "Examined":
-        """Wait for the launches, and return what they found, which is valid until the next load."""
-        arrays = self.reading.wait()
-        structure, support, pilots = (arrays[part] for part in self.parts)
-        return Examined(structure, GreatestOutside.greatest(support), self.trials.outputs(pilots))
+    def read(self, field: IndexField) -> list[dict[str, np.ndarray]]:
+        """Wait for the launches, cache the tables on the loaded field, and return the pilot's rays (see pair_numbers).
 
-    def keep_tables(self, field: IndexField) -> None:
-        """Cache the tables on the loaded field."""
+        The rays are valid until the next load.
+        """
+        arrays = self.reading.wait()
         grid = field.samples
         assert isinstance(grid, UniformGrid)
         keep_tables(grid, self.tables.read())
         if self.tables.on_host is not None:
             potential_peaks.keep(peaks_along_axes(self.tables.on_host.reshape(grid.coefficient_shape)), grid)
+        return self.trials.outputs(arrays)
 
     def leave(self, field: IndexField) -> None:
-        """Leave the tables and a copy of the coefficients with the loaded field, which needs them again, on a CPU."""
+        """Leave a copy of the coefficients with the loaded field, which needs them again, on a CPU."""
         if self.tables.on_host is not None:
-            self.keep_tables(field)
             coefficients = self.tables.on_host.reshape(field.samples.coefficient_shape).copy()
             coefficients.setflags(write=False)
             field.samples.derive(FETCH, lambda: lambda: coefficients)
@@ -141,16 +107,9 @@ class ValuesInTurn:
 
     def _start(self, samples: Any) -> None:
         """Start the launches for the samples in a buffer."""
-        engine, tables = self.engine, self.tables
-        structure, support = self.made
-
-        def examine() -> None:
-            self.structure.start(tables.in_blocks, structure)
-            self.support.start(tables.coefficients, support)
-
-        tables.start(samples)
-        engine.renew(self.field, self.precision, tables.on_host)
-        engine.side_by_side([*self.trials.launches, examine])
+        self.tables.start(samples)
+        self.engine.renew(self.field, self.precision, self.tables.on_host)
+        self.trials.launch()
         self.reading.start()
 
 

@@ -5,8 +5,6 @@ import re
 import pytest
 
 from aerokernels.tracing import scheme
-from aerokernels.tracing.engines import layout
-from aerokernels.tracing.engines.kernel_table import KERNELS
 from aerokernels.tracing.engines.opencl.headers import HEADERS
 from aerokernels.tracing.engines.opencl.program import expand
 from aerokernels.tracing.status import RayStatus
@@ -50,36 +48,6 @@ def test_headers_hold_every_status_and_the_tableau_to_the_last_digit():
     assert abs(sums["B"] - 0.5) < 1e-15 and abs(sums["V"] - 1.0) < 1e-15
 
 
-LAYOUT_CHANGES = {
-    "member": (layout.STRUCTS, "Bounds", -1, "types.h"),
-    "argument": (KERNELS, "reduce_sums", -1, "arguments.h"),
-}
-
-
-@pytest.mark.parametrize("name", LAYOUT_CHANGES)
-@pytest.mark.parametrize("change", ["renamed", "of another type", "left out"])
-def test_a_changed_layout_changes_its_header(name: str, change: str, monkeypatch: pytest.MonkeyPatch):
-    """The headers follow from the tables, and so do Warp's structs; Warp's kernels with other arguments are refused."""
-    before = {name: make() for name, make in HEADERS.items()}
-    table, key, number, header = LAYOUT_CHANGES[name]
-    values = list(table[key])
-    last = values.pop(number)
-    if change == "renamed":
-        values.append(last._replace(name="another"))
-    elif change == "of another type":
-        values.append(last._replace(kind="int"))
-    monkeypatch.setitem(table, key, tuple(values))
-    assert [name for name, make in HEADERS.items() if make() != before[name]] == [header]
-
-
-def test_a_warp_kernel_with_arguments_of_its_own_is_refused():
-    pytest.importorskip("warp")
-    from aerokernels.tracing.engines.warp.types import takes
-
-    with pytest.raises(TypeError, match=r"reduce_sums are row_count, .*kernel_table\.py"):
-        takes("reduce_sums")(lambda row_count, first_sum, reduced_count, sums_in, sums_out: None)
-
-
 def test_structs_are_laid_out_as_the_table_says():
     """Warp's structs have the members of the table in its order, in both precisions."""
     pytest.importorskip("warp")
@@ -90,14 +58,6 @@ def test_structs_are_laid_out_as_the_table_says():
         for name, members in STRUCTS.items():
             struct = getattr(types(precision), name)
             assert list(struct.vars) == [member.name for member in members]
-
-
-def test_launches_of_the_pupil_take_one_work_item_a_sum():
-    """sum_rays writes its sums by one work-item each, and groups.h leaves the work-group's size to the host."""
-    from aerokernels.tracing.engines.opencl.program import WORK_GROUP
-    from aerokernels.tracing.pupil.sums import SUM_COUNT
-
-    assert WORK_GROUP >= SUM_COUNT
 
 
 @pytest.mark.parametrize("kernel", ["adaptive", "leapfrog"])

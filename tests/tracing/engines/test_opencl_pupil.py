@@ -44,7 +44,7 @@ class Device:
         from aerokernels.tracing.engines.opencl.arguments import Kernel
         from aerokernels.tracing.engines.opencl.program import WORK_GROUP, build
 
-        kernel = Kernel(cl.Kernel(build(self.opened, f"{name}.cl"), name))
+        kernel = Kernel(cl.Kernel(build(self.opened, "pupil.cl"), name))
         given = [a.data if hasattr(a, "data") else a for a in arguments]
         kernel.kernel(self.opened.queue, kernel.size(items), (WORK_GROUP,), *given).wait()
 

@@ -121,31 +121,6 @@ def test_fields_for_which_the_plan_does_not_hold_are_planned(engine: str):
 
 
 @pytest.mark.parametrize("engine", FOLLOWED)
-def test_a_pilot_that_is_lost_or_inaccurate_follows_nothing(engine: str):
-    """By made-up traces of a pilot: its error counts beside the limit, and so do scales that would not cover it."""
-    known = prepared(engine, air())
-    seen = known.with_field(air(tilt=0.1))
-    plan, limit = seen.job.new_values, seen.job.new_values.limit
-    (place,) = plan.memory._places
-    found = place.read()
-    rays = 8
-    opd, error = np.linspace(1e-6, 2e-6, rays), np.full(rays, 3.0 * limit)
-    base = {"opd": opd, "step_error": error, "direction": np.zeros((rays, 3)), "status": np.zeros(rays)}
-    bend = {**base, "step_error": np.full(rays, 0.01 * limit)}
-
-    def worst(shift: float, **others: np.ndarray) -> float | None:
-        pilots = [base, {**bend, "opd": opd + shift, **others}]
-        return plan._worst(seen.field, limit, found._replace(pilots=pilots), place)
-
-    assert worst(0.005 * limit) == pytest.approx(0.005 * limit) and worst(0.3 * limit) is None
-    assert worst(0.005 * limit, status=np.full(rays, 5)) is None
-    assert plan._worst(seen.field, 0.9 * limit, found._replace(pilots=[base, bend]), place) is None
-    narrow = replace(plan.task.plan, quadrature_error_scale=0.02)
-    plan = replace(plan, task=replace(plan.task, plan=narrow))
-    assert worst(0.2 * limit) is None and worst(0.02 * limit) is not None and worst(0.005 * limit) is not None
-
-
-@pytest.mark.parametrize("engine", FOLLOWED)
 def test_a_field_that_follows_may_need_all_rays(engine: str):
     """Where the lattice of the plan does not settle, the requested rays are traced, by a plan for so many."""
     seen = prepared(engine, air()).with_field(air(tilt=0.1))

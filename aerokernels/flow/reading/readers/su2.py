@@ -4,6 +4,8 @@ The binary restart: five int32 (535532, variable count, point count, 0, 0), name
 by point, then metadata of the run. The first number tells the byte order.
 """
 
+import math
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -12,8 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from ....process.own_files import own_file
-from ..dataset import (  # fmt: skip
+from aerokernels.flow.reading.dataset import (
     CORNERS,
     FLAT,
     LINE,
@@ -27,9 +28,9 @@ from ..dataset import (  # fmt: skip
     ReadError,
     whole_number,
 )
-from .su2_cgns import cgns_mesh
-from .su2_configuration import configured
-from .text_tables import read_table
+from aerokernels.flow.reading.formats import in_child
+from aerokernels.flow.reading.readers.point_table import read_table
+from aerokernels.process.foreign_files import OwnFilesError, own_file
 
 MAGIC = 535532
 NAME_LENGTH = 33
@@ -40,13 +41,13 @@ DENSITY_NAMES = ("Density", "Conservative_1")
 COORDINATES = ("x", "y", "z", "pointid", "point_id")
 
 
-def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
+def read(path: Path, time: Any, options: Mapping[str, Any]) -> Dataset:
     """Read a mesh and its restart; either may be named, the other is in the same folder or given as an option.
 
     Raises:
         ReadError: A damaged file, a missing mesh or restart, or two that do not belong together.
     """
-    mesh_path, restart = mesh_and_restart(path, options or {})
+    mesh_path, restart = mesh_and_restart(path, options)
     meshes = _meshes(mesh_path)
     if restart is None:
         several = [f"zone {k + 1}" if len(meshes) > 1 else mesh_path.name for k in range(len(meshes))]
@@ -79,6 +80,11 @@ def _meshes(path: Path) -> list[tuple[np.ndarray, Cells, list[Patch]]]:
     if path.suffix.lower() == ".cgns":
         return [cgns_mesh(path)]
     return [(zone.points, zone.cells, _walls(zone.points, zone.markers)) for zone in read_mesh(path)]
+
+
+def files(path: Path, options: Mapping[str, Any], time: float | None) -> list[Path]:
+    """Return the mesh and the restart that `read` opens."""
+    return [one for one in mesh_and_restart(path, options) if one is not None]
 
 
 def mesh_and_restart(path: Path, options: Mapping[str, Any]) -> tuple[Path, Path | None]:
@@ -302,3 +308,75 @@ def read_restart(path: Path) -> dict[str, np.ndarray]:
         raise ReadError(path, "its variables have no proper names", UNFINISHED)
     values = np.frombuffer(data, f"{order}f8", variables * count, begin).reshape(count, variables)
     return {name: np.array(values[:, k], dtype=np.float64) for k, name in enumerate(names)}
+
+
+MOST_CONFIGURATIONS, LONGEST_CONFIGURATION = 20, 1_000_000  # files, characters
+GAS_CONSTANT = 287.058  # [J/(kg K)] SU2's of air
+IDEAL = ("STANDARD_AIR", "IDEAL_GAS")
+_STATED = re.compile(r"^[ \t]*(\w{1,60})[ \t]*=[ \t]*([^\s%,]{1,60})", re.MULTILINE)
+
+
+def configured(folder: Path) -> tuple[list[str], str, str]:
+    """Return notes on what the configurations in a folder state.
+
+    The second value is the note on numbers whose unit nothing states, or empty; the third the unit of density, or
+    empty.
+    """
+    notes, scales = [], []
+    for path in sorted(folder.glob("*.cfg"))[:MOST_CONFIGURATIONS]:
+        try:
+            with own_file(folder, path.name).open("r", encoding="latin-1") as stream:
+                text = stream.read(LONGEST_CONFIGURATION)
+        except (OSError, OwnFilesError):
+            continue
+        stated = {key.upper(): value.upper() for key, value in _STATED.findall(text)}
+        if stated.get("AXISYMMETRIC") == "YES":
+            notes.append(f"{path.name} states AXISYMMETRIC= YES: geometry='axisymmetric' reads y as the radius")
+        if (scale := stated.get("REF_DIMENSIONALIZATION")) is not None:
+            scales.append((path.name, scale, _free_stream(stated) if scale.startswith("FREESTREAM") else 1.0))
+    references = {reference for _, _, reference in scales}
+    name, scale, reference = next((one for one in scales if one[1].startswith("FREESTREAM")), ("", "", 1.0))
+    if not scale:
+        return notes, "", ""
+    if len(references) == 1 and reference is not None:
+        notes.append(f"{name} states {scale}: densities are multiples of its free stream's, {reference:.6g} kg/m3")
+        return notes, "", f"{reference!r} kg/m3"
+    scaled = f"{name} states {scale}: the density is one of numbers without a unit, give its reference"
+    return [*notes, scaled], scaled, ""
+
+
+def _free_stream(stated: Mapping[str, str]) -> float | None:
+    """Return the density of the free stream [kg/m3]; None where a configuration does not give it directly."""
+    viscous = stated.get("SOLVER", stated.get("PHYSICAL_PROBLEM", "EULER")).endswith(("NAVIER_STOKES", "RANS"))
+    start = stated.get("INIT_OPTION", "REYNOLDS" if viscous else "TD_CONDITIONS")
+    model = stated.get("FLUID_MODEL", IDEAL[0])
+    if start != "TD_CONDITIONS" or model not in IDEAL or stated.get("SYSTEM_MEASUREMENTS", "SI") != "SI":
+        return None
+    by_density = stated.get("FREESTREAM_OPTION", "TEMPERATURE_FS") == "DENSITY_FS"
+    try:
+        if by_density:
+            found = float(stated["FREESTREAM_DENSITY"])
+        else:
+            constant = float(stated.get("GAS_CONSTANT", GAS_CONSTANT)) if model == "IDEAL_GAS" else GAS_CONSTANT
+            found = float(stated["FREESTREAM_PRESSURE"]) / (constant * float(stated["FREESTREAM_TEMPERATURE"]))
+    except (KeyError, ValueError, ZeroDivisionError):
+        return None
+    return found if math.isfinite(found) and found > 0.0 else None
+
+
+def cgns_mesh(path: Path) -> tuple[np.ndarray, Cells, list[Patch]]:
+    """Return points, cells and patches of its zone.
+
+    Raises:
+        ReadError: A damaged file, several zones, or a structured one, neither of which SU2 reads.
+    """
+    found = in_child("cgns", path, None, {})
+    if len(found.blocks) != 1:
+        fault = f"it has {len(found.blocks)} zones, and SU2 reads a mesh in CGNS of one"
+        raise ReadError(path, fault, "give the mesh that SU2 read")
+    (block,) = found.blocks
+    if block.cells is None:
+        raise ReadError(
+            path, f"zone {block.name!r} is structured", "give the mesh that SU2 read, which is unstructured"
+        )
+    return block.points, block.cells, list(found.patches)

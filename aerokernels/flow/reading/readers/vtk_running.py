@@ -4,7 +4,7 @@ import re
 from pathlib import Path
 from typing import Any
 
-from ..dataset import HDF5_MAGIC, ReadError, chosen_time
+from aerokernels.flow.reading.dataset import HDF5_MAGIC, ReadError, chosen_time
 
 DAMAGED = "the file is damaged or of another version: write it again"
 READERS = {

@@ -15,8 +15,7 @@ from ....process.clock import stage
 from ...bundle.table import BundleTable
 from ...plan import TracePlan
 from ..field_data import FieldData, stop_kind
-from ..interface import GRID_TABLES, Prepared
-from ..kernel_table import PROGRAMS
+from ..interface import GRID_TABLES, PROGRAMS, Prepared
 from ..layout import Value, arrays_of
 from ..uploads import Uploads
 from .arguments import Kernel, pack
@@ -287,11 +286,6 @@ class Engine(Uploads):
             return cl.enqueue_nd_range_kernel(self.session.queue, kernel.kernel, size, (kernel.group,))
 
         return self.session.do(start)
-
-    def side_by_side(self, works: Sequence[Callable[[], None]]) -> None:
-        """Start them one after the other: to start a launch takes as long as few rays."""
-        for work in works:
-            work()
 
     def wait(self) -> None:
         """Wait for the kernels that this thread launched."""

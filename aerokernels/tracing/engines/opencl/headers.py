@@ -1,10 +1,10 @@
-"""Generate the OpenCL headers that follow from Python: options, structs, arguments, status codes and constants.
+"""Generate the OpenCL headers that follow from Python: options, structs, status codes and constants.
 
 A kernel includes them by name like those of kernels/include; program.py inserts their texts. Warp's kernels use the
 same tables and numbers directly. `scripts/kernel_headers` prints the headers.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
@@ -17,7 +17,6 @@ from ...pupil.sums import MOMENT_COUNT, SUM_COUNT
 from ...result import OUTPUT_BITS
 from ...status import RayStatus
 from ...step_bound import CONE_SINES, CONES
-from ..kernel_table import BOUNDS, KERNELS
 from ..layout import OPTIONS, STRUCTS, Value, arrays_of, values_of
 
 # Structs that are passed to kernels: their arrays are separate arguments, which OpenCL gathers in struct Arrays.
@@ -52,7 +51,7 @@ def options() -> list[str]:
 
 
 def types() -> list[str]:
-    """Return the header with the structs passed by value, their arrays, and the structs inside kernels."""
+    """Return the header with all structs, and macros for arguments: the arrays of structs, and those of a tracer."""
     lines = ['#include "real.h"']
     for name in STRUCTS:
         if values_of(name):
@@ -61,22 +60,17 @@ def types() -> list[str]:
     desk = ["#if DESKS", "    __local float4 *desk;  // of a warp, see cubes.h", "#endif"]
     lines += _struct("Arrays", [*(_member(member, True) for member in given), *desk])
     lines += _struct("RayOutputs", [_member(member, False) for member in STRUCTS["RayOutputs"]])
-    return lines
-
-
-def arguments() -> list[str]:
-    """Return the header with a macro for the arguments of each kernel, and macros for the structs of arrays."""
     structs = {
-        "ARRAY": [member for name in GIVEN for member in arrays_of(name)],
+        "ARRAY": given,
         "RAY_OUTPUT": [member._replace(name=f"{member.name}_out") for member in STRUCTS["RayOutputs"]],
     }
-    lines = ['#include "types.h"']
     for name, members in structs.items():
-        lines += _macro(f"{name}_ARGUMENTS", map(_argument, members))
-        lines += _macro(f"{name}S", [member.name for member in members], "{", "}")
-    for name, values in KERNELS.items():
-        lines += _macro(f"{name.upper()}_ARGUMENTS", _declared(values))
-    return lines
+        lines += ["", f"#define {name}_ARGUMENTS {', '.join(map(_argument, members))}"]
+        lines += [f"#define {name}S {{{', '.join(member.name for member in members)}}}"]
+    traced = [f"const {name} {name.lower()}" for name in GIVEN] + ["ARRAY_ARGUMENTS"]
+    traced += ["const int first_ray", "const int ray_count"]
+    traced += ["__global const double *position_in", "__global const double *direction_in", "RAY_OUTPUT_ARGUMENTS"]
+    return [*lines, "", f"#define TRACED_ARGUMENTS {', '.join(traced)}"]
 
 
 def ray_status() -> list[str]:
@@ -137,28 +131,13 @@ def constants() -> list[str]:
 HEADERS: dict[str, Callable[[], list[str]]] = {
     "options.h": options,
     "types.h": types,
-    "arguments.h": arguments,
     "ray_status.h": ray_status,
     "constants.h": constants,
 }
 
 
-def _declared(values: Sequence[Value]) -> list[str]:
-    """Return the declarations of a kernel's arguments in OpenCL C."""
-    found = [_argument(value) for value in values if value.kind in GIVEN]
-    found += ["ARRAY_ARGUMENTS"] if found else []
-    for value in values:
-        if value.kind not in GIVEN:
-            found.append("RAY_OUTPUT_ARGUMENTS" if value.kind == "RayOutputs" else _argument(value))
-        if value.name in BOUNDS:
-            found.append(f"const int {BOUNDS[value.name]}")
-    return found
-
-
 def _argument(value: Value) -> str:
-    """Declare an argument; arrays are of plain numbers, because OpenCL pads vectors of three."""
-    if not value.parts[2]:
-        return f"const {value.kind} {value.name}"
+    """Declare an array; they are of plain numbers, because OpenCL pads vectors of three."""
     constant = "" if value.name.endswith("_out") else "const "
     return f"__global {constant}{value.parts[0]} *{value.name}"
 
@@ -178,10 +157,6 @@ def _member(member: Value, packed: bool) -> str:
 
 def _struct(name: str, members: Sequence[str]) -> list[str]:
     return ["", "typedef struct {", *members, f"}} {name};"]
-
-
-def _macro(name: str, parts: Iterable[str], opening: str = "", closing: str = "") -> list[str]:
-    return ["", f"#define {name} {opening}{', '.join(parts)}{closing}"]
 
 
 def _row(what: str, letter: str, values: Sequence[float] | np.ndarray) -> list[str]:

@@ -13,7 +13,6 @@ from ....device_arrays.launching import launch, load_module
 from ....device_arrays.pinned import bring, to_host
 from ....medium import IndexField
 from ....process.clock import stage
-from ....process.large_arrays import thread_count
 from ....process.machine import core_count, host_memory
 from ....process.opened import OPENED
 from ....process.quiet_warp import open_device
@@ -25,7 +24,7 @@ from ..field_data import FieldData, stop_kind
 from ..interface import GRID_TABLES, Prepared
 from ..layout import STRUCTS, Value
 from ..uploads import Uploads
-from .kernels import grid_tables, new_values, pupil
+from .kernels import grid_tables, pupil
 from .kernels.deliver_bundle import build_bundle_kernel
 from .kernels.leapfrog import build_leapfrog_kernel
 from .kernels.team import WARP
@@ -40,12 +39,12 @@ def _kernels_of(*files: Any) -> dict[str, Any]:
 
 
 # The kernels without options, by name.
-KERNELS = _kernels_of(pupil, grid_tables, new_values)
+KERNELS = _kernels_of(pupil, grid_tables)
 # Kernels in which a warp of a GPU shares one group of rays.
 SHARED = (pupil.sum_rays,)
 # Threads per block of kernels of grids: of these a GPU has few threads at a time, which all multiprocessors share.
 GRID_BLOCK = 32  # speed only
-BLOCKS = dict.fromkeys(_kernels_of(grid_tables, new_values).values(), GRID_BLOCK)
+BLOCKS = dict.fromkeys(_kernels_of(grid_tables).values(), GRID_BLOCK)
 # Kernels that take less time for each ray, or for each number, than tracing.
 SHORT = (pupil.launch_pupil, pupil.reduce_sums)
 # Rays in one launch of a host thread; small enough to balance threads, large enough to hide the cost of the launch.
@@ -246,23 +245,6 @@ class Engine(Uploads):
             # Threads would take longer to start than few rays take.
             chunk = max(chunk, CHUNK // GROUP if kernel in SHARED else CHUNK)
         in_threads(run, range(first, first + count, chunk))
-
-    def side_by_side(self, works: Sequence[Callable[[], None]]) -> None:
-        """Start each on a stream of its own, if no other thread could launch on these streams meanwhile."""
-        last, *others = reversed(works)
-        if self.is_gpu and thread_count() == 1:
-            main = wp.get_stream(self.device)
-            key = "side streams", self.device, len(others)
-            streams = OPENED.once(key, lambda: [wp.Stream(self.device) for _ in others])
-            for stream, work in zip(streams, others, strict=True):
-                with wp.ScopedStream(stream):  # it waits for what was launched before
-                    work()
-            last()
-            for stream in streams:
-                main.wait_stream(stream)
-            return
-        for work in works:
-            work()
 
     def clear(self, buffer: wp.array) -> None:
         """Set the numbers of a buffer to 0 without waiting."""

@@ -1,12 +1,9 @@
 """Make the data types of the Warp kernels, one set per precision, from the structs and kinds of layout.py."""
 
-import inspect
-from collections.abc import Callable
 from types import SimpleNamespace
 
 import warp as wp
 
-from ..kernel_table import KERNELS
 from ..layout import STRUCTS, Value
 
 PLAIN = {
@@ -51,21 +48,3 @@ TYPES = {"float64": _DOUBLE, "float32": _types(wp.float32, _DOUBLE.kinds)}
 def types(precision: str) -> SimpleNamespace:
     """Return the scalar, vector and struct types of one precision, "float32" or "float64"."""
     return TYPES[precision]
-
-
-def takes(kernel: str, precision: str = "float64") -> Callable:
-    """Decorate a kernel's function to give its arguments the types of kernel_table.py.
-
-    Raises:
-        TypeError: The arguments' names or their order differ from kernel_table.py.
-    """
-
-    def decorate(function: Callable) -> Callable:
-        names = list(inspect.signature(function).parameters)
-        if names != [value.name for value in KERNELS[kernel]]:
-            raise TypeError(f"the arguments of {kernel} are {', '.join(names)}, but kernel_table.py lists others")
-        kinds = types(precision).kinds
-        function.__annotations__ = {value.name: type_of(value, kinds) for value in KERNELS[kernel]}
-        return function
-
-    return decorate

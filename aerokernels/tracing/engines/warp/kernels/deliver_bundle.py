@@ -10,7 +10,6 @@ from ....bundle.nodes import FAR
 from ....result import output_mask
 from ....status import NOT_DELIVERED, RayStatus
 from ..library import KernelLibrary, built_once
-from ..types import takes
 from .bundle_family import family_parameters, undisturbed_length
 from .outputs import build_write_outputs
 from .patches import build_in_patch
@@ -31,24 +30,23 @@ def build_bundle_kernel(library: KernelLibrary, channel_count: int):
     ok = int(RayStatus.OK)
 
     @wp.kernel(module="unique", enable_backward=False, cuda_max_registers=MOST_REGISTERS)
-    @takes("deliver_bundle", library.precision)
     def deliver_bundle(
-        block_map,
-        header,
-        patches,
-        frame,
-        map_u,
-        map_v,
-        converges,
-        stop,
-        shape,
-        checks_faces,
-        faces_that_matter,
-        requested,
-        first_ray,
-        position_in,
-        direction_in,
-        outputs,
+        block_map: wp.array(dtype=wp.int32),
+        header: wp.array(dtype=wp.float64),
+        patches: wp.array(dtype=real),
+        frame: wp.array(dtype=wp.float64),
+        map_u: int,
+        map_v: int,
+        converges: int,
+        stop: int,
+        shape: int,
+        checks_faces: int,
+        faces_that_matter: int,
+        requested: int,
+        first_ray: int,
+        position_in: wp.array(dtype=wp.vec3d),
+        direction_in: wp.array(dtype=wp.vec3d),
+        outputs: library.types.RayOutputs,
     ):
         ray = wp.tid() + first_ray
         p = position_in[ray]

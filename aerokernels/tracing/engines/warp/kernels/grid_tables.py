@@ -6,7 +6,6 @@ Their OpenCL twins are the kernels of the same names in kernels/, whose comments
 import warp as wp
 
 from ..library import KernelLibrary, built_once
-from ..types import takes
 
 # Nodes that are read ahead of the elimination of a spline: each step would otherwise wait for memory.
 # (Warp unrolls loops of up to 16.)
@@ -14,9 +13,11 @@ HALF = 16
 AHEAD = 2 * HALF  # speed only
 Ahead = wp.types.vector(length=AHEAD, dtype=wp.float64)
 
+Doubles = wp.array(dtype=wp.float64)
+
 
 @wp.func
-def value_at(values_in: wp.array(dtype=wp.float64), place: int, ambient: wp.float64) -> wp.float64:
+def value_at(values_in: Doubles, place: int, ambient: wp.float64) -> wp.float64:
     """A value; if `ambient` is above 0, the value is a contrast m, and the result its potential m (ambient + m / 2)."""
     value = values_in[place]
     if ambient > wp.float64(0.0):
@@ -25,8 +26,16 @@ def value_at(values_in: wp.array(dtype=wp.float64), place: int, ambient: wp.floa
 
 
 @wp.kernel(enable_backward=False)
-@takes("spline_lines")
-def spline_lines(values_in, inverse_in, count, pitch, even, ambient, first_line, coefficients_out):
+def spline_lines(
+    values_in: Doubles,
+    inverse_in: Doubles,
+    count: int,
+    pitch: int,
+    even: int,
+    ambient: wp.float64,
+    first_line: int,
+    coefficients_out: Doubles,
+):
     """Solve for the coefficients of the cubic spline through the values of a line, by elimination: medium/spline.py."""
     line = wp.tid() + first_line
     two = wp.float64(2.0)
@@ -105,7 +114,7 @@ def spline_lines(values_in, inverse_in, count, pitch, even, ambient, first_line,
 
 @wp.func
 def fourth_difference(
-    coefficients_in: wp.array(dtype=wp.float64), place: int, stride: int, node: int, count: int, even: int
+    coefficients_in: Doubles, place: int, stride: int, node: int, count: int, even: int
 ) -> wp.float64:
     """Size of the fourth difference about the entry of a node; 0 at an end of an axis that is not mirrored there."""
     if node >= count - 1 or (node == 0 and even == 0):
@@ -125,9 +134,17 @@ def fourth_difference(
 
 
 @wp.kernel(enable_backward=False)
-@takes("column_maxima")
 def column_maxima(
-    coefficients_in, values_in, first_count, second_count, third_count, block, even, ambient, first_place, maxima_out
+    coefficients_in: Doubles,
+    values_in: Doubles,
+    first_count: int,
+    second_count: int,
+    third_count: int,
+    block: int,
+    even: int,
+    ambient: wp.float64,
+    first_place: int,
+    maxima_out: Doubles,
 ):
     """Greatest fourth differences and potential over the nodes of blocks along two axes, for nodes of the third.
 
@@ -163,8 +180,7 @@ def column_maxima(
 
 
 @wp.kernel(enable_backward=False)
-@takes("block_maxima")
-def block_maxima(values_in, count, pitch, block, first_place, maxima_out):
+def block_maxima(values_in: Doubles, count: int, pitch: int, block: int, first_place: int, maxima_out: Doubles):
     """Greatest size of the values at the nodes of each block along an axis."""
     place = wp.tid() + first_place
     blocks = wp.max(count - 2, 0) // block + 1
@@ -184,8 +200,7 @@ def build_rounding_kernel(library: KernelLibrary):
     real = library.types.real
 
     @wp.kernel(module="unique", enable_backward=False)
-    @takes("round_coefficients", library.precision)
-    def round_coefficients(values_in, first_place, values_out):
+    def round_coefficients(values_in: Doubles, first_place: int, values_out: wp.array(dtype=real)):
         place = wp.tid() + first_place
         values_out[place] = real(values_in[place])
 

@@ -32,7 +32,6 @@ from ....result import OUTPUT_BITS
 from ....scheme import BEYOND_SUPPORT, LEAPFROG_ANGLE, LEAST_COSINE, LEFT_SHARE, STEEPEST_COSINE, TINY
 from ....status import RayStatus
 from ..library import KernelLibrary, built_once
-from ..types import takes
 from .box import build_surface_distance
 from .cubes import build_cube_sample
 from .ends import build_end, build_last_surface, build_start
@@ -91,8 +90,16 @@ def build_leapfrog_kernel(
     @wp.kernel(
         module="unique", enable_backward=False, cuda_max_registers=MOST_REGISTERS, module_options={"fast_math": True}
     )
-    @takes("leapfrog", library.precision)
-    def leapfrog(field, bounds, control, first_ray, position_in, direction_in, outputs, rejected_count_out):
+    def leapfrog(
+        field: t.Field,
+        bounds: t.Bounds,
+        control: t.Control,
+        first_ray: int,
+        position_in: wp.array(dtype=wp.vec3d),
+        direction_in: wp.array(dtype=wp.vec3d),
+        outputs: t.RayOutputs,
+        rejected_count_out: wp.array(dtype=wp.int32),
+    ):
         thread, _ = wp.tid()  # two indices, see trace.py
         ray = thread + first_ray
         p0 = position_in[ray]

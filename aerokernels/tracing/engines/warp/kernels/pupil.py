@@ -11,7 +11,6 @@ from .....device_arrays.pupil_shape import place_on_pupil
 from ....pupil.sums import MOMENT_COUNT, SUM_COUNT
 from ....scheme import GROUP, HASHES, REDUCTION_WIDTH
 from ....status import RayStatus
-from ..types import takes
 from .team import greatest_of_team, place_in_team, sum_of_team, team_size
 
 # 32-bit constants get their type here: a literal inside a kernel would pass through a signed integer.
@@ -27,6 +26,9 @@ _GROUP = wp.constant(GROUP)
 _MOMENTS = wp.constant(MOMENT_COUNT)
 _SUMS = wp.constant(SUM_COUNT)
 _REDUCTION_WIDTH = wp.constant(REDUCTION_WIDTH)
+
+Doubles = wp.array(dtype=wp.float64)
+Ints = wp.array(dtype=wp.int32)
 
 
 @wp.func
@@ -79,28 +81,27 @@ def periodic_weight(t: wp.float64):
 
 
 @wp.kernel(enable_backward=False)
-@takes("launch_pupil")
 def launch_pupil(
-    center,
-    first,
-    second,
-    look,
-    to_x,
-    to_y,
-    shape,
-    row_count,
-    column_count,
-    table_in,
-    seeds,
-    order_in,
-    per_replicate,
-    generator,
-    smoothed,
-    first_ray,
-    position_out,
-    direction_out,
-    pupil_out,
-    weight_out,
+    center: wp.vec3d,
+    first: wp.vec3d,
+    second: wp.vec3d,
+    look: wp.vec3d,
+    to_x: wp.vec3d,
+    to_y: wp.vec3d,
+    shape: int,
+    row_count: int,
+    column_count: int,
+    table_in: Doubles,
+    seeds: wp.array2d(dtype=wp.uint32),
+    order_in: Ints,
+    per_replicate: int,
+    generator: int,
+    smoothed: int,
+    first_ray: int,
+    position_out: wp.array(dtype=wp.vec3d),
+    direction_out: wp.array(dtype=wp.vec3d),
+    pupil_out: wp.array(dtype=wp.vec2d),
+    weight_out: Doubles,
 ):
     """Place points on the pupil and launch their rays; `first` and `second` are the pupil's axes times its reach.
 
@@ -147,7 +148,7 @@ def has_arrived(status: int):
 
 
 @wp.func
-def weight_of(weight_count: int, weight_in: wp.array(dtype=wp.float64), ray: int):
+def weight_of(weight_count: int, weight_in: Doubles, ray: int):
     """The weight of a ray: its own, or the one that all rays share."""
     if weight_count == 1:
         return weight_in[0]
@@ -165,23 +166,22 @@ def group_span(group: int, per_replicate: int):
 
 
 @wp.kernel(enable_backward=False)
-@takes("sum_rays")
 def sum_rays(
-    wave_number,
-    plane,
-    focus,
-    per_replicate,
-    first_group,
-    weight_count,
-    weight_in,
-    pupil_in,
-    opd_in,
-    step_error_in,
-    evaluation_count_in,
-    status_in,
-    sums_out,
+    wave_number: wp.float64,
+    plane: wp.vec3d,
+    focus: wp.float64,
+    per_replicate: int,
+    first_group: int,
+    weight_count: int,
+    weight_in: Doubles,
+    pupil_in: wp.array(dtype=wp.vec2d),
+    opd_in: Doubles,
+    step_error_in: Doubles,
+    evaluation_count_in: Ints,
+    status_in: Ints,
+    sums_out: Doubles,
 ):
-    """Sum moments and phasors of the rays of one group that arrived; kernels/sum_rays.cl has the order of the sums."""
+    """Sum moments and phasors of the rays of one group that arrived; kernels/pupil.cl has the order of the sums."""
     group = wp.tid() // team_size() + first_group
     begin, stop = group_span(group, per_replicate)
     count = wp.float64(0.0)
@@ -265,8 +265,7 @@ def sum_rays(
 
 
 @wp.kernel(enable_backward=False)
-@takes("reduce_sums")
-def reduce_sums(row_count, reduced_count, first_sum, sums_in, sums_out):
+def reduce_sums(row_count: int, reduced_count: int, first_sum: int, sums_in: Doubles, sums_out: Doubles):
     """One level of a tree reduction: reduce row_count rows of each replicate to reduced_count rows.
 
     Each new row is the sum of REDUCTION_WIDTH rows, in order.

@@ -28,7 +28,6 @@ from ....scheme import ARC_SURFACE, LEAST_STEP, MAGNIFIED, STRAIGHT_LEVER, TINY,
 from ....status import RayStatus
 from ....tableau import A, C, has_consistent_gradient
 from ..library import KernelLibrary, built_once
-from ..types import takes
 from . import grid, mesh
 from .behind_faces import build_first_sample, build_rest_to_face, build_slope_behind
 from .crossings import NEVER
@@ -98,8 +97,15 @@ def build_kernel(
     ok, hit_body, max_steps, not_finite = map(int, ends)
 
     @wp.kernel(module="unique", enable_backward=False)
-    @takes("trace_kernel", library.precision)
-    def trace_kernel(field, bounds, control, first_ray, position_in, direction_in, outputs):
+    def trace_kernel(
+        field: t.Field,
+        bounds: t.Bounds,
+        control: t.Control,
+        first_ray: int,
+        position_in: wp.array(dtype=wp.vec3d),
+        direction_in: wp.array(dtype=wp.vec3d),
+        outputs: t.RayOutputs,
+    ):
         # The second index is always 0. With one index Warp compiles the kernel twice for a CPU, for arrays without gaps
         # and for others, which takes half as long again.
         thread, _ = wp.tid()

@@ -1,52 +1,45 @@
-"""Arrays of an HDF5 file by name, with their units, as their attributes and dimension scales say what they hold.
+"""Read HDF5: arrays by name, with their units, as their attributes and dimension scales say what they hold.
 
 Packed values are unpacked as NetCDF does: value * scale_factor + add_offset, without the fill value. Arrays whose axes
-are named, by dimension scales or labels, are returned in the order time, r, x, y, z.
+are named, by dimension scales or labels, are returned in the order time, r, x, y, z. Coordinates are as in
+named_arrays.py. Runs in the child process of fragile.py.
 """
 
 import re
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from ..array_names import plain_name
-from ..array_units import stated_unit
-from ..dataset import DAMAGED, ReadError
-from .coordinates import COLUMNS
+from aerokernels.flow.reading.arrays import COLUMNS, plain_name, stated_unit
+from aerokernels.flow.reading.dataset import DAMAGED, HDF5_MAGIC, Dataset, ReadError
+from aerokernels.flow.reading.readers.named_arrays import arrays_as_dataset
 
 AXIS_END = re.compile(r"([xyzr])_?(min|max)")
 
 
-class Held(NamedTuple):
-    """Contents of an HDF5 file.
+def read(path: Path, time: Any, options: Mapping[str, Any]) -> Dataset:
+    """Read a file of named arrays.
 
-    Attributes:
-        arrays: Its arrays by name.
-        units: Their units.
-        ends: The ends of axes.
-        labelled: Names of the arrays whose axes are named.
+    Raises:
+        ReadError: A damaged file, or one without coordinates.
     """
-
-    arrays: dict[str, np.ndarray]
-    units: dict[str, str]
-    ends: dict[str, tuple[float, float]]
-    labelled: set[str]
-
-
-def hdf5_arrays(path: Path) -> Held:
-    """Return the contents of an HDF5 file."""
     import h5py
 
+    with path.open("rb") as stream:
+        if stream.read(len(HDF5_MAGIC)) != HDF5_MAGIC:
+            raise ReadError(path, "it does not begin like an HDF5 file", DAMAGED)
     try:
         with h5py.File(path, "r") as file:
-            return arrays_of(file)
+            arrays, described = arrays_of(file)
     except (OSError, RuntimeError, KeyError, ValueError) as fault:
         raise ReadError(path, f"HDF5 cannot read it ({str(fault)[:120]})", DAMAGED) from None
+    return arrays_as_dataset(path, arrays, "HDF5", time, options, **described)
 
 
-def arrays_of(file: Any) -> Held:
-    """Return what `hdf5_arrays` does, from an open file."""
+def arrays_of(file: Any) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+    """Return the arrays of an open file, and `arrays_as_dataset`'s `units`, `ends` and `labelled` of them."""
     import h5py
 
     arrays: dict[str, np.ndarray] = {}
@@ -74,7 +67,7 @@ def arrays_of(file: Any) -> Held:
     file.visititems(take)
     known = {key: values.pop() for key, values in bounds.items() if len(values) == 1}
     ends = {a: (known[f"{a}min"], known[f"{a}max"]) for a in "xyzr" if f"{a}min" in known and f"{a}max" in known}
-    return Held(arrays, units, ends, labelled)
+    return arrays, {"units": units, "ends": ends, "labelled": labelled}
 
 
 def _unpacked(attributes: Any, values: np.ndarray) -> np.ndarray:

@@ -1,20 +1,20 @@
 """Read labelled arrays, from a NetCDF file or an xarray data set, as named arrays with their axes in a known order."""
 
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from ....files.netcdf_classic import is_classic
-from ....inputs.arguments import seconds
-from ....process.room import NoRoomError, check_file
-from ..array_names import plain_name
-from ..array_units import stated_unit
-from ..dataset import DAMAGED, Dataset, ReadError
-from .coordinates import COLUMNS, axes_of
-from .named_arrays import dataset_of
+from aerokernels.files.netcdf_reading import is_classic
+from aerokernels.flow.reading.arrays import COLUMNS, axes_of, plain_name, stated_unit
+from aerokernels.flow.reading.dataset import DAMAGED, Dataset, ReadError
+from aerokernels.flow.reading.readers.named_arrays import dataset_of
+from aerokernels.inputs.arguments import seconds
+from aerokernels.process.foreign_files import NoRoomError, check_file
 
 
-def read(path: Path, time=None, options: dict | None = None) -> Dataset:
+def read(path: Path, time: Any, options: Mapping[str, Any]) -> Dataset:
     """Read a NetCDF file, with h5netcdf or, in its classic format, with SciPy.
 
     Raises:
@@ -27,7 +27,7 @@ def read(path: Path, time=None, options: dict | None = None) -> Dataset:
         if engine == "h5netcdf":
             check_file(path, "what it holds")
         with xarray.open_dataset(path, engine=engine, decode_times=False) as data:
-            return labelled_dataset(path, data.load(), (options or {}).get("variables"), time, "NetCDF")
+            return labelled_dataset(path, data.load(), options.get("variables"), time, "NetCDF")
     except ReadError:
         raise
     except NoRoomError as fault:

@@ -1,13 +1,62 @@
-"""Units of a file's arrays: from their attributes, or in brackets in their names, as in "p [kPa]"."""
+"""What the names of a file's arrays mean: without units, brackets, punctuation and the words of a mean."""
 
-from collections.abc import Mapping
-from typing import Any
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, TypeVar
 
 import numpy as np
 
-from ...inputs.units import quantity
-from ...inputs.written_units import WrittenUnit, is_no_unit, unit_in_name, unit_of
-from .dataset import ReadError
+from aerokernels.flow.reading.dataset import ReadError
+from aerokernels.inputs.units import WrittenUnit, in_brackets, is_no_unit, quantity, unit_in_name, unit_of, written_unit
+
+# Words in brackets that leave a quantity what it is; others, such as "total" and "gauge", make another one of it.
+SAME_QUANTITY = ("static", "absolute", "abs", "thermodynamic", "mean", "average", "averaged", "avg", "si", "gas", "air",
+                 "mixture", "fluid")  # fmt: skip
+_MEAN = r"(?:time)?(?:mean|averaged?|avg|ave)"
+
+
+def plain_name(name: str, grouped: bool = False) -> str:
+    """Return a name in lower case, without blanks, punctuation and units; without groups if it is `grouped`.
+
+    Elsewhere than in grouped names a slash is a quotient: "p/rho" is not a density.
+    """
+    plain = re.sub(r"[\[(<{].*", "", _without_comma(name).lower().replace("ρ", "rho"))
+    return re.sub(r"[^a-z0-9]", "", plain.rsplit("/", 1)[-1] if grouped else plain)
+
+
+def quantity_name(name: str, grouped: bool = False) -> str:
+    """Return the plain name of the quantity that an array has; words in brackets count unless they are units.
+
+    "Pressure (total)" is "pressuretotal" and no pressure, "T [K]" is "t", "<rho>" is "rho".
+    """
+    if (whole := re.fullmatch(r"\s*<([^<>]*)>\s*", name)) is not None:
+        name = whole[1]
+    rest = _without_comma(name)
+    while inside := in_brackets(rest):
+        if not (is_no_unit(inside) or written_unit(inside) is not None or inside.lower() in SAME_QUANTITY):
+            return re.sub(r"[^a-z0-9]", "", name.lower())
+        rest = rest[: rest.rfind(inside)].rstrip(" \t[(<{")
+    return plain_name(rest, grouped)
+
+
+def known_names(names: Iterable[str], known: Sequence[str], grouped: bool = False) -> list[str]:
+    """Return those of `names` that are the first of the `known` quantities; means over time count after all others."""
+    quantities = [(name, quantity_name(name, grouped)) for name in names]
+    for is_it in (str.__eq__, _is_mean_of):
+        for one in known:
+            if found := [name for name, own in quantities if is_it(own, one)]:
+                return found
+    return []
+
+
+def _is_mean_of(plain: str, quantity: str) -> bool:
+    return re.fullmatch(rf"{_MEAN}(?:of)?{quantity}|{quantity}{_MEAN}", plain) is not None
+
+
+def _without_comma(name: str) -> str:
+    """Return a name without a unit that follows a comma, as in "Density, kg/m3"."""
+    before, comma, unit = name.rpartition(",")
+    return before if comma and written_unit(unit) is not None else name
 
 
 def stated_unit(attributes: Mapping[str, Any]) -> str:
@@ -111,3 +160,29 @@ def ambient_attribute(path, stated, factor: float, values: np.ndarray) -> float 
             f"write {factor * ambient:.6g} if it is in the array's own unit, or its unit beside it",
         )
     return ambient
+
+
+Own = TypeVar("Own")
+
+# In lower case, without blanks, punctuation and units.
+COLUMNS = {
+    "x": ("x", "points0", "coordinatex", "centersx", "ccx", "xcoordinate", "posx", "positionx"),
+    "y": ("y", "points1", "coordinatey", "centersy", "ccy", "ycoordinate", "posy", "positiony"),
+    "z": ("z", "points2", "coordinatez", "centersz", "ccz", "zcoordinate", "posz", "positionz"),
+    "r": ("r", "radius"),
+}
+PLACE = {"x": 0, "y": 1, "z": 2, "r": 1}
+# Directions of the axis of symmetry of a flow over r and z (the optical frame, z points upstream), or over r and x.
+SYMMETRY = {"z": (0.0, 0.0, -1.0), "x": (1.0, 0.0, 0.0)}
+
+
+def axes_of(known: Mapping[str, Own]) -> tuple[tuple[str, ...], tuple[float, float, float] | None]:
+    """Return the coordinates of a flow in the order of its axes, and the axis of symmetry of one over r and z or x.
+
+    Args:
+        known: The coordinates that there are, by "x", "y", "z" and "r".
+    """
+    along = next((axis for axis in "zx" if axis in known), None)
+    if "r" in known and "y" not in known and along is not None:
+        return ("r", along), SYMMETRY[along]
+    return tuple(axis for axis in "xyz" if axis in known), None
