@@ -64,7 +64,7 @@ def test_report_shows_numbers_plan_budget_and_citation(page: str):
         "+1, -2 µrad",
         "smooth regions",
         "0.00015",
-        "distance = &quot;1.5 m",
+        "distance = &#34;1.5 m",
         "Missile-Borne",
     ):
         assert words in page, words
@@ -186,7 +186,7 @@ def test_a_uniform_field_and_a_flat_wavefront_can_be_drawn(dataset: xarray.Datas
         still[name] = still[name].copy(data=0.0 * still[name].values)
     still["echo_power"], still["echo_voltage"] = still["echo_power"] * 0.0, still["echo_voltage"] * 0.0
     still.attrs |= {"range_m": float("nan"), "geometry": "planar"}
-    for _, draw in plots.FIGURES.values():
+    for _, draw, _ in plots.FIGURES.values():
         assert png(draw(still)).startswith(b"\x89PNG")
 
 
