@@ -10,10 +10,10 @@ from aerokernels.inputs.checks import warn_caller
 
 from ..medium import IndexField
 from ..rays import RayBundle
-from ..tracing.beyond import ways_through
 from ..tracing.cuts import lost, may_lose
 from ..tracing.lines import box_size
 from ..tracing.pupil.air import GREATEST_SHARE, TruncationWarning
+from ..tracing.stop import ways_through
 from .instrument import FLDI
 
 # Lines across a beam, and path that a line may lose [waves].

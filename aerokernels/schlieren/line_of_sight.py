@@ -33,7 +33,7 @@ from ..inputs.checks import check_count
 from ..tracing.cuts import lost
 from ..tracing.lines import box_size
 from ..tracing.pupil.air import GREATEST_SHARE
-from ..tracing.variants.rays import Rays
+from ..tracing.variants.paths import Rays
 from .window import Window, make_window, ray_lines
 
 GREATEST_RAY_COUNT = 100_000_000  # some 20 GB of stored results

@@ -67,7 +67,9 @@ def test_a_figure_is_over_the_keys_that_change_it(finished):
     assert page_of(9, lambda d, t: d) == {
         "echo_peak_v": "Echo peak voltage [V] over target.distance; target.tilt does not change it"
     }
-    assert page_of(9, lambda d, t: d + t) == {"echo_peak_v": "Echo peak voltage [V] over target.distance and target.tilt"}
+    assert page_of(9, lambda d, t: d + t) == {
+        "echo_peak_v": "Echo peak voltage [V] over target.distance and target.tilt"
+    }
     assert page_of(3, lambda d, t: t) == {
         "echo_peak_v": "Echo peak voltage [V] over target.tilt; target.distance does not change it"
     }

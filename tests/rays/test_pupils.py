@@ -22,7 +22,7 @@ from aerokernels import (
 from aerokernels.echo.pupil_reduction import receiver_pupil
 from aerokernels.prepare import prepare_field
 from aerokernels.pupils import Pupil
-from aerokernels.pupils.vectors import lengths, transverse_axes
+from aerokernels.pupils.base import lengths, transverse_axes
 from tests.phase_plates import WAVELENGTH, phase_plate
 from tests.tracing.backends import on
 

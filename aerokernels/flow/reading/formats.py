@@ -51,7 +51,7 @@ FORMATS = (
     Format("CGNS", (".cgns",), "cgns", True, "vtk"),
     Format("EnSight", (".case", ".encas"), "solver_files", True, "vtk"),
     Format("Fluent", (".cas", ".cas.h5"), "solver_files", True, "vtk"),
-    Format("Exodus", (".e", ".exo", ".ex2", ".exii"), "solver_files", True, "vtk"),
+    Format("Exodus", (".e", ".exo", ".ex2", ".exii"), "exodus", True),
     Format("Plot3D", (".xyz", ".p3d", ".x", ".g", ".q", ".f", ".fun", ".p2d"), "plot3d", options=("solution",)),
     Format("Tecplot binary", (".plt",), "tecplot_binary"),
     Format("Tecplot ASCII", (".tec", ".tp"), "tecplot_text"),

@@ -165,7 +165,7 @@ def read_table(path: Path, data: bytes | None = None) -> dict[str, np.ndarray]:
     ]
     if names[0] == "" and len(names) > 1:
         names[0] = "index"  # pandas writes the index of rows without a name
-    if len(set(names)) < len(names) or not all(names) or all(_is_number(name) for name in names):
+    if len(set(names)) < len(names) or not all(names) or all(is_number(name) for name in names):
         raise ReadError(path, f"its first line has no names that are all different: {head[:80]!r}", DAMAGED)
     rows = np.empty((len(lines) - 1, len(names)))
     mark = next((mark for mark in (";", ",", "\t") if mark in lines[1][1]), None)  # may differ from that of the names
@@ -208,10 +208,11 @@ def _words(line: str) -> list[str]:
 
 
 def _all_numbers(line: str) -> bool:
-    return all(_is_number(word) for word in re.split(r"[,;\s]+", line.strip(" \t,;")))
+    return all(is_number(word) for word in re.split(r"[,;\s]+", line.strip(" \t,;")))
 
 
-def _is_number(word: str) -> bool:
+def is_number(word: str) -> bool:
+    """Return whether a word is a number."""
     try:
         float(word)
     except ValueError:
