@@ -13,9 +13,8 @@ import numpy as np
 from aerokernels.display.quantities import Quantity
 from aerokernels.display.shown import extent_of, is_flat, say_flat
 from aerokernels.files.writing import replacing
-from aerokernels.flow import DensityField
+from aerokernels.flow import CellDensity, DensityField
 from aerokernels.jobs.figure_layout import Panel, fitted_panel, house_style, panelled_figure, styled_figure
-from aerokernels.jobs.run_files import density_cells
 from aerokernels.medium import SolidBody
 
 if TYPE_CHECKING:
@@ -28,6 +27,7 @@ if TYPE_CHECKING:
 SPEED_OF_LIGHT = 299_792_458.0  # [m/s]
 BODY_COLOUR, RAY_COLOUR, ACCENT, MUTED = "#5b6470", "#0b6e99", "#c2410c", "#8a94a0"
 RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+RASTER_CELLS = 400  # cells along each side of the density figure of an unstructured mesh
 SQUARE = 3.6  # side of the panels of two-panel pictures [in]
 
 
@@ -276,6 +276,22 @@ FIGURES: dict[str, tuple[str, "Callable[[xarray.Dataset], Figure]", set[str]]] =
     ),
     "echo": ("The pulse that returns from the reflector.", echo_figure, {"time", "echo_power", "echo_voltage"}),
 }
+
+
+def density_cells(field: DensityField) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the density of cells (i, j) [kg/m3] in the plane x = 0, and y and z of their corners (i+1, j+1) [m]."""
+    if isinstance(field, CellDensity) and field.mesh.shape is not None:
+        shape = field.mesh.shape
+        corners = field.mesh.vertices.reshape(*shape, 2)
+        return field.density.reshape(shape[0] - 1, shape[1] - 1), corners[..., 0], corners[..., 1]
+    low, high = (corner[-2:] for corner in field.box)
+    axes = [np.linspace(low[k], high[k], RASTER_CELLS + 1) for k in range(2)]
+    middle = np.meshgrid(*(0.5 * (axis[1:] + axis[:-1]) for axis in axes), indexing="ij")
+    y, z = (axis.ravel() for axis in middle)
+    density = field.density_at(np.stack([np.zeros(y.size), y, z], axis=1))
+    density = np.where(np.isnan(density), field.ambient_density, density)  # inside the body, which is drawn on top
+    corner_y, corner_z = np.meshgrid(*axes, indexing="ij")
+    return density.reshape(RASTER_CELLS, RASTER_CELLS), corner_y, corner_z
 
 
 def flow_figure(flow: DensityField, title: str = "") -> "Figure":

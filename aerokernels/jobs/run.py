@@ -2,17 +2,13 @@
 
 import os
 import time
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from dataclasses import field as attribute
-from functools import cached_property, partial
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
-from aerokernels.display.quantities import Verdict, judge, main_cause
-from aerokernels.display.shown import shown
 from aerokernels.echo import EchoResult
 from aerokernels.echo.paths import trace_options
 from aerokernels.echo.prediction import check_echo
@@ -21,7 +17,7 @@ from aerokernels.echo.vacuum import VacuumEcho
 from aerokernels.flow import DensityField
 from aerokernels.inputs.arguments import checked
 from aerokernels.jobs.report import draw_pictures, render_report
-from aerokernels.jobs.run_files import run_dataset, scene_toml, summarise
+from aerokernels.jobs.run_files import RayFan, RunResult, scene_toml
 from aerokernels.jobs.store import REPORT_FILE, RESULT_FILE, SUMMARY_FILE, write_folder, write_result, write_summary
 from aerokernels.medium import IndexField
 from aerokernels.prepare import Prepared, prepare_field
@@ -35,7 +31,7 @@ from aerokernels.tracing.engines.choice import choose_backend
 from aerokernels.wavefront import Wavefront, wavefront
 
 if TYPE_CHECKING:
-    import xarray
+    pass
 
 Progress = Callable[[str, float], None]
 T = TypeVar("T")
@@ -51,70 +47,6 @@ STAGES = {
 }
 MAP_PIXELS = 201  # pixels across the pupil's map
 FAN_RAYS, FAN_PLANES = 15, 25
-
-
-@dataclass(frozen=True, eq=False)
-class RayFan:
-    """Rays in the plane of a pupil's direction of view and its second axis (x = 0 if it faces ahead).
-
-    Attributes:
-        position: Intersection of each ray with each plane [m], shape (ray_count, plane_count, 3); NaN after its end.
-        deviation: Displacement from the undisturbed ray along the second axis [m], shape (ray_count, plane_count).
-    """
-
-    position: np.ndarray
-    deviation: np.ndarray
-
-
-@shown
-@dataclass(frozen=True, eq=False)
-class RunResult:
-    """The results of all stages of a run, its summary and its dataset.
-
-    Attributes:
-        scene: The scene.
-        prepared: Its flow and index fields.
-        strehl: The Strehl ratio of a plane wave through the scene's pupil.
-        wavefront: The optical path difference over the scene's pupil, piston removed; None if that stage failed.
-        fan: Rays for the figures; None if that stage failed.
-        echo: The laser echo and its range; None if no light returns.
-        seconds: Wall time [s] of each part ("prepare", "strehl", "wavefront", "fan", "echo", "error"), and "total".
-        stages: Wall time [s] of the run by activity, such as compiling or running kernels: see STAGES in clock.py.
-        failed: The reason for each stage that failed: "wavefront", "rays", "echo".
-    """
-
-    scene: Scene
-    prepared: Prepared
-    strehl: StrehlEstimate
-    wavefront: Wavefront | None
-    fan: RayFan | None
-    echo: EchoResult | None
-    seconds: Mapping[str, float]
-    stages: Mapping[str, float]
-    failed: Mapping[str, str] = attribute(default_factory=dict)
-
-    @property
-    def failures(self) -> dict[str, str]:
-        """The reason for each stage without a result; "range" is for an echo that cannot be ranged."""
-        reason = self.echo.reason if self.echo is not None else None
-        return {**self.failed, **({"range": reason} if reason else {})}
-
-    @property
-    def verdict(self) -> Verdict:
-        """Whether the Strehl ratio and the echo's peak are meaningful given their errors, and why."""
-        numbers = {"Strehl ratio": self.strehl.quantities["value"]}
-        if self.echo is not None:
-            numbers["echo's peak power"] = self.echo.quantities["peak_power"]
-        return judge(numbers, main_cause(self.strehl.error))
-
-    @cached_property
-    def summary(self) -> dict[str, Any]:
-        """The run's numbers, in SI units, as written to summary.json; computed when first read."""
-        return summarise(self)
-
-    def to_xarray(self) -> "xarray.Dataset":
-        """Return the run as one dataset with units, as written to result.nc."""
-        return run_dataset(self, self.summary)
 
 
 def scene_strehl(scene: Scene, field: IndexField) -> StrehlEstimate:

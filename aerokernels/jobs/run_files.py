@@ -23,32 +23,99 @@ import math
 import os
 import re
 from collections.abc import Mapping
+from dataclasses import dataclass
+from dataclasses import field as attribute
 from datetime import UTC, datetime
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from aerokernels import __version__
-from aerokernels.display.quantities import TOTAL, greatest_ratio_error
+from aerokernels.display.quantities import TOTAL, Verdict, greatest_ratio_error, judge, main_cause
+from aerokernels.display.shown import shown
 from aerokernels.echo import EchoResult
-from aerokernels.flow import CellDensity, DensityField
 from aerokernels.jobs.numbers import NUMBERS
+from aerokernels.jobs.plots import density_cells
 from aerokernels.jobs.store import number_or_nan, to_json
 from aerokernels.medium import AveragesLacking, SolidBody
+from aerokernels.prepare import Prepared
 from aerokernels.scene import Scene
 from aerokernels.scene.pupil_table import axis_words
+from aerokernels.strehl import StrehlEstimate
 from aerokernels.wavefront import Wavefront, point_spread_function
 
 if TYPE_CHECKING:
     import xarray
 
-    from aerokernels.jobs.run import RunResult
-
-RASTER_CELLS = 400  # cells along each side of the density figure of an unstructured mesh
 SPOT_PADDING, SPOT_RINGS = 8, 8.0  # samples per wavelength / diameter of the spot, and its half-width in these
 
 
-def summarise(result: "RunResult") -> dict[str, Any]:
+@dataclass(frozen=True, eq=False)
+class RayFan:
+    """Rays in the plane of a pupil's direction of view and its second axis (x = 0 if it faces ahead).
+
+    Attributes:
+        position: Intersection of each ray with each plane [m], shape (ray_count, plane_count, 3); NaN after its end.
+        deviation: Displacement from the undisturbed ray along the second axis [m], shape (ray_count, plane_count).
+    """
+
+    position: np.ndarray
+    deviation: np.ndarray
+
+
+@shown
+@dataclass(frozen=True, eq=False)
+class RunResult:
+    """The results of all stages of a run, its summary and its dataset.
+
+    Attributes:
+        scene: The scene.
+        prepared: Its flow and index fields.
+        strehl: The Strehl ratio of a plane wave through the scene's pupil.
+        wavefront: The optical path difference over the scene's pupil, piston removed; None if that stage failed.
+        fan: Rays for the figures; None if that stage failed.
+        echo: The laser echo and its range; None if no light returns.
+        seconds: Wall time [s] of each part ("prepare", "strehl", "wavefront", "fan", "echo", "error"), and "total".
+        stages: Wall time [s] of the run by activity, such as compiling or running kernels: see STAGES in clock.py.
+        failed: The reason for each stage that failed: "wavefront", "rays", "echo".
+    """
+
+    scene: Scene
+    prepared: Prepared
+    strehl: StrehlEstimate
+    wavefront: Wavefront | None
+    fan: RayFan | None
+    echo: EchoResult | None
+    seconds: Mapping[str, float]
+    stages: Mapping[str, float]
+    failed: Mapping[str, str] = attribute(default_factory=dict)
+
+    @property
+    def failures(self) -> dict[str, str]:
+        """The reason for each stage without a result; "range" is for an echo that cannot be ranged."""
+        reason = self.echo.reason if self.echo is not None else None
+        return {**self.failed, **({"range": reason} if reason else {})}
+
+    @property
+    def verdict(self) -> Verdict:
+        """Whether the Strehl ratio and the echo's peak are meaningful given their errors, and why."""
+        numbers = {"Strehl ratio": self.strehl.quantities["value"]}
+        if self.echo is not None:
+            numbers["echo's peak power"] = self.echo.quantities["peak_power"]
+        return judge(numbers, main_cause(self.strehl.error))
+
+    @cached_property
+    def summary(self) -> dict[str, Any]:
+        """The run's numbers, in SI units, as written to summary.json; computed when first read."""
+        return summarise(self)
+
+    def to_xarray(self) -> "xarray.Dataset":
+        """Return the run as one dataset with units, as written to result.nc."""
+        return run_dataset(self, self.summary)
+
+
+def summarise(result: RunResult) -> dict[str, Any]:
     """Return the content of summary.json; lengths in m, angles in rad, powers in W; NaN if there is no result."""
     scene, strehl, density, verdict = result.scene, result.strehl, result.prepared.density, result.verdict
     plan, seen = strehl.plan.as_dict(), strehl.quantities
@@ -136,7 +203,7 @@ def _ranges(echo: EchoResult | None) -> tuple[dict[str, Any], dict[str, float]]:
     }, {method: errors[TOTAL] for method, errors in uncertainty.items()}
 
 
-def run_dataset(result: "RunResult", summary: Mapping[str, Any]) -> "xarray.Dataset":
+def run_dataset(result: RunResult, summary: Mapping[str, Any]) -> "xarray.Dataset":
     """Make the dataset of a run's arrays and its summary; arrays of a failed stage are absent.
 
     The times of the stages are only in summary.json, so that equal runs give equal datasets.
@@ -197,7 +264,7 @@ def run_dataset(result: "RunResult", summary: Mapping[str, Any]) -> "xarray.Data
     return dataset.merge(echo, combine_attrs="override")
 
 
-def _attributes(result: "RunResult", summary: Mapping[str, Any], axes: tuple[str, str]) -> dict[str, Any]:
+def _attributes(result: RunResult, summary: Mapping[str, Any], axes: tuple[str, str]) -> dict[str, Any]:
     """Return the attributes of a run's dataset: the scene, the summary, and what its figures show."""
     scene, flow = result.scene, result.prepared.density
     numbers = {name: value for name, value in to_json(summary).items() if not name.endswith("seconds")}
@@ -246,22 +313,6 @@ def _spot(wave: Wavefront) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     spread = wave.psf(**options)
     perfect = point_spread_function(np.zeros(wave.opd.shape), wave.weight, wave.pixel, wave.wavelength, **options)
     return spread.angle, spread.intensity, perfect.intensity
-
-
-def density_cells(field: DensityField) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the density of cells (i, j) [kg/m3] in the plane x = 0, and y and z of their corners (i+1, j+1) [m]."""
-    if isinstance(field, CellDensity) and field.mesh.shape is not None:
-        shape = field.mesh.shape
-        corners = field.mesh.vertices.reshape(*shape, 2)
-        return field.density.reshape(shape[0] - 1, shape[1] - 1), corners[..., 0], corners[..., 1]
-    low, high = (corner[-2:] for corner in field.box)
-    axes = [np.linspace(low[k], high[k], RASTER_CELLS + 1) for k in range(2)]
-    middle = np.meshgrid(*(0.5 * (axis[1:] + axis[:-1]) for axis in axes), indexing="ij")
-    y, z = (axis.ravel() for axis in middle)
-    density = field.density_at(np.stack([np.zeros(y.size), y, z], axis=1))
-    density = np.where(np.isnan(density), field.ambient_density, density)  # inside the body, which is drawn on top
-    corner_y, corner_z = np.meshgrid(*axes, indexing="ij")
-    return density.reshape(RASTER_CELLS, RASTER_CELLS), corner_y, corner_z
 
 
 def written_at() -> datetime:
