@@ -16,8 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..display.flatness import is_flat, say_flat
-from ..display.shown import drawn_on
+from ..display.shown import drawn_on, is_flat, say_flat
 from ..inputs.arguments import checked
 from ..inputs.checks import check_count, check_positive
 from ..medium import IndexField

@@ -20,8 +20,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..display.flatness import ROUNDING
-from ..display.shown import shown
+from ..display.shown import ROUNDING, shown
 from ..inputs.arguments import checked
 from ..medium import IndexField
 from .bench import Bench, SourceLight

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from ..display.error_budget import ErrorBudget
+from ..display.quantities import ErrorBudget
 from ..inputs.arguments import Numbers, checked
 from ..inputs.wavelength import check_spectrum
 from ..pupils import Annulus, Disc, Mask, Polygon, Pupil, Rectangle

@@ -8,10 +8,8 @@ from typing import Any
 import numpy as np
 
 from ..derived import key_of
-from ..display.error_budget import ErrorBudget
-from ..display.flatness import is_flat, say_flat
-from ..display.quantities import Quantity
-from ..display.shown import drawn_on, shown
+from ..display.quantities import ErrorBudget, Quantity
+from ..display.shown import drawn_on, is_flat, say_flat, shown
 from ..inputs.arguments import Numbers, checked
 from ..inputs.checks import check_count, check_positive, check_share
 from ..inputs.kinds import refuse_masked
