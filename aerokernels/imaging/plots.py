@@ -4,8 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from ..display.flatness import is_flat, say_flat
-from ..display.shown import drawn_on
+from ..display.shown import drawn_on, is_flat, say_flat
 
 
 def plot_displacement(found: Any, axes: Any = None) -> Any:

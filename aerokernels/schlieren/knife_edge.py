@@ -22,8 +22,7 @@ import numpy as np
 
 from aerokernels.medium import IndexField
 
-from ..display.flatness import ROUNDING
-from ..display.shown import shown
+from ..display.shown import ROUNDING, shown
 from ..inputs.arguments import checked
 from .bench import Bench
 from .line_of_sight import LineOfSight, check_exposure, check_turn, line_of_sight

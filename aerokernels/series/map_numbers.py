@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..display.error_budget import combine
+from ..display.quantities import combine
 from ..tracing.variants.causes import Variants, errors, of_a_ray
 from ..tracing.variants.paths import Rays
 from ..wavefront.pupil_numbers import PupilNumbers

@@ -5,7 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ..display.error_budget import ErrorBudget, combine, unknown
+from ..display.quantities import ErrorBudget, combine, unknown
 from ..medium import IndexField
 from ..pupils import transverse_axes
 from ..rays import Pupil, RayBundle

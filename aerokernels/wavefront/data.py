@@ -10,7 +10,7 @@ import numpy as np
 from aerokernels.inputs.kinds import refuse_masked
 
 from ..derived import key_of
-from ..display.error_budget import ErrorBudget
+from ..display.quantities import ErrorBudget
 from ..inputs.arguments import checked
 from ..inputs.checks import check_positive, check_share
 from ..inputs.wavelength import check_wavelength

@@ -4,8 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from ..display.flatness import is_flat, say_flat
-from ..display.shown import drawn_on, extent_of
+from ..display.shown import drawn_on, extent_of, is_flat, say_flat
 from .data import WavefrontMap
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from aerokernels import Disc, IndexField, Wavefront
-from aerokernels.display.error_budget import main_cause
+from aerokernels.display.quantities import main_cause
 from aerokernels.files.writing import write_grey
 from aerokernels.fldi import FLDI, fldi_response
 from aerokernels.fldi.response import FLDIResponse

@@ -7,7 +7,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from ...display.error_budget import ErrorBudget
+from ...display.quantities import ErrorBudget
 from ...pupils import Annulus, Disc, Mask, Polygon, Pupil, Rectangle
 from ..data import SIGN_CONVENTION, WavefrontMap
 
