@@ -25,8 +25,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ..display.error_budget import ErrorBudget, combine, unknown
-from ..display.quantities import root_sum_square
+from ..display.quantities import ErrorBudget, combine, root_sum_square, unknown
 from ..medium import IndexField
 from ..pupils.base import lengths
 from ..scene import Scene
