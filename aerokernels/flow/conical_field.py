@@ -25,24 +25,14 @@ from aerokernels.medium import Body, IndexField
 # Cells of free stream on the grid outside the shock: the width of the averaging kernel, and room for the spline's
 # overshoot to decay.
 MARGIN = 8
-
-
 # Default spacing as a fraction of the body's length.
 DEFAULT_SHARE = 1.0 / 400.0
-
-
 # Weights of the seven half cells about a node; variance of the kernel [cells^2]: of these weights and of a half cell.
 BELL = np.array([1.0, 6.0, 15.0, 20.0, 15.0, 6.0, 1.0]) / 64.0
-
-
 VARIANCE = 6.0 / 16.0 + 1.0 / 48.0
-
-
 # Cells this near the shock, or the tip, are integrated with more Gauss points; those near the tip are also divided
 # into TIP_PARTS x TIP_PARTS parts.
 SHOCK_BAND, TIP_REACH, TIP_PARTS = 2, 16, 8
-
-
 BLOCK = 20_000  # speed only
 
 
@@ -265,9 +255,6 @@ def cell_averages(
         shape: Number of nodes in r, starting at r = 0, and in z.
         low: z of the first node [m].
         step: Spacing in r and z [m].
-
-    Returns:
-        Averages over the (r, z) rectangles, shape `shape`; the first cell in r is averaged over its half with r > 0.
     """
     r = step[0] * np.arange(shape[0])
     z = low + step[1] * np.arange(shape[1])

@@ -270,11 +270,7 @@ def stagnation_ratio(density: float, pressure: float, gamma: float) -> float:
 
 
 def check_density(density: float, name: str) -> float:
-    """Return a gas density [kg/m3] as a float.
-
-    Raises:
-        ValueError: It is not positive and finite, below 1e-6 kg/m3, or above 1000 kg/m3, the density of a liquid.
-    """
+    """Return a gas density [kg/m3] as a float."""
     value = check_positive(density, name)
     if value < LEAST_DENSITY:
         raise ValueError(f"{name} of {value:g} kg/m3 is too small for a gas (at least {LEAST_DENSITY:g}): give kg/m3")

@@ -29,31 +29,17 @@ from aerokernels.inputs.wavelength import LONGEST, SHORTEST, check_wavelength
 from aerokernels.medium import GroupIndex, IndexField, Upstream
 
 RELATIONS = ("gladstone-dale", "lorentz-lorenz")
-
-
 # Eq 2 was fitted in the visible; below this wavelength air absorbs and its index rises faster.
 SHORTEST_WAVELENGTH = 200e-9
-
-
 # Gases have constants from xenon's 1.2e-4 to hydrogen's 1.6e-3 m3/kg; values far outside are in another unit.
 LEAST_CONSTANT, GREATEST_CONSTANT = 1e-5, 1e-2
-
-
 MODELS = ("paper", "ciddor", "gladstone-dale", "lorentz-lorenz")
-
-
 # Eq 2 exceeds Ciddor's constant by 1.2 % at 400 nm, 0.84 % at 532 nm, 0.46 % at 905 nm and 0.31 % at 1.6 um.
 PAPER_UNCERTAINTY = 1.2e-2
-
-
 # Its group constant exceeds Ciddor's by 2.5 % at 400 nm, 1.8 % at 532 nm, 0.9 % at 905 nm and 0.5 % at 1.6 um: less
 # than the uncertainty of the constant, or this length over the wavelength where that is more.
 PAPER_GROUP_LENGTH = 1e-8  # [m]
-
-
 PAPER_RANGE = (SHORTEST_WAVELENGTH, LONGEST)
-
-
 ANY_WAVELENGTH = (SHORTEST, LONGEST)
 
 

@@ -25,21 +25,11 @@ from aerokernels.inputs.arguments import checked
 from aerokernels.inputs.wavelength import SAME, check_wavelength
 
 GAS_CONSTANT = 8.314462618  # [J/(mol K)]
-
-
 # The sum of fractions may differ from 1 by this much, as rounded fractions do; they are then scaled to a sum of 1.
 SUM_TOLERANCE = 2e-3
-
-
 _NORMAL = (273.15, 101325.0)
-
-
 _BORZSONYI = "A. Borzsonyi et al., Appl. Opt. 47 (2008) 4856"
-
-
 WATER = "H2O"
-
-
 # Ciddor's water vapour was fitted to moist air: the uncertainty is 1 % of the vapour's contribution.
 _WATER_UNCERTAINTY = 1e-2
 
@@ -286,11 +276,7 @@ class Composition:
 
 
 def molar_mass(name: str) -> float:
-    """Return the molar mass of a species [kg/mol].
-
-    Raises:
-        ValueError: An unknown species; the message lists the known ones.
-    """
+    """Return the molar mass of a species [kg/mol]."""
     if name not in SPECIES_NAMES:
         raise ValueError(f"species {name!r} is not known: choose one of {', '.join(SPECIES_NAMES)}")
     return ciddor.WATER_MOLAR_MASS if name == WATER else SPECIES[name].molar_mass

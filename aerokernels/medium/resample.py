@@ -23,26 +23,14 @@ from aerokernels.process.machine import host_memory
 from aerokernels.sobol import sobol_points
 
 PROBE_COUNT = 4096
-
-
 LINE_COUNT = 64
-
-
 # Greatest and least factor by which halving the spacing is predicted to reduce the error.
 GREATEST_GAIN, LEAST_GAIN = 64.0, 4.0
-
-
 # Most nodes of a grid whose geometry is cached on the mesh that was resampled last: 100 bytes each, and 10 MB.
 KEPT_NODES = 1 << 18  # speed only
-
-
 NODE_LIMIT = 200_000_000
-
-
 # Greatest memory that resampling needs per node, measured on the shipped flows.
 BYTES_PER_NODE = 300
-
-
 # A grid of fewer cells along an axis does not resolve any structure of a flow.
 LEAST_CELLS = 4
 
@@ -82,14 +70,6 @@ def resample(field, spacing=None, *, tolerance=None, wavelength=None, region=Non
         region: Lowest and highest corner along the field's axes [m]; the whole box if None. Beyond the box the field is
             ambient: where it is not ambient at a face, the jump there is smoothed over a cell of the grid.
         interpolation: Interpolant of the result.
-
-    Returns:
-        A field whose `resampling` is the measured ResamplingError.
-
-    Raises:
-        ValueError: Both or neither of spacing and tolerance; numbers that are not positive; a region outside the box;
-            a grid of fewer than four cells along an axis (unless the field has no more) or too large for the memory;
-            a tolerance that no grid of allowed size meets.
     """
     wavelength = field.wavelength_for(wavelength)
     if (spacing is None) == (tolerance is None):
@@ -331,10 +311,6 @@ def node_counts(field, low: np.ndarray, high: np.ndarray, step: np.ndarray) -> n
         low: Lowest corner of the region [m], shape (d,).
         high: Highest corner [m], shape (d,).
         step: Greatest spacing [m], shape (d,).
-
-    Raises:
-        ValueError: A spacing of more than a quarter of the region along an axis, unless the field's own is as great
-            there; or more nodes than fit in memory.
     """
     extent = high - low
     size = " by ".join(f"{side:.3g}" for side in extent) + " m"
