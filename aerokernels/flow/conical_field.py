@@ -118,14 +118,9 @@ class ConicalFlow(DensityField):
         With "cubic" the node values are corrected for the averaging kernel, so that the kernel's error in the smooth
         flow is of fourth order; the shock overshoots by a few per cent. "linear" and "monotone" use uncorrected values.
 
-        Args:
-            wavelength: Vacuum wavelength [m], for K; stored with the field.
-            relation: "paper", "ciddor", "gladstone-dale" or "lorentz-lorenz": see `refractivity_model`.
-            constant: K [m3/kg].
-            composition: A `Composition` or fractions of species, the same everywhere, from which K is computed.
-            spacing: Greatest node spacing [m], one number, or two for r and z; None takes 1/400 of the length.
-            interpolation: As in IndexField.from_samples.
-            group: Make the field of the group index, by which a pulse travels.
+        The other arguments are those of `SampledDensity.index_field`; a composition is the same everywhere. `spacing`
+        is the greatest node spacing [m], one number, or two for r and z; None takes 1/400 of the length.
+        `interpolation` is one of IndexField.from_samples.
 
         Raises:
             TypeError: The wavelength is not one number.

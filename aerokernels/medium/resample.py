@@ -155,19 +155,12 @@ def _resampled(make, step, region, interpolation):
 
 @dataclass(frozen=True, eq=False)
 class _PointSet:
-    """Points at which a field is evaluated.
-
-    Attributes:
-        count: Number of all points.
-        rows: Indices of the points where the field is evaluated; at the others the result is zero.
-        points: Local coordinates of the points `rows` [m].
-        places: The cells of these points, for a field on a mesh.
-    """
+    """Points at which a field is evaluated: the rows among all of them that are; elsewhere the result is zero."""
 
     count: int
     rows: np.ndarray
-    points: np.ndarray
-    places: Any
+    points: np.ndarray  # of these rows, local coordinates [m]
+    places: Any  # the cells of these points, for a field on a mesh
 
     def contrast(self, field) -> np.ndarray:
         """Return the contrast, shape (count,)."""
@@ -187,29 +180,17 @@ class _PointSet:
 
 @dataclass(frozen=True, eq=False)
 class _ResamplingPoints:
-    """The points at which resampling evaluates a field; they do not depend on the field's values.
+    """The points at which resampling evaluates a field; they do not depend on the field's values."""
 
-    Attributes:
-        nodes: The nodes of the grid.
-        inside: Indices of the nodes inside the body.
-        skin: Points at the wall nearest to these nodes.
-        ahead: These nodes mirrored at the wall, at most two spacings from it.
-        fade: Fraction of the slope at the wall with which each of these nodes is extrapolated.
-        probe: Scattered points of the flow.
-        lines: Points along lines parallel to the last axis, LINE_COUNT times `line_points`.
-        line_points: Number of points on a line.
-        length: Length of the line that each point represents [m].
-    """
-
-    nodes: _PointSet
-    inside: np.ndarray
-    skin: _PointSet
-    ahead: _PointSet
-    fade: np.ndarray
-    probe: _PointSet
-    lines: _PointSet
+    nodes: _PointSet  # of the grid
+    inside: np.ndarray  # indices of the nodes inside the body
+    skin: _PointSet  # points at the wall nearest to these nodes
+    ahead: _PointSet  # these nodes mirrored at the wall, at most two spacings from it
+    fade: np.ndarray  # fraction of the slope at the wall with which each of these nodes is extrapolated
+    probe: _PointSet  # scattered points of the flow
+    lines: _PointSet  # points along lines parallel to the last axis, LINE_COUNT times `line_points`
     line_points: int
-    length: float
+    length: float  # of the line that each point represents [m]
 
 
 def _points(field, low: np.ndarray, high: np.ndarray, step: np.ndarray, count: np.ndarray) -> _ResamplingPoints:
