@@ -10,7 +10,7 @@ from aerokernels import __version__
 from aerokernels.compare import DEGREES
 from aerokernels.display.error_budget import two_digits
 from aerokernels.display.quantities import Quantity
-from aerokernels.echo.waveform import SPEED_OF_LIGHT
+from aerokernels.echo.pulses import SPEED_OF_LIGHT
 from aerokernels.hardware.export import csv_cell
 from aerokernels.jobs.comparison import BenchComparison, LabelComparison
 from aerokernels.jobs.comparison_figure import ranges_figure, waveforms_figure

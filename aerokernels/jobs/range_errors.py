@@ -17,8 +17,8 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from aerokernels.echo import RANGING_METHODS
+from aerokernels.echo.pulses import SPEED_OF_LIGHT
 from aerokernels.echo.ranging import Reading, template_curve
-from aerokernels.echo.waveform import SPEED_OF_LIGHT
 from aerokernels.inputs.checks import as_waveform
 from aerokernels.jobs.mean_errors import mean_factor, spread_factor
 from aerokernels.jobs.run_folder import RunFolder

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aerokernels.echo.paths import trace_options
+from aerokernels.echo.parts import trace_options
 from aerokernels.medium import IndexField
 from aerokernels.pupils import Disc, Pupil
 from aerokernels.rays import RayBundle

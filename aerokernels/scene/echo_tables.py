@@ -47,6 +47,20 @@ def _node_count(value: Any) -> Any:
     return int(value)
 
 
+def orientation(tilt: float, tilt_axis: tuple[float, float, float]) -> np.ndarray:
+    """Return the axes x, y, z turned by `tilt` [rad] about an axis of any length, as columns, shape (3, 3)."""
+    axis = np.array(tilt_axis) / np.abs(tilt_axis).max()
+    x, y, z = axis / np.linalg.norm(axis)
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.eye(3) + math.sin(tilt) * cross + (1.0 - math.cos(tilt)) * cross @ cross
+
+
+def rectangle_corners(width: float, height: float, orientation: np.ndarray) -> np.ndarray:
+    """Return the corners of a rectangle in cyclic order, relative to its centre [m], shape (4, 3)."""
+    side = 0.5 * np.array([[-width, -height, 0.0], [width, -height, 0.0]])
+    return np.concatenate([side, -side]) @ orientation.T
+
+
 class BeamTable(Table):
     """[beam]: the laser pulse."""
 
@@ -140,16 +154,12 @@ class TargetTable(Table):
     @property
     def orientation(self) -> np.ndarray:
         """Unit vectors of the reflector as columns: along its width, along its height, its normal; shape (3, 3)."""
-        axis = np.array(self.tilt_axis) / np.abs(self.tilt_axis).max()
-        x, y, z = axis / np.linalg.norm(axis)
-        cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-        return np.eye(3) + math.sin(self.tilt) * cross + (1.0 - math.cos(self.tilt)) * cross @ cross
+        return orientation(self.tilt, self.tilt_axis)
 
     @property
     def corners(self) -> np.ndarray:
         """The reflector's corners in cyclic order, relative to its centre [m], shape (4, 3)."""
-        side = 0.5 * np.array([[-self.width, -self.height, 0.0], [self.width, -self.height, 0.0]])
-        return np.concatenate([side, -side]) @ self.orientation.T
+        return rectangle_corners(self.width, self.height, self.orientation)
 
 
 class ReceiverTable(Table):
@@ -214,11 +224,6 @@ class ReceiverTable(Table):
         if self.shape == "rectangle":
             return Rectangle(self.diameter, self.diameter if self.height is None else self.height, center)
         return Disc(0.5 * self.diameter, center)
-
-    @property
-    def equal_diameter(self) -> float:
-        """Diameter of the disc that has the pupil's area and so collects the same light [m]."""
-        return self.diameter if self.shape == "disc" else math.sqrt(4.0 * self.pupil.area / math.pi)
 
 
 class AtmosphereTable(Table):

@@ -1,5 +1,6 @@
 """A scene: the checked description, in SI units, of everything that one run needs."""
 
+import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -109,6 +110,28 @@ class Scene(Table):
             return cls.model_validate(tables)
         except ValidationError as fault:
             raise scene_error(fault, tables, label, changes, cls) from None
+
+    @classmethod
+    @checked
+    def from_summary(cls, path: str | Path) -> "Scene":
+        """Return the scene of a finished run.
+
+        Args:
+            path: The run's summary.json, or its folder.
+
+        Raises:
+            SceneError: A file that does not exist, or is not the summary of a run by this version.
+        """
+        place = Path(path) / "summary.json" if Path(path).is_dir() else Path(path)
+        try:
+            tables = json.loads(place.read_text(encoding="utf-8"))["scene_values"]
+            return cls.model_validate(tables)
+        except OSError as fault:
+            raise SceneError(f"{place}: cannot be read, {fault.strerror}: give the summary.json of a run") from None
+        except ValidationError as fault:
+            raise scene_error(fault, tables, str(place), (), cls) from None
+        except (ValueError, KeyError, TypeError):
+            raise SceneError(f"{place}: holds no values of a scene: give the summary.json of a run") from None
 
     def density_field(self) -> DensityField:
         """Return the scene's flow at its density; "static" is air at rest around the model, by default at sea level.

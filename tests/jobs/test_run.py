@@ -8,7 +8,7 @@ import pytest
 
 from aerokernels.display.error_budget import combine
 from aerokernels.display.quantities import Quantity
-from aerokernels.echo.paths import trace_options
+from aerokernels.echo.parts import trace_options
 from aerokernels.jobs import plots
 from aerokernels.jobs.dataset import density_cells
 from aerokernels.jobs.run import STAGES, RunResult, simulate
