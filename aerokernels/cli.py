@@ -24,9 +24,8 @@ import typer
 from aerokernels import __version__, commands
 from aerokernels.commands._output import output, say, silence, warn
 from aerokernels.display.plain_text import plain
-from aerokernels.files.one_writer import NO_FILES
-from aerokernels.process.interrupt import raise_interrupts
-from aerokernels.process.standard_streams import open_closed_streams
+from aerokernels.files.writing import NO_FILES
+from aerokernels.process.interrupt import open_closed_streams, raise_interrupts
 
 FAILED, BAD_INPUT, INTERRUPTED = 1, 2, 130
 SWITCHES = ("--debug", "--json", "--quiet")

@@ -10,7 +10,7 @@ from weakref import ref
 
 import numpy as np
 
-from .read_only import ReadOnly
+from aerokernels.read_only import ReadOnly
 
 P = ParamSpec("P")
 R = TypeVar("R")

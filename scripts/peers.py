@@ -41,7 +41,7 @@ from aerokernels.benchmark.table import cone_error, millions
 from aerokernels.benchmark.truth import SIZES, Truth, end_direction, integrate, slopes
 from aerokernels.medium import IndexField
 from aerokernels.medium.grid import UniformGrid
-from aerokernels.process.fault_text import fault_text
+from aerokernels.process.foreign_files import fault_text
 from aerokernels.rays import RayBundle
 from scripts.studies.report import markdown_table
 

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from aerokernels import Camera, Disc, Wavefront, flow
-from aerokernels.files.drafts import OutputError, replacing
-from aerokernels.files.grey_picture import write_grey
+from aerokernels.files.writing import OutputError, replacing, write_grey
 from aerokernels.imaging.bos import BackgroundPictures
 from aerokernels.imaging.shift import BackgroundDisplacement
 from aerokernels.jobs.flow_figure import save_flow_figure

@@ -27,7 +27,7 @@ from typing import Any
 import numpy as np
 
 from aerokernels.medium import IndexField
-from aerokernels.process.fault_text import fault_text
+from aerokernels.process.foreign_files import fault_text
 
 # (axes, interpolation) -> float32 operations and loads of one evaluation
 COSTS = {(3, "cubic"): (456, 64), (2, "cubic"): (136, 16), (3, "linear"): (75, 8), (2, "linear"): (30, 4)}

@@ -35,7 +35,7 @@ def bench(
     from aerokernels.benchmark.table import COLUMNS, table_rows
     from aerokernels.commands._output import note
     from aerokernels.commands._table import print_table
-    from aerokernels.files.drafts import replacing
+    from aerokernels.files.writing import replacing
 
     settings = Settings(
         suites=tuple(suites or ()),

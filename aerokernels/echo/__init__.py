@@ -1,11 +1,11 @@
 """Simulate the laser echo of a target behind a flow: radiometry, waveform, detector and ranging."""
 
-from ..callable_module import make_callable
-from .chain import DetectorChain, Digitiser, NoiseSources, excess_noise_factor
-from .detector import detect
-from .doubtful_records import CoarseSamplingWarning, SaturatedRecordWarning
-from .parts import RANGING_METHODS, Detector, Laser, Receiver, Reflector, Target
-from .pulses import (
+from aerokernels.callable_module import make_callable
+from aerokernels.echo.chain import DetectorChain, Digitiser, NoiseSources, excess_noise_factor
+from aerokernels.echo.detector import detect
+from aerokernels.echo.doubtful_records import CoarseSamplingWarning, SaturatedRecordWarning
+from aerokernels.echo.parts import RANGING_METHODS, Detector, Laser, Receiver, Reflector, Target
+from aerokernels.echo.pulses import (
     GaussianPulse,
     HeliosPulse,
     SampledPulse,
@@ -14,8 +14,8 @@ from .pulses import (
     pulse_energy,
     pulse_tau_from_fwhm,
 )
-from .radiometry import plane_target_echo, tilted_pulse_tau
-from .range_error import (
+from aerokernels.echo.radiometry import plane_target_echo, tilted_pulse_tau
+from aerokernels.echo.range_error import (
     RangeStatistics,
     RangeWalk,
     chain_range_statistics,
@@ -23,9 +23,9 @@ from .range_error import (
     range_statistics,
     range_walk,
 )
-from .ranging import estimate_range
-from .result import EchoResult
-from .simulate import echo, simulate_echo
+from aerokernels.echo.ranging import estimate_range
+from aerokernels.echo.result import EchoResult
+from aerokernels.echo.simulate import echo, simulate_echo
 
 __all__ = [
     "RANGING_METHODS",

@@ -23,8 +23,11 @@ from itertools import pairwise
 
 import numpy as np
 
-from ..inputs.arguments import Numbers, checked
-from ..inputs.checks import (
+from aerokernels.echo.detector import GREATEST_ORDER, RESPONSES, detect, low_pass_gain, memory_time
+from aerokernels.echo.pulse_curve import PulseCurve
+from aerokernels.echo.pulses import SPEED_OF_LIGHT
+from aerokernels.inputs.arguments import Numbers, checked
+from aerokernels.inputs.checks import (
     as_finite_array,
     as_waveform,
     check_at_least,
@@ -33,9 +36,6 @@ from ..inputs.checks import (
     check_positive,
     check_share,
 )
-from .detector import GREATEST_ORDER, RESPONSES, detect, low_pass_gain, memory_time
-from .pulse_curve import PulseCurve
-from .pulses import SPEED_OF_LIGHT
 
 ELEMENTARY_CHARGE = 1.602176634e-19  # [C], exact
 

@@ -26,10 +26,10 @@ from functools import partial
 
 import numpy as np
 
-from ..inputs.warned import warn_caller
-from .pulse_curve import PLATEAU, PulseCurve
-from .pulses import SPEED_OF_LIGHT
-from .shaped_curve import Shape
+from aerokernels.echo.pulse_curve import PLATEAU, PulseCurve
+from aerokernels.echo.pulses import SPEED_OF_LIGHT
+from aerokernels.echo.shaped_curve import Shape
+from aerokernels.inputs.checks import warn_caller
 
 PHASE_COUNT = 8
 # Widths from few samples misjudge the error by up to a third.

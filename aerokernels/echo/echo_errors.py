@@ -26,26 +26,25 @@ from functools import cached_property
 
 import numpy as np
 
-from ..display.error_budget import ErrorBudget, combine, unknown
-from ..display.quantities import root_sum_square
-from ..medium import IndexField
-from ..pupils.vectors import lengths
-from ..strehl import StrehlEstimate
-from ..strehl.budget import StrehlVariants
-from ..strehl.estimate import PreparedStrehl
-from ..tracing.variants.causes import Variants
-from ..tracing.variants.rays import Rays
-from ..tracing.variants.spread import FACTOR, errors
-from ..wavefront import mean_phasor
-from .parts import RANGING_METHODS, Setup
-from .paths import air_error
-from .pulse_curve import peak_height
-from .pulses import SPEED_OF_LIGHT
-from .rangefinder import Rangefinder
-from .ranging import AMPLITUDE_METHODS
-from .result import EchoResult
-from .return_paths import factor_of, is_symmetric, reduce_pupils, upper_half
-from .vacuum import VacuumEcho
+from aerokernels.display.error_budget import ErrorBudget, combine, unknown
+from aerokernels.display.quantities import root_sum_square
+from aerokernels.echo.parts import RANGING_METHODS, Setup
+from aerokernels.echo.paths import air_error
+from aerokernels.echo.pulse_curve import peak_height
+from aerokernels.echo.pulses import SPEED_OF_LIGHT
+from aerokernels.echo.rangefinder import Rangefinder
+from aerokernels.echo.ranging import AMPLITUDE_METHODS
+from aerokernels.echo.result import EchoResult
+from aerokernels.echo.return_paths import factor_of, is_symmetric, reduce_pupils, upper_half
+from aerokernels.echo.vacuum import VacuumEcho
+from aerokernels.medium import IndexField
+from aerokernels.pupils.base import lengths
+from aerokernels.strehl import StrehlEstimate
+from aerokernels.strehl.budget import StrehlVariants
+from aerokernels.strehl.estimate import PreparedStrehl
+from aerokernels.tracing.variants.causes import FACTOR, Variants, errors
+from aerokernels.tracing.variants.paths import Rays
+from aerokernels.wavefront import mean_phasor
 
 # The numbers, in order, before the ranges by method; and their units.
 NUMBERS = {"strehl": "", "peak_power": "W", "peak_voltage": "V", "group_path": "m"}

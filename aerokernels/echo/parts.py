@@ -22,15 +22,15 @@ from typing import Any
 
 import numpy as np
 
-from ..inputs.arguments import Numbers, checked
-from ..inputs.checks import check_choice, check_count, check_positive, check_share, check_tilt
-from ..inputs.kinds import as_whole
-from ..pupils import Disc, Pupil
-from ..scene import STATIC_CALIBRATION, Scene
-from ..scene.echo_tables import orientation, rectangle_corners
-from ..tracing import Plane
-from .chain import DetectorChain, Digitiser, NoiseSources
-from .pulses import GaussianPulse, HeliosPulse, PulseShape, SampledPulse, as_pulse
+from aerokernels.echo.chain import DetectorChain, Digitiser, NoiseSources
+from aerokernels.echo.pulses import GaussianPulse, HeliosPulse, PulseShape, SampledPulse, as_pulse
+from aerokernels.inputs.arguments import Numbers, checked
+from aerokernels.inputs.checks import check_choice, check_count, check_positive, check_share, check_tilt
+from aerokernels.inputs.kinds import as_whole
+from aerokernels.pupils import Disc, Pupil
+from aerokernels.scene import STATIC_CALIBRATION, Scene
+from aerokernels.scene.echo_tables import orientation, rectangle_corners
+from aerokernels.tracing import Plane
 
 LIMITS = ("beam", "paper")
 RETURN_FACTORS = ("strehl", "bucket", "none")

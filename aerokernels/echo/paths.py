@@ -12,14 +12,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..inputs.checks import check_aperture
-from ..medium import IndexField
-from ..pupils.vectors import lengths
-from ..rays import RayBundle
-from ..tracing import TraceResult, trace
-from .parts import Setup
-from .radiometry import plane_echo_power
-from .target_points import TargetPoints
+from aerokernels.echo.parts import Setup
+from aerokernels.echo.radiometry import plane_echo_power
+from aerokernels.echo.target_points import TargetPoints
+from aerokernels.inputs.checks import check_aperture
+from aerokernels.medium import IndexField
+from aerokernels.pupils.base import lengths
+from aerokernels.rays import RayBundle
+from aerokernels.tracing import TraceResult, trace
 
 
 @dataclass(frozen=True)

@@ -20,9 +20,9 @@ from typing import Protocol
 
 import numpy as np
 
-from ..inputs.arguments import Numbers, checked
-from ..inputs.checks import as_finite_array, check_positive
-from .pulse_curve import PulseCurve
+from aerokernels.echo.pulse_curve import PulseCurve
+from aerokernels.inputs.arguments import Numbers, checked
+from aerokernels.inputs.checks import as_finite_array, check_positive
 
 SPEED_OF_LIGHT = 299_792_458.0  # in vacuum [m/s], exact
 LEAST_SAMPLES = 4

@@ -8,7 +8,7 @@ time has a variance of at least s^2 / sum (dv/dt)^2 (Cramer-Rao), so that
 A higher pulse crosses a threshold T earlier: the range walk. For a Gaussian of peak V and 1/e half-width tau the
 crossing is tau sqrt(ln(V / T)) before the peak, so its range is short by c tau sqrt(ln(V / T)) / 2. For other pulses
 the curve is measured: the waveform is scaled to a series of amplitudes, each of which is ranged. A rangefinder takes
-the amplitude of an echo from its peak or, if the amplifier saturates, from the time for which it is above the threshold.
+the amplitude of an echo from its peak or, if the amplifier saturates, from the time that it is above the threshold.
 """
 
 import contextlib
@@ -18,12 +18,12 @@ from functools import partial
 
 import numpy as np
 
-from ..inputs.arguments import Numbers, checked
-from ..inputs.checks import as_waveform, check_at_least, check_count, check_positive, check_share
-from .chain import DetectorChain
-from .pulse_curve import PulseCurve, peak_height
-from .pulses import SPEED_OF_LIGHT
-from .ranging import Reading, Template
+from aerokernels.echo.chain import DetectorChain
+from aerokernels.echo.pulse_curve import PulseCurve, peak_height
+from aerokernels.echo.pulses import SPEED_OF_LIGHT
+from aerokernels.echo.ranging import Reading, Template
+from aerokernels.inputs.arguments import Numbers, checked
+from aerokernels.inputs.checks import as_waveform, check_at_least, check_count, check_positive, check_share
 
 
 @dataclass(frozen=True)

@@ -8,16 +8,16 @@ from functools import partial
 
 import numpy as np
 
-from ..inputs.checks import Waveform, as_waveform
-from ..medium import IndexField
-from ..scene import Scene
-from .parts import RANGING_METHODS, Detector, Setup
-from .pulse_curve import PulseCurve, peak_height
-from .range_error import RangeStatistics, RangeWalk, chain_range_statistics, range_walk
-from .ranging import Reading, template_curve
-from .return_paths import check_ahead
-from .shaped_curve import Shape, shaped_curve
-from .vacuum import VacuumEcho
+from aerokernels.echo.parts import RANGING_METHODS, Detector, Setup
+from aerokernels.echo.pulse_curve import PulseCurve, peak_height
+from aerokernels.echo.range_error import RangeStatistics, RangeWalk, chain_range_statistics, range_walk
+from aerokernels.echo.ranging import Reading, template_curve
+from aerokernels.echo.return_paths import check_ahead
+from aerokernels.echo.shaped_curve import Shape, shaped_curve
+from aerokernels.echo.vacuum import VacuumEcho
+from aerokernels.inputs.checks import Waveform, as_waveform
+from aerokernels.medium import IndexField
+from aerokernels.scene import Scene
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,14 +22,14 @@ from functools import partial
 
 import numpy as np
 
-from ..derived import Derived
-from ..inputs.arguments import Numbers, checked
-from ..inputs.checks import Waveform, as_finite_array, as_waveform, check_choice, check_positive
-from .doubtful_records import sampling_error, warn_of_sampling, warn_of_saturation
-from .parts import RANGING_METHODS
-from .pulse_curve import CENTROID_FLOOR, PulseCurve
-from .pulses import SPEED_OF_LIGHT
-from .shaped_curve import Shape, best_delay, shaped_curve, shifted_samples, template_transform
+from aerokernels.derived import Derived
+from aerokernels.echo.doubtful_records import sampling_error, warn_of_sampling, warn_of_saturation
+from aerokernels.echo.parts import RANGING_METHODS
+from aerokernels.echo.pulse_curve import CENTROID_FLOOR, PulseCurve
+from aerokernels.echo.pulses import SPEED_OF_LIGHT
+from aerokernels.echo.shaped_curve import Shape, best_delay, shaped_curve, shifted_samples, template_transform
+from aerokernels.inputs.arguments import Numbers, checked
+from aerokernels.inputs.checks import Waveform, as_finite_array, as_waveform, check_choice, check_positive
 
 AMPLITUDE_METHODS = ("leading-edge",)  # methods whose reading depends on the amplitude
 

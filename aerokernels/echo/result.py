@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..display.error_budget import TOTAL, ErrorBudget
-from ..display.quantities import Quantity
-from ..display.shown import drawn_on, shown
-from .pulse_curve import peak_height
-from .range_error import RangeStatistics
+from aerokernels.display.error_budget import TOTAL, ErrorBudget
+from aerokernels.display.quantities import Quantity
+from aerokernels.display.shown import drawn_on, shown
+from aerokernels.echo.pulse_curve import peak_height
+from aerokernels.echo.range_error import RangeStatistics
 
 if TYPE_CHECKING:
     import xarray

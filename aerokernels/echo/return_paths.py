@@ -25,11 +25,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..medium import IndexField
-from ..pupils.vectors import lengths
-from ..rays import Pupil, RayBundle
-from ..tracing import Plane, RayStatus, TraceResult, trace
-from .parts import EVERY, Setup
+from aerokernels.echo.parts import EVERY, Setup
+from aerokernels.medium import IndexField
+from aerokernels.pupils.base import lengths
+from aerokernels.rays import Pupil, RayBundle
+from aerokernels.tracing import Plane, RayStatus, TraceResult, trace
 
 # Distance of the stop plane ahead of the flow's box, clear of rounding at the box's face.
 CLEARANCE = 1e-6  # [m]

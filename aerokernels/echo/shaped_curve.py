@@ -16,7 +16,7 @@ from functools import partial
 
 import numpy as np
 
-from .pulse_curve import PulseCurve
+from aerokernels.echo.pulse_curve import PulseCurve
 
 # Samples across the pulse from which the spline through them is accurate to 1e-6 of the peak.
 ENOUGH_SAMPLES = 16

@@ -23,22 +23,22 @@ from typing import Any
 
 import numpy as np
 
-from ..display.quantities import Quantity
-from ..inputs.arguments import checked
-from ..medium import IndexField
-from ..prepare import prepare_field
-from ..scene import Scene
-from ..strehl import StrehlEstimate
-from ..tracing.variants.spread import FACTOR
-from .echo_errors import EchoProbe, echo_errors
-from .parts import Detector, Laser, Receiver, Setup, Target
-from .paths import TransmitPaths, air_error, point_power, still_air
-from .pulse_curve import peak_height
-from .pulses import SPEED_OF_LIGHT, sum_of_pulses
-from .rangefinder import Rangefinder
-from .result import EchoResult
-from .return_paths import ReturnPaths, return_paths
-from .vacuum import VacuumEcho, cut_beam
+from aerokernels.display.quantities import Quantity
+from aerokernels.echo.echo_errors import EchoProbe, echo_errors
+from aerokernels.echo.parts import Detector, Laser, Receiver, Setup, Target
+from aerokernels.echo.paths import TransmitPaths, air_error, point_power, still_air
+from aerokernels.echo.pulse_curve import peak_height
+from aerokernels.echo.pulses import SPEED_OF_LIGHT, sum_of_pulses
+from aerokernels.echo.rangefinder import Rangefinder
+from aerokernels.echo.result import EchoResult
+from aerokernels.echo.return_paths import ReturnPaths, return_paths
+from aerokernels.echo.vacuum import VacuumEcho, cut_beam
+from aerokernels.inputs.arguments import checked
+from aerokernels.medium import IndexField
+from aerokernels.prepare import prepare_field
+from aerokernels.scene import Scene
+from aerokernels.strehl import StrehlEstimate
+from aerokernels.tracing.variants.causes import FACTOR
 
 
 @checked

@@ -23,10 +23,10 @@ from itertools import pairwise
 
 import numpy as np
 
-from ..process.opened import OPENED
-from ..pupils.vectors import lengths
-from .parts import Setup
-from .pulses import SPEED_OF_LIGHT
+from aerokernels.echo.parts import Setup
+from aerokernels.echo.pulses import SPEED_OF_LIGHT
+from aerokernels.process.opened import OPENED
+from aerokernels.pupils.base import lengths
 
 SUPPORT = 3.0  # [1/e^2 radii]
 LEAST_BAND = 8  # points across a band, however narrow

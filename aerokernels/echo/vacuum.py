@@ -15,13 +15,13 @@ from functools import cached_property
 
 import numpy as np
 
-from ..medium import IndexField
-from ..scene import Scene
-from .detector import sample_times
-from .parts import Setup
-from .paths import TransmitPaths, point_power, transmit_paths, vacuum_paths
-from .pulses import SPEED_OF_LIGHT, sum_of_pulses
-from .target_points import TargetPoints, target_points
+from aerokernels.echo.detector import sample_times
+from aerokernels.echo.parts import Setup
+from aerokernels.echo.paths import TransmitPaths, point_power, transmit_paths, vacuum_paths
+from aerokernels.echo.pulses import SPEED_OF_LIGHT, sum_of_pulses
+from aerokernels.echo.target_points import TargetPoints, target_points
+from aerokernels.medium import IndexField
+from aerokernels.scene import Scene
 
 GREATEST_SAMPLE_COUNT = 1 << 22
 

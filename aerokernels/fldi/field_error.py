@@ -16,10 +16,8 @@ from ..tracing.cuts import lost
 from ..tracing.lines import cell_along
 from ..tracing.some_pixels import STUDENT, total
 from ..tracing.stop import Plane
-from ..tracing.variants.causes import line_variants
-from ..tracing.variants.paths import Paths, paths_of
-from ..tracing.variants.rays import Rays
-from ..tracing.variants.spread import of_each
+from ..tracing.variants.causes import line_variants, of_each
+from ..tracing.variants.paths import Paths, Rays, paths_of
 from .instrument import FLDI
 from .rays import ray_points
 

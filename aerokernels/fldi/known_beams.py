@@ -6,13 +6,14 @@ if it loses more of its optical path than the tolerance. A field whose box is it
 
 import numpy as np
 
-from ..inputs.warned import warn_caller
+from aerokernels.inputs.checks import warn_caller
+
 from ..medium import IndexField
 from ..rays import RayBundle
-from ..tracing.beyond import ways_through
 from ..tracing.cuts import lost, may_lose
 from ..tracing.lines import box_size
 from ..tracing.pupil.air import GREATEST_SHARE, TruncationWarning
+from ..tracing.stop import ways_through
 from .instrument import FLDI
 
 # Lines across a beam, and path that a line may lose [waves].

@@ -6,6 +6,8 @@ Relations: `isentropic`, `tunnel_conditions`, `free_stream`, `normal_shock`, `ob
 `shipped`. Density to index: `refractivity_model`.
 """
 
+from aerokernels.flow.reading import Contents, Frame, Reader, ReadError, Resampling, VolumeResampling, contents, read
+
 from .billig import BowShock, bow_shock
 from .blunt_body import BluntBodyFlow, blunt_body
 from .ciddor import ciddor_constant, ciddor_refractivity, moist_air_density, water_fraction
@@ -26,7 +28,6 @@ from .gas import (
     tunnel_conditions,
 )
 from .models import MODELS, RefractivityModel, refractivity_model
-from .reading import Contents, Frame, Reader, ReadError, Resampling, VolumeResampling, contents, read
 from .refractivity import RELATIONS, gladstone_dale_constant, index_contrast, refractivity
 from .riemann import GasState, Riemann, riemann
 from .sampled_density import GridDensity, VertexDensity

@@ -21,9 +21,10 @@ and R. J. Hill, Refractive index of air. 2. Group index, Applied Optics 38 (1999
 
 import math
 
+from aerokernels.inputs.checks import warn_caller
+
 from ..inputs.arguments import checked
 from ..inputs.checks import check_positive
-from ..inputs.warned import warn_caller
 from ..inputs.wavelength import SAME, check_wavelength
 
 # Wavelengths for which the equations were fitted [m].

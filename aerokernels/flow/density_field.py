@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING, NoReturn
 
 import numpy as np
 
+from aerokernels.inputs.kinds import refuse_masked
+
 from ..display.shown import shown
 from ..inputs.arguments import Numbers, checked
 from ..inputs.checks import check_positive
-from ..inputs.doubtful import refuse_masked
 from ..inputs.wavelength import DEFAULT_WAVELENGTH, check_wavelength
 from ..medium import Body, IndexField, QuadMesh, SolidBody
 from ..medium.grid import local_coordinates

@@ -12,7 +12,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-from ..inputs.warned import warn_caller
+from aerokernels.inputs.checks import warn_caller
 
 COUNTERS, DECIMALS = r"([0-9]+)", r"([0-9]+(?:\.[0-9]+)?)"
 # Deviation of a step from the mean of all at which they are still even: times in names are rounded.

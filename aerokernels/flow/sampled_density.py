@@ -4,10 +4,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from aerokernels.inputs.kinds import refuse_half_precision, refuse_masked
+
 from ..display.shown import shown
 from ..inputs.arguments import Numbers, checked
 from ..inputs.checks import check_choice
-from ..inputs.doubtful import refuse_half_precision, refuse_masked
 from ..medium import Body, IndexField, SolidBody
 from ..medium.grid import check_starts_on_axis, checked_axes
 from ..medium.mesh import GEOMETRIES

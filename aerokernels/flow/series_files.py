@@ -8,18 +8,17 @@ from typing import Any
 
 import numpy as np
 
+from aerokernels.flow.reading.arrays import ambient_attribute, known_names, stated_unit
+from aerokernels.flow.reading.density import DENSITY_NAMES
+from aerokernels.flow.reading.formats import files_behind, stamp
+from aerokernels.inputs.checks import listed
+from aerokernels.inputs.units import unit_of
+from aerokernels.process.foreign_files import FileFault, check_file, check_room, fault_text
+
 from ..files.netcdf_reading import open_netcdf
 from ..files.zarr_codecs import check_codecs
 from ..inputs.arguments import seconds
-from ..inputs.listed import listed
-from ..inputs.written_units import unit_of
 from ..medium.labelled_grid import GEOMETRIES
-from ..process.fault_text import FileFault, fault_text
-from ..process.room import check_file, check_room
-from .reading.array_names import known_names
-from .reading.array_units import ambient_attribute, stated_unit
-from .reading.density import DENSITY_NAMES
-from .reading.files_behind import files_behind, stamp
 from .series import GridMesh, Series
 
 TIME_NAMES = ("time", "t", "Time")

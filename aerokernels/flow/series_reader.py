@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from ..inputs.warned import warn_caller
+from aerokernels.inputs.checks import warn_caller
+
 from ..inputs.wavelength import DEFAULT_WAVELENGTH
 from .density_field import CellDensity, DensityField
 from .models import refractivity_model
@@ -55,7 +56,7 @@ class SeriesReader:
         self.options: dict[str, Any] | None = None
         self._read: Any
         if read is None:
-            self._read = import_module(f"{__package__}.reading.reader").Reader(**options)
+            self._read = import_module("aerokernels.flow.reading.read").Reader(**options)
             self.options = self._read.options
         else:
             self._read = partial(read, **options)
@@ -73,7 +74,7 @@ class SeriesReader:
     def _watch(self, path: Path, found: DensityField) -> None:
         """Hold the ambient density of the first file, and warn of the first other one with another far field."""
         assert self.options is not None
-        front = import_module(f"{__package__}.reading.far_field").far_field(found, self._read.resampling)
+        front = import_module("aerokernels.flow.reading.read").far_field(found, self._read.resampling)
         low, middle, high = np.quantile(front[:: max(1, front.size // SAMPLES)], SHARES)
         here = np.array([middle, 0.5 * (high - low)])
         if not self._first.size:

@@ -115,7 +115,7 @@ def _of_path(path: Path, given: Given, time: Sequence[float] | None, step: float
     if any(letter in str(path) for letter in "*?[") and not path.exists():
         reader = _reader(str(path), given)
         return _of_files(_matching(path), time, step, start, reader)
-    lists = import_module(f"{__package__}.reading.readers.vtk_collections")
+    lists = import_module("aerokernels.flow.reading.readers.vtk_collections")
     if path.suffix.lower() in lists.SUFFIXES and path.is_file():
         reader = _reader(str(path), given)
         entries = lists.collection(path)
@@ -125,7 +125,7 @@ def _of_path(path: Path, given: Given, time: Sequence[float] | None, step: float
         else:
             found = _of_files(paths, instants, None, 0.0, reader)
         return _with_times(found, time, step, start)
-    case = import_module(f"{__package__}.reading.readers.foam_case")
+    case = import_module("aerokernels.flow.reading.readers.foam_case")
     if path.exists() and case.may_be_case(path) and case.is_case(path):
         # The time directories from which `flow.read` chooses one.
         instants = [one.value for one in case.case_times(case.case_folder(path))]
@@ -133,7 +133,7 @@ def _of_path(path: Path, given: Given, time: Sequence[float] | None, step: float
         return _with_times(found, time, step, start)
     times = None
     if path.is_file():
-        times = import_module(f"{__package__}.reading.formats").times_in(path, given.for_files())
+        times = import_module("aerokernels.flow.reading.formats").times_in(path, given.for_files())
     if times is not None:
         found = _at_times(path, np.array(times), _reader(str(path), given), {"file": path.name})
     else:
@@ -258,6 +258,6 @@ def _at_times(path: Path, times: np.ndarray, reader: SeriesReader, identity: dic
 
 def _stamp(path: Path, reader: SeriesReader, time: float | None = None) -> str:
     """Return a text that changes when one of the files is written again that are read for a path at a time."""
-    behind = import_module(f"{__package__}.reading.files_behind")
+    behind = import_module("aerokernels.flow.reading.formats")
     found: str = behind.stamp(behind.files_behind(path, reader.options, time))
     return found

@@ -4,7 +4,8 @@ from typing import Any
 
 import numpy as np
 
-from .reading.fractions import Fractions, mass_fractions, mixture_in_words, species_arrays
+from aerokernels.flow.reading.fractions import Fractions, mass_fractions, mixture_in_words, species_arrays
+
 from .sampled_density import GridDensity
 from .series import GridMesh
 

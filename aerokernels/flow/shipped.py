@@ -8,11 +8,12 @@ from typing import Literal, overload
 
 import numpy as np
 
+from aerokernels.flow.reading.volumes.measuring_lines import VolumeResampling
+
 from ..inputs.arguments import checked
 from ..medium import Body, QuadMesh, SolidBody
 from .density_field import CellDensity
 from .gas import FreeStream, expanded
-from .reading.volumes.measuring_lines import VolumeResampling
 from .sampled_density import GridDensity
 
 _DATA = files(__package__) / "data"

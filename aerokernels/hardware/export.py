@@ -11,13 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from aerokernels.files.drafts import draft_of
-from aerokernels.files.netcdf_file import RetryingFile
+from aerokernels.files.writing import RetryingFile, draft_of, only_writer
 from aerokernels.hardware.rows import StoredEcho, encode_label, signed
 from aerokernels.hardware.store import EchoStore
 from aerokernels.hardware.store_file import StoreError
-from aerokernels.inputs.checks import check_path
-from aerokernels.inputs.listed import listed
+from aerokernels.inputs.checks import check_path, listed
 
 ECHOES_AT_ONCE = 1024  # most echoes written at a time
 SAMPLES_AT_ONCE = 2**23  # most samples written at a time: one long curve makes every row as long
@@ -79,21 +77,22 @@ def export(store: EchoStore, out: str | Path, label: Mapping[str, str] | None = 
     if out.is_dir() or not os.access(out.parent, os.W_OK):
         why = "is a folder" if out.is_dir() else f"no permission to write in {out.parent}"
         raise ValueError(f"out={out}: {why}; give another file name")
-    draft = draft_of(out)
     try:
-        with store.snapshot():
+        with only_writer(out), store.snapshot():
             extent = _survey(store, label)
             if not extent.count:
                 known = listed(map(_text_of, store.labels()), "none")
                 raise ValueError(f"store {store.path}: no echoes with label {_text_of(label or {})}; it has: {known}")
-            write(store, draft, extent, label)
-        draft.replace(out)
+            draft = draft_of(out)
+            try:
+                write(store, draft, extent, label)
+                draft.replace(out)
+            finally:
+                draft.unlink(missing_ok=True)
     except OSError as error:
         raise StoreError(
             f"out={out}: {os.strerror(error.errno) if error.errno else error}; make room, or give another place"
         ) from error
-    finally:
-        draft.unlink(missing_ok=True)
     return extent.count
 
 

@@ -27,7 +27,7 @@ from aerokernels.hardware.store_file import (
     transaction,
 )
 from aerokernels.inputs.checks import check_path
-from aerokernels.process.fault_text import FileFault
+from aerokernels.process.foreign_files import FileFault
 
 _BUSY_TIME = 30.0  # [s] wait for another recorder that is committing to the same store
 

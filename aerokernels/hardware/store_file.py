@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 
-from aerokernels.process.fault_text import FileFault
+from aerokernels.process.foreign_files import FileFault
 
 # Remedy for a damaged store.
 KEEP_IT = "keep the file, recover its content with `sqlite3 FILE .recover`, and record into a new file"

@@ -13,7 +13,7 @@ from ..medium import IndexField
 from ..rays import RayBundle
 from ..tracing import trace
 from ..tracing.some_pixels import SomePixels, total
-from ..tracing.variants.rays import Rays
+from ..tracing.variants.paths import Rays
 from .camera import Camera, along
 from .known_view import rays_of, scene_plane
 

@@ -10,7 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..inputs.warned import warn_caller
+from aerokernels.inputs.checks import warn_caller
+
 from ..medium import IndexField
 from ..rays import RayBundle
 from ..tracing import Plane

@@ -20,8 +20,8 @@ from ..inputs.arguments import checked
 from ..inputs.checks import check_count, check_positive
 from ..medium import IndexField
 from ..process.clock import clocked, stage
-from ..tracing.beyond import plane_beyond
 from ..tracing.pupil.air import GREATEST_SHARE
+from ..tracing.stop import plane_beyond
 from .camera import Camera, rows_and_columns
 from .displacement_error import Aperture, PixelErrors
 from .known_view import KnownView

@@ -14,14 +14,15 @@ from typing import Any
 
 import numpy as np
 
+from aerokernels.process.threads import product_on_one_core
+
 from ..medium import IndexField
-from ..process.one_core import product_on_one_core
 from ..process.threads import in_threads
 from ..rays import RayBundle
 from ..tracing import Plane, trace
-from ..tracing.beyond import way_beyond
-from ..tracing.meeting import greatest_contrast
+from ..tracing.lines import greatest_contrast
 from ..tracing.status import reached
+from ..tracing.stop import way_beyond
 from ..wavefront.grid import pupil_grid
 from .camera import Camera, along
 

@@ -17,10 +17,11 @@ from typing import Any
 
 import numpy as np
 
-from ..files.grey_picture import write_grey
+from aerokernels.files.writing import write_grey
+from aerokernels.inputs.kinds import refuse_masked
+
 from ..inputs.arguments import Numbers, checked
 from ..inputs.checks import check_count
-from ..inputs.doubtful import refuse_masked
 from ..medium import IndexField
 from ..process.clock import clocked, stage
 from ..sensor import Sensor

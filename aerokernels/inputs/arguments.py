@@ -20,19 +20,26 @@ import math
 import re
 import traceback
 import typing
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
 
-from ..process.forks import make_forks_safe
-from .binding import Binding
-from .dlpack import only_dlpack, read_by_numpy
-from .doubtful import refuse_half_precision, refuse_masked, refuse_shuffled
-from .kinds import Kinds, is_number, members_of, shown
-from .kinds import Numbers as Numbers  # public functions take both names from here
+from aerokernels.inputs.kinds import (
+    Kinds,
+    is_number,
+    members_of,
+    only_dlpack,
+    read_by_numpy,
+    refuse_half_precision,
+    refuse_masked,
+    refuse_shuffled,
+    shown,
+)
+from aerokernels.inputs.kinds import Numbers as Numbers
+from aerokernels.process.opened import make_forks_safe
 
 F = TypeVar("F", bound=Callable[..., Any])
 # Beyond these, squares and products of four numbers leave float64's range; no physical quantity is near them.
@@ -206,3 +213,44 @@ def seconds(values: np.ndarray) -> np.ndarray:
         return np.asarray(values, dtype=np.float64)
     since = values - values[:1] if values.dtype.kind == "M" else values
     return np.asarray(since / np.timedelta64(1, "s"), dtype=np.float64)
+
+
+class Binding:
+    """The parameters of a function.
+
+    Attributes:
+        signature: The function's signature.
+    """
+
+    def __init__(self, signature: inspect.Signature):
+        """Sort the parameters."""
+        self.signature = signature
+        parameters = signature.parameters.values()
+        self._plain = all(
+            each.kind in (inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY)
+            for each in parameters
+        )
+        self._in_order = [each.name for each in parameters if each.kind is inspect.Parameter.POSITIONAL_OR_KEYWORD]
+        self._names = [each.name for each in parameters]
+        self._known = set(self._names)
+        self._needed = {each.name for each in parameters if each.default is inspect.Parameter.empty}
+        in_order = all(
+            each.kind is inspect.Parameter.POSITIONAL_OR_KEYWORD for each in parameters if each.name in self._needed
+        )
+        self._least = len(self._needed) if in_order else len(parameters) + 1  # positions that are enough without names
+
+    def bind(self, given: tuple[Any, ...], named: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the arguments by name, in the order of the parameters, without defaults.
+
+        Raises:
+            TypeError: They do not fit the parameters.
+        """
+        if self._plain and len(given) <= len(self._in_order):
+            arguments = dict(zip(self._in_order, given, strict=False))
+            if not named and len(given) >= self._least:
+                return arguments
+            count = len(arguments) + len(named)
+            arguments.update(named)
+            if len(arguments) == count and self._needed <= arguments.keys() <= self._known:
+                return {name: arguments[name] for name in self._names if name in arguments}
+        return dict(self.signature.bind(*given, **named).arguments)

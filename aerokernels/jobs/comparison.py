@@ -26,7 +26,7 @@ from aerokernels.jobs.range_errors import RangeErrors, range_errors
 from aerokernels.jobs.record_faults import RecordFaults, record_faults
 from aerokernels.jobs.recorded import Label, RecordedEcho, label_text, random_subset, recorded_echoes, recorded_labels
 from aerokernels.jobs.run_folder import RunFolder, match_runs
-from aerokernels.process.fault_text import FileFault
+from aerokernels.process.foreign_files import FileFault
 
 if TYPE_CHECKING:
     import xarray

@@ -16,7 +16,7 @@ from aerokernels.scene import Scene
 from aerokernels.scene.pupil_table import in_words
 from aerokernels.strehl.estimate import PreparedStrehl
 from aerokernels.tracing.plan import TracePlan
-from aerokernels.tracing.variants.spread import budget
+from aerokernels.tracing.variants.causes import budget
 from aerokernels.waves import validity
 
 

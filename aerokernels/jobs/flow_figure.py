@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from aerokernels.files.drafts import replacing
+from aerokernels.files.writing import replacing
 from aerokernels.flow import DensityField
 from aerokernels.jobs.dataset import density_cells
 from aerokernels.jobs.figure_layout import house_style, styled_figure

@@ -20,11 +20,10 @@ import numpy as np
 
 from aerokernels.files.netcdf_reading import open_netcdf
 from aerokernels.hardware.store import EchoStore
-from aerokernels.inputs.checks import check_path
-from aerokernels.inputs.listed import listed
+from aerokernels.inputs.checks import check_path, listed
 from aerokernels.inputs.units import quantity
 from aerokernels.jobs.recorded_csv import csv_echoes
-from aerokernels.process.fault_text import FileFault
+from aerokernels.process.foreign_files import FileFault
 
 if TYPE_CHECKING:
     import xarray

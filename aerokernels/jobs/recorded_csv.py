@@ -19,7 +19,7 @@ import numpy as np
 
 from aerokernels.hardware.export import text_of_cell
 from aerokernels.inputs.units import quantity
-from aerokernels.process.fault_text import FileFault
+from aerokernels.process.foreign_files import FileFault
 
 CsvEcho = tuple[dict[str, str], np.ndarray, np.ndarray, str]
 Row = tuple[int, list[str]]  # a line's number in the file, and its cells

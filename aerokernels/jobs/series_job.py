@@ -13,7 +13,7 @@ import numpy as np
 
 from aerokernels import __version__
 from aerokernels.display.plain_text import plain_json
-from aerokernels.files.one_writer import only_writer
+from aerokernels.files.writing import only_writer
 from aerokernels.flow import GridMesh, Series, open_series
 from aerokernels.jobs.store import (
     MAPS_FILE,

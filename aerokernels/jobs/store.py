@@ -17,10 +17,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from aerokernels.display.plain_text import plain_json
-from aerokernels.files.drafts import FULL, OutputError, draft_of, replacing
-from aerokernels.files.netcdf_file import write_netcdf
 from aerokernels.files.netcdf_reading import open_netcdf
-from aerokernels.files.one_writer import only_writer
+from aerokernels.files.writing import FULL, OutputError, draft_of, only_writer, replacing, write_netcdf
 
 if TYPE_CHECKING:
     import xarray

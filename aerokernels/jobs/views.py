@@ -10,9 +10,9 @@ from aerokernels.pupils import Disc, Pupil
 from aerokernels.rays import RayBundle
 from aerokernels.scene import Scene
 from aerokernels.tracing import Plane, TraceResult, trace
-from aerokernels.tracing.beyond import plane_beyond
 from aerokernels.tracing.lines import box_size
-from aerokernels.tracing.pupil.radial_quadrature import asymmetry
+from aerokernels.tracing.pupil.quadrature import asymmetry
+from aerokernels.tracing.stop import plane_beyond
 from aerokernels.wavefront import point_spread_function, remove_terms
 
 PUPIL_SAMPLES = 201  # samples across the pupil

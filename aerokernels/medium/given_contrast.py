@@ -4,9 +4,10 @@ from typing import Any
 
 import numpy as np
 
+from aerokernels.inputs.checks import warn_caller
+
 from ..device_arrays import plain_array
 from ..inputs.kinds import are_numbers
-from ..inputs.warned import warn_caller
 from .grid import check_finite
 
 

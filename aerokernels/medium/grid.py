@@ -11,10 +11,11 @@ from itertools import product
 
 import numpy as np
 
+from aerokernels.process.threads import copy_and_scan, extremes_of
+
 from ..derived import Derived
 from ..display.shown import shown
 from ..inputs.checks import check_choice
-from ..process.large_arrays import copy_and_scan, extremes_of
 from . import spline
 from .grid_places import GridPlaces, places_of
 

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from ..inputs.written_units import ratio_of, unit_of
+from aerokernels.inputs.units import ratio_of, unit_of
 
 GEOMETRIES = {("x", "y", "z"): "volume", ("y", "z"): "planar", ("r", "z"): "axisymmetric"}
 EVEN, UNEVEN = 1e-6, 1e-3  # of a spacing: nodes may be so far off an even grid in any case, and by rounding at most

@@ -6,8 +6,20 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BeforeValidator, model_validator
 
-from ..pupils import Annulus, Disc, Pupil, Rectangle
-from .values import Coordinate, Fraction, Length, Number, PointCount, Power, Share, Table, Tilt, Time, key
+from aerokernels.pupils import Annulus, Disc, Pupil, Rectangle
+from aerokernels.scene.values import (
+    Coordinate,
+    Fraction,
+    Length,
+    Number,
+    PointCount,
+    Power,
+    Share,
+    Table,
+    Tilt,
+    Time,
+    key,
+)
 
 LEAST_PULSE_SAMPLES = 4
 

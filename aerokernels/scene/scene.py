@@ -7,17 +7,17 @@ from typing import Any
 
 from pydantic import Field, ValidationError, model_validator
 
-from ..flow import SEA_LEVEL_DENSITY, DensityField, read, shipped, shipped_names, uniform_air
-from ..inputs.arguments import checked
-from ..pupils import Pupil
-from .detector_table import DetectorTable
-from .echo_tables import AtmosphereTable, BeamTable, ReceiverTable, TargetTable
-from .errors import SceneError, scene_error
-from .loading import override, read_scene, resolve_paths
-from .pupil_table import PupilTable
-from .series_table import SeriesTable
-from .tables import STATIC, FlowTable, GridTable, StrehlTable, TraceTable
-from .values import Table
+from aerokernels.flow import SEA_LEVEL_DENSITY, DensityField, read, shipped, shipped_names, uniform_air
+from aerokernels.inputs.arguments import checked
+from aerokernels.pupils import Pupil
+from aerokernels.scene.detector_table import DetectorTable
+from aerokernels.scene.echo_tables import AtmosphereTable, BeamTable, ReceiverTable, TargetTable
+from aerokernels.scene.errors import SceneError, scene_error
+from aerokernels.scene.loading import override, read_scene, resolve_paths
+from aerokernels.scene.pupil_table import PupilTable
+from aerokernels.scene.series_table import SeriesTable
+from aerokernels.scene.tables import STATIC, FlowTable, GridTable, StrehlTable, TraceTable
+from aerokernels.scene.values import Table
 
 
 class Scene(Table):

@@ -2,8 +2,8 @@
 
 from pydantic import BaseModel
 
-from ..inputs.warned import warn_caller
-from .scene import Scene
+from aerokernels.inputs.checks import warn_caller
+from aerokernels.scene.scene import Scene
 
 _LASER = ("atmosphere", "beam", "detector", "strehl", "target")
 _STEPS = ("trace.allow_truncation", "trace.max_steps", "trace.method", "trace.step")

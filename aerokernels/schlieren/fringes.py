@@ -19,11 +19,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from aerokernels.inputs.checks import warn_caller
 from aerokernels.medium import IndexField
 
 from ..display.shown import shown
 from ..inputs.arguments import checked
-from ..inputs.warned import warn_caller
 from .bench import Bench
 from .line_of_sight import LineOfSight, check_exposure, check_turn, line_of_sight
 from .picture import traced_dataset

@@ -5,10 +5,11 @@ from pathlib import Path
 
 import numpy as np
 
-from ..files.grey_picture import write_grey
+from aerokernels.files.writing import write_grey
+from aerokernels.process.foreign_files import NoRoomError, check_room
+
 from ..inputs.arguments import checked
 from ..inputs.checks import check_choice, check_path
-from ..process.room import NoRoomError, check_room
 from .picture import Picture
 from .view import PictureView
 

@@ -5,9 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..display.error_budget import combine
-from ..tracing.variants.causes import Variants
-from ..tracing.variants.rays import Rays
-from ..tracing.variants.spread import errors, of_a_ray
+from ..tracing.variants.causes import Variants, errors, of_a_ray
+from ..tracing.variants.paths import Rays
 from ..wavefront.pupil_numbers import PupilNumbers
 from ..wavefront.terms import fit_tilt, remove_terms, weighted_mean
 

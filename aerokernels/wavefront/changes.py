@@ -12,9 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from ..tracing.variants.causes import Variants
-from ..tracing.variants.rays import Cause, Rays
-from ..tracing.variants.spread import FACTOR, errors, of_a_ray
+from ..tracing.variants.causes import FACTOR, Variants, errors, of_a_ray
+from ..tracing.variants.paths import Cause, Rays
 from .finer import finer, removed_again
 from .pupil_numbers import PupilNumbers
 from .stencils import three_in_a_row

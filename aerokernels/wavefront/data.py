@@ -7,11 +7,12 @@ from typing import Any
 
 import numpy as np
 
+from aerokernels.inputs.kinds import refuse_masked
+
 from ..derived import key_of
 from ..display.error_budget import ErrorBudget
 from ..inputs.arguments import checked
 from ..inputs.checks import check_positive, check_share
-from ..inputs.doubtful import refuse_masked
 from ..inputs.wavelength import check_wavelength
 from ..process.clock import clocked, stage
 from ..pupils import Projected, Pupil, seen_along

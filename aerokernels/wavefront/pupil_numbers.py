@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..tracing.variants.rays import Rays
+from ..tracing.variants.paths import Rays
 from .terms import fit_tilt, mean_phasor, remove_terms, weighted_mean
 
 # The numbers, in order.

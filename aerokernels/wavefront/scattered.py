@@ -13,11 +13,11 @@ from typing import Any
 
 import numpy as np
 
-from ..inputs.doubtful import refuse_masked
+from aerokernels.inputs.kinds import refuse_masked
+
 from ..pupils import Pupil
-from ..tracing.variants.causes import Variants
-from ..tracing.variants.rays import Cause, Rays
-from ..tracing.variants.spread import FACTOR
+from ..tracing.variants.causes import FACTOR, Variants
+from ..tracing.variants.paths import Cause, Rays
 from ..zernike import zernike_modes
 from .changes import smooth_draws
 from .grid import pupil_grid

@@ -12,7 +12,7 @@ import numpy as np
 from ..derived import cached_on
 from ..medium import IndexField
 from ..pupils import Pupil
-from ..tracing.meeting import meets_wall
+from ..tracing.lines import meets_wall
 from .diffraction import Window
 from .layers import mean_layers
 from .slabs import FINEST, LookingAlong, Slabs, without_piston

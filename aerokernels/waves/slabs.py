@@ -17,10 +17,11 @@ from typing import Any
 
 import numpy as np
 
+from aerokernels.process.threads import product_on_one_core
+
 from ..medium import IndexField, spline
 from ..medium.grid import UniformGrid
 from ..medium.tensor_points import contrast_without_gradient
-from ..process.one_core import product_on_one_core
 
 # Most slabs of the disturbed air; layers of the box where the integral is not a sum over coefficients, for up to FEW
 # slabs, and twice as many for more; fewest slabs integrated at once; slabs integrated and cached until more are

@@ -6,7 +6,7 @@ of the window. If the whole lit part, moved so far, is beyond a side, the compon
 
 import numpy as np
 
-from ..inputs.warned import warn_caller
+from aerokernels.inputs.checks import warn_caller
 
 # Share of the light on each side of the lit part; share of light that may leave without a warning.
 BESIDE, TOLERATED = 1e-4, 1e-3

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from aerokernels.tracing.variants.rays import Rays
+from aerokernels.tracing.variants.paths import Rays
 from aerokernels.wavefront.pupil_numbers import PupilNumbers
 
 # Numbers that are compared with the OPD rms, not with themselves: they may be zero.

@@ -45,9 +45,9 @@ def told_error(warning) -> float:
 def test_a_saturated_record_is_told_of_by_how_much(shape, method, fraction, is_known):
     """Pulses cut off at 0.25 to 0.9 of their peak: the reported error covers the range's, and its sign is right.
 
-    Allowed beside it: 2e-3 of the width, for few samples on an edge.
+    Allowed beside it: 3e-3 of the width, for few samples on an edge.
     """
-    draw, slack = np.random.default_rng(3), 2e-3 * 0.5 * SPEED_OF_LIGHT * WIDTH
+    draw, slack = np.random.default_rng(3), 3e-3 * 0.5 * SPEED_OF_LIGHT * WIDTH
     for cut in draw.uniform(0.25, 0.9, 12):
         period = 6e-9 / draw.uniform(4.0, 12.0)
         time = np.arange(0.0, 400e-9, period)

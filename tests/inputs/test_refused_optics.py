@@ -7,7 +7,7 @@ import pytest
 
 from aerokernels import Disc, IndexField, Wavefront
 from aerokernels.display.error_budget import main_cause
-from aerokernels.files.grey_picture import write_grey
+from aerokernels.files.writing import write_grey
 from aerokernels.fldi import FLDI, fldi_response
 from aerokernels.fldi.response import FLDIResponse
 from aerokernels.imaging.camera import Camera

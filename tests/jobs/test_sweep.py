@@ -15,7 +15,7 @@ import pytest
 import xarray
 
 import aerokernels
-from aerokernels.files.one_writer import only_writer
+from aerokernels.files.writing import only_writer
 from aerokernels.jobs.sweeps.records import CASES_FILE, DATASET_FILE
 
 SMALL = {

@@ -11,7 +11,7 @@ from aerokernels import Annulus, Disc, IndexField, Mask, Polygon, RayBundle, Rec
 from aerokernels.jobs.views import pupil_map
 from aerokernels.prepare import prepare_field
 from aerokernels.pupils import Pupil
-from aerokernels.pupils.vectors import lengths, transverse_axes
+from aerokernels.pupils.base import lengths, transverse_axes
 from tests.phase_plates import WAVELENGTH, phase_plate
 from tests.tracing.backends import on
 

@@ -9,12 +9,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...inputs.checks import check_positive
-from ...inputs.units import quantity
-from ..gas import GAS_CONSTANT_AIR, no_gas
-from .array_names import known_names, plain_name
-from .array_units import in_si_units, unit_of_array
-from .dataset import FLAT, SOLID, Block, Dataset, ReadError
+from aerokernels.flow.gas import GAS_CONSTANT_AIR, no_gas
+from aerokernels.flow.reading.arrays import in_si_units, known_names, plain_name, unit_of_array
+from aerokernels.flow.reading.dataset import FLAT, SOLID, Block, Dataset, ReadError
+from aerokernels.inputs.checks import check_positive
+from aerokernels.inputs.units import quantity
 
 # Names that solvers use, in lower case, without blanks, punctuation and units.
 DENSITY_NAMES = ("rho", "density", "massdensity", "dens", "conservative1", "ro", "q1")

@@ -9,7 +9,7 @@ from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from aerokernels.files.one_writer import only_writer
+from aerokernels.files.writing import only_writer
 from aerokernels.inputs.checks import check_path
 from aerokernels.inputs.kinds import as_whole
 from aerokernels.jobs.store import REPORT_FILE, check_output_folder, read_result, replace_result, write_text

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from aerokernels.flow.reading.files_behind import files_behind
+from aerokernels.flow.reading.formats import files_behind
 
 WHOLE = 1 << 26  # [bytes] a file up to this size is hashed whole; of a larger one, its size and pieces are hashed
 # Of a flow that was computed again both ends may be as they were: numbers of cells, and undisturbed air.

@@ -8,7 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ...files.drafts import replacing
+from aerokernels.files.writing import replacing
+
 from ...inputs.arguments import checked
 from ..data import WavefrontMap
 from .packages import package

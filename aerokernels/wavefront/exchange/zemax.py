@@ -11,7 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ...files.drafts import replacing
+from aerokernels.files.writing import replacing
+
 from ...inputs.arguments import checked
 from ...inputs.checks import check_choice
 from ..data import WavefrontMap

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from aerokernels import flow
-from aerokernels.flow.reading.array_names import known_names, quantity_name
+from aerokernels.flow.reading.arrays import known_names, quantity_name
 from aerokernels.flow.reading.density import DENSITY_NAMES
 
 Y, X = (axis.ravel() for axis in np.meshgrid(np.linspace(0.0, 0.8, 4), np.linspace(0.0, 1.0, 5), indexing="ij"))

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from aerokernels.flow.reading.files_behind import files_behind, stamp
+from aerokernels.flow.reading.formats import files_behind, stamp
 from aerokernels.jobs.sweeps.sources import content_hashes
 
 

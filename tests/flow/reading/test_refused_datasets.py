@@ -4,6 +4,7 @@ import gzip
 
 import numpy as np
 import pytest
+import writers
 
 from aerokernels import DensityField, flow
 from aerokernels.flow.reading.dataset import (
@@ -12,12 +13,10 @@ from aerokernels.flow.reading.dataset import (
     QUAD,
     Block,
     Cells,
-    Dataset,
     ReadError,
 )
-from aerokernels.flow.reading.density import Reference
 from aerokernels.flow.reading.frame import Frame
-from aerokernels.flow.reading.read import field_of, reading_of, unit_of_length
+from aerokernels.flow.reading.read import unit_of_length
 from aerokernels.flow.reading.readers import foam_case, foam_file
 
 # Four quadrilaterals of a plane x-y, and eight hexahedra.
@@ -41,12 +40,8 @@ def solid(kind: int = HEXAHEDRON, corners=BRICKS, **changes) -> Block:
     return Block(**{"points": SOLID, "cells": cells, "point_data": {"rho": np.ones(27)}, **changes})
 
 
-def read(*blocks: Block, density=None, geometry=None, frame=None, spacing=None, region=None, species=None, **dataset):
-    taken = reading_of(
-        "FILE", Dataset(list(blocks), "test", **dataset), density, Frame.of(frame), 1.0, Reference(), None, geometry,
-        None, species,
-    )  # fmt: skip
-    return field_of(taken, spacing, region)
+def read(*blocks: Block, **options):
+    return writers.field(list(blocks), **options)
 
 
 BAD_COUNTS = Cells(np.full(4, QUAD, np.uint8), np.array([0, 4, 8, 12]), QUADS.ravel())
@@ -64,8 +59,7 @@ MIXED = Cells(
         (lambda: read(flat(cells=BAD_COUNTS)), "do not agree with their own counts"),
         (lambda: read(flat(cells=Cells.of_one_type(QUAD, QUADS + 1))), "cell 3 has corners beyond the 9 points"),
         (lambda: read(flat(), geometry="volume"), "its points are in a plane: it is not a volume"),
-        (lambda: reading_of("FILE", Dataset([flat()], "test", "planar"), None, Frame(), 1.0, Reference(), None,
-                            "volume", None), "the file is planar, not volume"),
+        (lambda: read(flat(), geometry="volume", dataset={"geometry": "planar"}), "the file is planar, not volume"),
         (lambda: read(solid(), geometry="axisymmetric"), "its points fill a volume, it is not axisymmetric"),
         (lambda: read(flat(cells=None)), "has points and no cells"),
         (lambda: read(flat(cells=Cells.of_one_type(LINE, QUADS[:, :2]))), "has no triangles, quadrilaterals or pol"),
@@ -238,13 +232,12 @@ def test_an_array_iblank_blanks_in_any_format(where):
     held = (np.arange(25) != 12).astype(float)
     data = {"rho": 1.2 * held, "IBlank": held.astype(np.int32)}
     block = Block(points, None, (count, count, 1), **{f"{where}_data": data})
-    asked = (None, Frame(), None, Reference(), None, None, None)
-    field = field_of(reading_of("file", Dataset([block], "x"), *asked))
+    field = read(block)
     assert len(field.mesh.cells) == (12 if where == "point" else 24) and field.body is not None
     assert field.density.min() == pytest.approx(1.2)
     del data["IBlank"]
     with pytest.raises(ReadError, match="where there is no flow, say so by an array iblank that is 0 there"):
-        field_of(reading_of("file", Dataset([block], "x"), *asked))
+        read(block)
 
 
 def test_a_density_of_some_zones_only_is_named(tmp_path):
@@ -252,4 +245,4 @@ def test_a_density_of_some_zones_only_is_named(tmp_path):
     points = np.array([[x, y, 0.0] for y in range(3) for x in range(3)], float)
     blocks = [Block(points + shift, None, (3, 3, 1), {name: np.ones(9)}) for shift, name in ((0.0, "rho"), (2.0, "p"))]
     with pytest.raises(ReadError, match=r"there are: none; in some zones only: rho, p\)"):
-        reading_of("file", Dataset(blocks, "x"), None, Frame(), None, Reference(), None, None, None)
+        read(*blocks)

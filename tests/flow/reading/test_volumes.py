@@ -6,10 +6,7 @@ import vtk_writers
 import writers
 
 from aerokernels import flow
-from aerokernels.flow.reading.dataset import HEXAHEDRON, POLYHEDRON, PRISM, PYRAMID, TETRAHEDRON, Block, Cells, Dataset
-from aerokernels.flow.reading.density import Reference
-from aerokernels.flow.reading.frame import Frame
-from aerokernels.flow.reading.read import field_of, reading_of
+from aerokernels.flow.reading.dataset import HEXAHEDRON, POLYHEDRON, PRISM, PYRAMID, TETRAHEDRON, Block, Cells
 
 
 def linear(points):
@@ -17,8 +14,7 @@ def linear(points):
 
 
 def field(block: Block, density: str = "rho", spacing=None, frame=None):
-    taken = reading_of("test", Dataset([block], "test"), density, Frame.of(frame), 1.0, Reference(), None, None, None)
-    return field_of(taken, spacing)
+    return writers.field([block], name="test", density=density, spacing=spacing, frame=frame)
 
 
 def cube(n: int = 6):

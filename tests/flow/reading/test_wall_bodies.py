@@ -2,14 +2,12 @@
 
 import numpy as np
 import pytest
+import writers
 
 from aerokernels import QuadMesh
-from aerokernels.flow.reading.dataset import HEXAHEDRON, Block, Cells, Dataset, Patch, Polygons, ReadError
-from aerokernels.flow.reading.density import Reference
-from aerokernels.flow.reading.frame import Frame
-from aerokernels.flow.reading.planes.logical import logical_rectangle
+from aerokernels.flow.reading.dataset import HEXAHEDRON, Block, Cells, Patch, Polygons, ReadError
+from aerokernels.flow.reading.planes.polygon_cells import logical_rectangle
 from aerokernels.flow.reading.planes.walls import wall_body
-from aerokernels.flow.reading.read import field_of, reading_of
 
 
 def mesh(geometry: str = "planar", low: float = 0.0) -> QuadMesh:
@@ -69,9 +67,7 @@ def body_of(faces, kind: str = "wall"):
     start = np.concatenate([[0], np.cumsum([len(face) for face in faces])])
     patch = Patch("skin", kind, polygons=Polygons(np.concatenate(faces), start))
     block = Block(POINTS, Cells.of_one_type(HEXAHEDRON, BRICKS[KEEP]), point_data={"rho": np.ones(729)})
-    dataset = Dataset([block], "test", patches=[patch])
-    taken = reading_of("FILE", dataset, None, Frame(), 1.0, Reference(), None, None, None)
-    return field_of(taken, spacing=0.125).body
+    return writers.field([block], spacing=0.125, dataset={"patches": [patch]}).body
 
 
 @pytest.mark.parametrize(

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ..dataset import ReadError
-from .foam_file import FoamFile, find
+from aerokernels.flow.reading.dataset import ReadError
+from aerokernels.flow.reading.readers.foam_file import FoamFile, find
 
 _BOUNDARY = re.compile(rb"\bboundaryField\s*\{")
 _PLAIN = re.compile(r"(?:[\w|()-]|\.\*?){1,200}")

@@ -14,8 +14,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ....process.room import check_room
-from ..dataset import ReadError, whole_number
+from aerokernels.flow.reading.dataset import ReadError, whole_number
+from aerokernels.process.foreign_files import check_room
 
 _BLANK = re.compile(rb"(?:\s+|//[^\n]*\n?|/\*.*?\*/)*", re.DOTALL)
 _WORD = re.compile(rb'"[^"\n]*"|[^\s(){};"]+')

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ..dataset import Block, Faces, Patch, Polygons, ReadError, check_points
-from .foam_file import FoamFile
+from aerokernels.flow.reading.dataset import Block, Faces, Patch, Polygons, ReadError, check_points
+from aerokernels.flow.reading.readers.foam_file import FoamFile
 
 BAD_MESH = "run checkMesh on the case and make the mesh again"
 
@@ -212,8 +212,8 @@ def flat_block(mesh: FoamMesh, faces: np.ndarray, cell_data, time: Path) -> tupl
 
     `time` is the folder of the fields, which have values on patches.
     """
-    from ..dataset import POLYGON, Cells
-    from .foam_boundary import FoamPatchValues
+    from aerokernels.flow.reading.dataset import POLYGON, Cells
+    from aerokernels.flow.reading.readers.foam_boundary import FoamPatchValues
 
     owner = mesh.faces.owner[faces]
     order = np.argsort(owner, kind="stable")

@@ -10,7 +10,17 @@ from typing import Any
 
 import numpy as np
 
-from ..dataset import GREATEST_COORDINATE, HEXAHEDRON, PRISM, QUAD, TETRAHEDRON, TRIANGLE, Block, Cells, ReadError
+from aerokernels.flow.reading.dataset import (
+    GREATEST_COORDINATE,
+    HEXAHEDRON,
+    PRISM,
+    QUAD,
+    TETRAHEDRON,
+    TRIANGLE,
+    Block,
+    Cells,
+    ReadError,
+)
 
 TENSOR = {70: (QUAD, 2), 72: (HEXAHEDRON, 3)}  # VTK's Lagrange cells, the linear cells between their nodes, dimensions
 # Other types keep their corners; at these point counts (first and second order) only nodes between them are lost.

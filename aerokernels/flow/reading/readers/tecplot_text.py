@@ -5,14 +5,14 @@ VTK's reader returns single precision; this one keeps all digits.
 
 import math
 import re
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ..array_names import plain_name
-from ..array_units import length_of
-from ..dataset import (
+from aerokernels.flow.reading.arrays import COLUMNS, PLACE, axes_of, length_of, plain_name
+from aerokernels.flow.reading.dataset import (
     HEXAHEDRON,
     LINE,
     QUAD,
@@ -26,8 +26,7 @@ from ..dataset import (
     chosen_time,
     whole_number,
 )
-from .coordinates import COLUMNS, PLACE, axes_of
-from .text_tables import fortran_numbers
+from aerokernels.flow.reading.readers.point_table import fortran_numbers
 
 ELEMENTS = {
     "TRIANGLE": (TRIANGLE, 3),
@@ -43,7 +42,7 @@ MOST_REPEATED = 1000  # greatest ratio of a zone's numbers to written ones: a co
 _REPEAT = re.compile(r"(\d+)\*(\S+)")
 
 
-def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
+def read(path: Path, time: Any, options: Mapping[str, Any]) -> Dataset:
     """Read a Tecplot ASCII file.
 
     Raises:

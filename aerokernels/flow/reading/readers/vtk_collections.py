@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 from xml.etree import ElementTree
 
-from ....process.own_files import OwnFilesError, own_file
-from ..dataset import ReadError
+from aerokernels.flow.reading.dataset import ReadError
+from aerokernels.process.foreign_files import OwnFilesError, own_file
 
 SUFFIXES = (".pvd", ".series")
 # Formats that a list may name; a list cannot contain another list.

@@ -4,7 +4,7 @@ import re
 from pathlib import Path
 from typing import Any
 
-from ..dataset import HDF5_MAGIC, ReadError, chosen_time
+from aerokernels.flow.reading.dataset import HDF5_MAGIC, ReadError, chosen_time
 
 DAMAGED = "the file is damaged or of another version: write it again"
 READERS = {
@@ -46,6 +46,7 @@ def vtk_output(path: Path, suffix: str, time: Any = None) -> tuple[Any, list[flo
         reader = getattr(vtkIOXML, READERS.get(suffix, "vtkXMLGenericDataObjectReader"))()
         if suffix.startswith(".vth"):
             reader.SetMaximumLevelsToReadByDefault(0)
+    reader.SetFileName(str(path))
     return run(path, reader, time, several=in_hdf5)
 
 
@@ -60,7 +61,6 @@ def run(path: Path, reader, time: Any = None, several: bool = True) -> tuple[Any
 
     window = vtkStringOutputWindow()
     vtkOutputWindow.SetInstance(window)
-    reader.SetFileName(str(path))
     reader.UpdateInformation()
     times = _times(reader)
     if len(times) > 1 and not several:

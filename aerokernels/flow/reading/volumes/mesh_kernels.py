@@ -6,10 +6,10 @@ They run in chunks over host threads: Warp's CPU device runs a launch in one thr
 import numpy as np
 import warp as wp
 
-from ....device_arrays.launching import launch as warp_launch
-from ....process.machine import core_count
-from ....process.quiet_warp import start_warp
-from ....process.threads import in_threads
+from aerokernels.device_arrays.launching import launch as warp_launch
+from aerokernels.process.machine import core_count
+from aerokernels.process.quiet_warp import start_warp
+from aerokernels.process.threads import in_threads
 
 CHUNK = 1 << 18  # items of a launch
 LEAST_CHUNK = 1 << 10

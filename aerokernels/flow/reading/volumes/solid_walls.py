@@ -7,10 +7,9 @@ flow inside, such as a tunnel's walls or the outer edge of a mesh, bounds none.
 
 import numpy as np
 
-from ....medium import SolidBody
-from ..dataset import Block, Dataset, Polygons, ReadError, wall_patches
-from .raster import NodeGrid
-from .solids import FACES, corner_chunks
+from aerokernels.flow.reading.dataset import Block, Dataset, Polygons, ReadError, wall_patches
+from aerokernels.flow.reading.volumes.solids import FACES, NodeGrid, corner_chunks
+from aerokernels.medium import SolidBody
 
 CLOSE = 1e-9  # of the field's size: closer points are the same
 LEAST_VOLUME = 1e-9  # of the field's size cubed: a smaller volume bounds no body

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 import pyopencl as cl
 
+from aerokernels.process.threads import copy_over
+
 from ....device_arrays.pinned_memory import LEAST
-from ....process.large_arrays import copy_over
 from .session import Session
 
 

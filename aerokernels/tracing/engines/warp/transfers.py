@@ -11,9 +11,10 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from aerokernels.process.threads import copy_over, thread_count
+
 from ....device_arrays.pinned import as_kind, pinned_memory
 from ....device_arrays.pinned_memory import LEAST
-from ....process.large_arrays import copy_over, thread_count
 
 # A part of a piece of a GPU's memory begins at a multiple of this number of bytes.
 PART = 256
