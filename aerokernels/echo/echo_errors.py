@@ -26,8 +26,7 @@ from functools import cached_property
 
 import numpy as np
 
-from aerokernels.display.error_budget import ErrorBudget, combine, unknown
-from aerokernels.display.quantities import root_sum_square
+from aerokernels.display.quantities import ErrorBudget, combine, root_sum_square, unknown
 from aerokernels.echo.parts import RANGING_METHODS, Setup
 from aerokernels.echo.paths import air_error
 from aerokernels.echo.pulse_curve import peak_height

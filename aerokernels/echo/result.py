@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from aerokernels.display.error_budget import TOTAL, ErrorBudget
-from aerokernels.display.quantities import Quantity
+from aerokernels.display.quantities import TOTAL, ErrorBudget, Quantity
 from aerokernels.display.shown import drawn_on, shown
 from aerokernels.echo.pulse_curve import peak_height
 from aerokernels.echo.range_error import RangeStatistics

@@ -15,7 +15,7 @@ from ..inputs.checks import check_count
 from ..medium import IndexField
 from ..process.clock import clocked, stage
 from ..process.threads import in_turn
-from ..rays import Pupil, as_unit_vector
+from ..pupils.base import Pupil, as_unit_vector
 from ..tracing.engines import engine_of
 from ..tracing.plan import TracePlan
 from ..tracing.pupil.job import REPLICATES, PupilJob, make_job

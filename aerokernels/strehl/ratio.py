@@ -16,10 +16,8 @@ from typing import Any
 
 import numpy as np
 
-from ..display.error_budget import ErrorBudget, main_cause
-from ..display.quantities import Quantity, listed
+from ..display.quantities import ErrorBudget, Quantity, Verdict, judge, listed, main_cause
 from ..display.shown import shown
-from ..display.verdict import Verdict, judge
 from ..inputs.arguments import Numbers, checked
 from ..inputs.wavelength import check_wavelength
 from ..medium import IndexField

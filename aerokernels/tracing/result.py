@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..device_arrays import DeviceArray, read_on_touch
-from ..display.error_budget import ErrorBudget, unknown
-from ..display.quantities import Quantity
+from ..display.quantities import ErrorBudget, Quantity, unknown
 from ..display.shown import drawn_on, shown
 from ..process.clock import clocked, stage
 from ..pupils import transverse_axes

@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from ...display.error_budget import CAUSES, ErrorBudget, combine
+from ...display.quantities import CAUSES, ErrorBudget, combine
 from ...medium import IndexField
 from ...medium.grid import UniformGrid
 from ...medium.refined import refined
