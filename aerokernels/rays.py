@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from aerokernels.derived import ReadOnly
 from aerokernels.device_arrays import DeviceArray, device_array, is_one_row, plain_array, read_on_touch, rows_beside
 from aerokernels.display.shown import shown
 from aerokernels.inputs.arguments import GREAT, SMALL, Numbers, checked
@@ -27,7 +28,6 @@ from aerokernels.pupils import (
 )
 from aerokernels.pupils.base import SAMPLINGS, lengths
 from aerokernels.pupils.square_map import RING, SquareMap
-from aerokernels.read_only import ReadOnly
 
 __all__ = [
     "SAMPLINGS",

@@ -13,8 +13,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from aerokernels.flow import gladstone_dale_constant, refractivity_model, shipped_names
 from aerokernels.flow.gas import check_density
-from aerokernels.flow.models import default_relation
-from aerokernels.flow.refractivity import RELATIONS, refractivity
+from aerokernels.flow.refractivity import RELATIONS, default_relation, refractivity
 from aerokernels.inputs.units import quantity
 from aerokernels.scene.file_table import FileTable
 from aerokernels.scene.values import Count, GladstoneDale, Length, Number, Table, key
