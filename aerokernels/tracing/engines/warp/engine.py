@@ -27,11 +27,9 @@ from ..uploads import Uploads
 from .kernels import grid_tables, pupil
 from .kernels.deliver_bundle import build_bundle_kernel
 from .kernels.leapfrog import build_leapfrog_kernel
-from .kernels.team import WARP
 from .kernels.trace import build_kernel
-from .library import library_of
+from .library import TYPES, Scene
 from .transfers import Fetched, Recorded, Sent, Shared
-from .types import types
 
 
 def _kernels_of(*files: Any) -> dict[str, Any]:
@@ -95,18 +93,19 @@ class Engine(Uploads):
             outputs = outputs | {"step_error"}
         with stage("upload"):
             structs = self.arguments(field, plan, until, wavelength, outputs, directions)
-        stop, has_body, library = stop_kind(until), field.body is not None, library_of(plan.precision)
+        scene = Scene(
+            plan.precision,
+            field.geometry,
+            field.interpolation,
+            on_mesh=not field.is_uniform,
+            method=plan.compiled_method,
+            stop=stop_kind(until),
+            has_body=field.body is not None,
+            measured="step_error" in outputs,
+            cubes=plan.looks_up_cubes,
+        )
         with stage("compile"):
-            if plan.sample_count:
-                kernel = build_leapfrog_kernel(
-                    library, field.geometry, field.interpolation, stop, has_body, plan.looks_up_cubes
-                )
-            else:
-                on_mesh = not field.is_uniform
-                measured = "step_error" in outputs
-                kernel = build_kernel(
-                    library, field.geometry, field.interpolation, on_mesh, plan.method, stop, has_body, measured
-                )
+            kernel = build_leapfrog_kernel(scene) if plan.sample_count else build_kernel(scene)
             self._load(kernel)
         rejected = wp.zeros(1, dtype=wp.int32, device=self.device) if plan.sample_count else None
         return Prepared(self, kernel, structs, outputs, rejected)
@@ -132,7 +131,7 @@ class Engine(Uploads):
         """Prepare the patches between traced rays to interpolate these outputs for rays of the same family."""
         arguments = self.bundle_arguments(table, outputs)
         with stage("compile"):
-            kernel = build_bundle_kernel(library_of(table.precision), table.channels)
+            kernel = build_bundle_kernel(Scene(table.precision, channels=table.channels))
             self._load(kernel)
         return Prepared(self, kernel, arguments, outputs, None, unused=self.bundle_unused(table))
 
@@ -232,7 +231,7 @@ class Engine(Uploads):
         before = [wp.vec3d(*value) if isinstance(value, np.ndarray) else value for value in before]
         after = [self._outputs(value) if isinstance(value, dict) else value for value in after]
         if self.device != "cpu":
-            dim = WARP * count if kernel in SHARED else count
+            dim = pupil.WARP * count if kernel in SHARED else count
             launch(kernel, dim, [*before, first, *after], self.device, BLOCKS.get(kernel))
             return
 
@@ -274,7 +273,7 @@ class Engine(Uploads):
     def struct_array(self, member: Value, values: np.ndarray, precision: str) -> wp.array:
         """Upload an array of a struct to the device."""
         numbers: np.ndarray = np.ascontiguousarray(values, member.number_type(precision))
-        return self._copied(numbers, types(precision).kinds[member.kind.rstrip("*")])
+        return self._copied(numbers, TYPES[precision].kinds[member.kind.rstrip("*")])
 
     def _copied(self, array: np.ndarray, kind: type) -> wp.array:
         """Return a buffer with a copy of an array, C-contiguous; a large one goes to a GPU through pinned memory."""
@@ -287,7 +286,7 @@ class Engine(Uploads):
 
     def round_into(self, coefficients: wp.array, made: wp.array, count: int, precision: str) -> None:
         """See uploads.py."""
-        kernel = grid_tables.build_rounding_kernel(library_of(precision))
+        kernel = grid_tables.build_rounding_kernel(Scene(precision))
         self._load(kernel)
         self.launch(kernel, [coefficients], [made], count)
 
@@ -310,7 +309,7 @@ def _keep_memory(device: wp.Device) -> None:
 
 def _filled(name: str, members: dict, precision: str = "float64"):
     """Return one of the kernels' structs, filled; Warp accepts only vectors of exactly the member's type."""
-    t = types(precision)
+    t = TYPES[precision]
     struct = getattr(t, name)()
     for member in STRUCTS[name]:
         value = members[member.name]
