@@ -2,26 +2,13 @@
 
 import re
 
-import pytest
-
-from aerokernels.tracing import scheme
 from aerokernels.tracing.engines.opencl.headers import HEADERS
-from aerokernels.tracing.engines.opencl.program import expand
 from aerokernels.tracing.status import RayStatus
 
 
 def defined(name: str) -> dict[str, str]:
     """The macros of a header that is made from Python."""
     return dict(re.findall(r"^#define (\w+) +(\S+)", "\n".join(HEADERS[name]()), flags=re.MULTILINE))
-
-
-def test_a_changed_constant_is_in_the_next_source(monkeypatch: pytest.MonkeyPatch):
-    """Nothing is kept of a header: both engines follow scheme.py without a step between."""
-    before = expand("trace.cl")
-    monkeypatch.setattr(scheme, "FACE_TOLERANCE", 2.0 * scheme.FACE_TOLERANCE)
-    after = expand("trace.cl")
-    changed = [pair for pair in zip(before.splitlines(), after.splitlines(), strict=True) if pair[0] != pair[1]]
-    assert changed == [("#define FACE_TOLERANCE R(0.0001)", "#define FACE_TOLERANCE R(0.0002)")]
 
 
 def test_headers_hold_every_status_and_the_tableau_to_the_last_digit():

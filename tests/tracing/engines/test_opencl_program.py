@@ -169,12 +169,6 @@ def test_a_program_is_built_once_and_runs(folder):
     assert build(on, "fill.cl", ("-DOTHER=1",), folder) is not built[0]
 
 
-def test_a_changed_header_is_noticed_at_once(folder):
-    build(opened(), "fill.cl", (), folder)
-    (folder / "include" / "factor.h").write_text("#define FACTOR 50.0f\n")
-    assert filled(build(opened(), "fill.cl", (), folder))[1] == 100.0
-
-
 def test_a_build_failure_names_file_line_and_options(folder):
     (folder / "include" / "twice.h").write_text("\n\ninline float twice(float x) { return nonsense; }\n")
     with pytest.raises(RuntimeError, match=r"fill\.cl does not build") as refused:

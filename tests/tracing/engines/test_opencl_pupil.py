@@ -39,12 +39,10 @@ class Device:
         return values[:-64]
 
     def run(self, name: str, items: int, *arguments) -> None:
-        import pyopencl as cl
+        from aerokernels.tracing.engines.opencl.program import build
+        from aerokernels.tracing.engines.opencl.session import WORK_GROUP, Kernel
 
-        from aerokernels.tracing.engines.opencl.arguments import Kernel
-        from aerokernels.tracing.engines.opencl.program import WORK_GROUP, build
-
-        kernel = Kernel(cl.Kernel(build(self.opened, "pupil.cl"), name))
+        kernel = Kernel(self.opened, build(self.opened, "pupil.cl"), name)
         given = [a.data if hasattr(a, "data") else a for a in arguments]
         kernel.kernel(self.opened.queue, kernel.size(items), (WORK_GROUP,), *given).wait()
 
