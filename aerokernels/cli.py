@@ -1,8 +1,8 @@
 """The command line: load the commands, run one, and turn a failure into one line of text and an exit status.
 
 Exit status: 0 done; 1 failed; 2 bad input (the line names the file, the key and the remedy); 3 all files are
-written, but the answer is not meaningful (display/verdict.py); 130 interrupted (143 by SIGTERM, 129 by a terminal that
-closed). `--debug`, anywhere on the line, also shows the traceback; `--json` prints results as JSON, and `--quiet`
+written, but the answer is not meaningful (display/quantities.py); 130 interrupted (143 by SIGTERM, 129 by a terminal
+that closed). `--debug`, anywhere on the line, also shows the traceback; `--json` prints results as JSON, and `--quiet`
 silences notes and progress. Results go to stdout, everything else to stderr.
 """
 
@@ -24,9 +24,8 @@ import typer
 from aerokernels import __version__, commands
 from aerokernels.commands._output import output, say, silence, warn
 from aerokernels.display.plain_text import plain
-from aerokernels.files.one_writer import NO_FILES
-from aerokernels.process.interrupt import raise_interrupts
-from aerokernels.process.standard_streams import open_closed_streams
+from aerokernels.files.writing import NO_FILES
+from aerokernels.process.interrupt import open_closed_streams, raise_interrupts
 
 FAILED, BAD_INPUT, INTERRUPTED = 1, 2, 130
 SWITCHES = ("--debug", "--json", "--quiet")

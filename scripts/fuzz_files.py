@@ -17,8 +17,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "flow" / 
 
 import fuzzing
 
-from aerokernels.flow.reading.calling import read_here
-from aerokernels.flow.reading.formats import format_of
+from aerokernels.flow.reading.formats import format_of, read_here
 from tests.draws.damaged_files import DamagedCopies
 from tests.draws.draws_in_processes import Report, share
 from tests.draws.forked_readers import fork_readers

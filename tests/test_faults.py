@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 import xarray
 
-from aerokernels.files.drafts import draft_of
 from aerokernels.jobs.run_folder import read_run
 from aerokernels.jobs.store import staged_folder, write_summary
 
@@ -100,7 +99,7 @@ def test_a_sweep_on_a_full_disk_keeps_what_is_done_and_goes_on(tmp_path: Path):
     """
     code = (
         "import resource, sys; from pathlib import Path\n"
-        "from aerokernels.files.drafts import OutputError\n"
+        "from aerokernels.files.writing import OutputError\n"
         "from aerokernels.jobs.sweeps.records import CASES_FILE, Records\n"
         "folder = Path(sys.argv[1])\n"
         "hard = resource.getrlimit(resource.RLIMIT_FSIZE)[1]\n"
@@ -125,7 +124,7 @@ def test_a_sweep_on_a_full_disk_keeps_what_is_done_and_goes_on(tmp_path: Path):
 
 @unix
 def test_what_a_kill_leaves_goes_with_the_next_run(tmp_path: Path):
-    """A process killed in the middle of its draft; drafts of processes that live, and of other machines, stay."""
+    """A process killed in the middle of its draft; other hidden files stay."""
     code = (
         "import os, signal, sys; from pathlib import Path; from aerokernels.jobs.store import staged_folder\n"
         "with staged_folder(Path(sys.argv[1])) as folder:\n"
@@ -136,9 +135,7 @@ def test_what_a_kill_leaves_goes_with_the_next_run(tmp_path: Path):
     assert in_python(code, out).returncode == -signal.SIGKILL
     (abandoned,) = (path for path in tmp_path.iterdir() if path.name != ".run.lock")  # an empty file
     assert (abandoned / "half").is_file() and not out.exists()
-    start = draft_of(out).name.rpartition("-")[0]
-    kept = [tmp_path / f"{start}-{os.getppid()}", tmp_path / f".run.partial-elsewhere-{2**22 - 1}", tmp_path / ".runs"]
-    abandoned.mkdir(exist_ok=True)
+    kept = [tmp_path / ".run.partials", tmp_path / ".runs"]
     for other in kept:
         other.mkdir()
     with staged_folder(out) as folder:
@@ -226,7 +223,7 @@ def test_a_series_on_a_full_disk_keeps_what_is_done_and_goes_on(tmp_path: Path):
     pytest.importorskip("zarr")
     code = (
         "import resource, sys; from pathlib import Path; import numpy as np; import xarray\n"
-        "from aerokernels.files.drafts import OutputError\n"
+        "from aerokernels.files.writing import OutputError\n"
         "from aerokernels.series.store import ZarrStore\n"
         "from aerokernels.series.store_arrays import KEPT, MAPS\n"
         "axis, path = np.linspace(-0.01, 0.01, 4), Path(sys.argv[1]) / 'maps.zarr'\n"
@@ -287,7 +284,7 @@ def test_a_place_where_no_file_can_be_made_is_told_at_once(name, tmp_path, monke
     code = """
 import sys
 from pathlib import Path
-from aerokernels.files.one_writer import only_writer
+from aerokernels.files.writing import only_writer
 try:
     with only_writer(Path(sys.argv[1])):
         pass

@@ -16,10 +16,10 @@ from aerokernels.hardware import export as exporting
 from aerokernels.hardware.echo_source import EchoSource
 from aerokernels.hardware.frames import EchoFrame
 from aerokernels.hardware.store import EchoStore
-from aerokernels.inputs.written_units import in_brackets, written_unit
+from aerokernels.inputs.units import in_brackets, written_unit
 from aerokernels.jobs.recorded import load_netcdf, recorded_labels
 from aerokernels.jobs.store import read_result
-from aerokernels.process import fragile, room
+from aerokernels.process import foreign_files, fragile
 from aerokernels.scene import Scene, SceneError
 from aerokernels.schlieren.picture_file import read_picture
 from tests.draws import file_draws
@@ -93,8 +93,8 @@ def test_what_happens_in_the_child_is_told_here(tmp_path: Path, monkeypatch: pyt
     idle: list = []
     monkeypatch.setattr(fragile, "_idle", lambda: idle)
     assert fragile.in_child(path, "math:sqrt", 4.0) == 2.0 and len(idle) == 1
-    with pytest.raises(room.NoRoomError, match="it announces"):
-        fragile.in_child(path, "aerokernels.process.room:check_room", 1e30, "it")
+    with pytest.raises(foreign_files.NoRoomError, match="it announces"):
+        fragile.in_child(path, "aerokernels.process.foreign_files:check_room", 1e30, "it")
     with pytest.raises(fragile.LibraryEndedError, match=r"a\.nc: the library that reads it ended with status 3: "):
         fragile.in_child(path, "os:_exit", 3)
     assert not idle and fragile.in_child(path, "os:getpid") == idle[0].process.pid
@@ -191,7 +191,7 @@ def test_a_snapshot_and_a_picture_are_held_against_the_memory(tmp_path: Path, mo
     path = tmp_path / "bench.png"
     Image.fromarray(np.arange(400, dtype=np.uint8).reshape(20, 20)).save(path)
     assert series.density(0).shape == (32, 32) and read_picture(path, pixel_size=1e-4, nose=(1, 1))
-    monkeypatch.setattr(room, "free_memory", lambda: 8000.0)
+    monkeypatch.setattr(foreign_files, "free_memory", lambda: 8000.0)
     with pytest.raises(ValueError, match=r"a snapshot announces 8\.19 kB and there is memory for 4 kB"):
         series.density(0)
     with pytest.raises(ValueError, match=r"picture .*bench\.png: .* announces 9\.6 kB"):
@@ -269,7 +269,7 @@ def test_small_flow_files_that_announce_much_are_refused_before_it_is_made(tmp_p
     (time := tmp_path / "case/1").mkdir()
     (time / "rho").touch()
     (mesh / "points.gz").write_bytes(gzip.compress(b"FoamFile { } " + b" " * 50_000))
-    monkeypatch.setattr(room, "free_memory", lambda: 80_000.0)
+    monkeypatch.setattr(foreign_files, "free_memory", lambda: 80_000.0)
     with pytest.raises(ValueError, match=r"b\.npz: it announces 120 kB and there is memory for 40 kB"):
         read(tmp_path / "b.npz")
     with pytest.raises(ValueError, match=r"points\.gz: what it unpacks to announces 50 kB and there is memory for 40"):

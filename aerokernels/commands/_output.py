@@ -13,7 +13,7 @@ from typing import Any
 import typer
 
 from aerokernels.display.plain_text import plain, plain_json
-from aerokernels.files.drafts import FULL
+from aerokernels.files.writing import FULL
 
 
 @dataclass

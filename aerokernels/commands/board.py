@@ -37,12 +37,9 @@ def board(
     With it, `record` can be tried without hardware.
     """
     from aerokernels.commands._output import output, result, say
-    from aerokernels.hardware.board import run_board
+    from aerokernels.hardware import DIALECT_NAMES, PROTOCOLS
     from aerokernels.hardware.echo_source import DEFAULT_SCENE, EchoSource
-    from aerokernels.hardware.faults import FaultPlan, parse_faults
-    from aerokernels.hardware.protocols import DIALECT_NAMES, PROTOCOLS
-    from aerokernels.hardware.pseudo_terminal import PseudoTerminal
-    from aerokernels.hardware.scope_board import SimulatedScope, run_scope
+    from aerokernels.hardware.simulator import FaultPlan, PseudoTerminal, SimulatedScope, run_board, run_scope
     from aerokernels.inputs.checks import check_choice
     from aerokernels.process.interrupt import interrupt_flag
 
@@ -50,7 +47,7 @@ def board(
     check_choice(dialect, "--dialect", DIALECT_NAMES)
     if not rate > 0.0:
         raise ValueError(f"--rate {rate}: give a positive number of echoes per second")
-    faults = FaultPlan(parse_faults(fault or []), pause, seed)
+    faults = FaultPlan.parse(fault or [], pause, seed)
     if echo is not None and scene is not None:
         raise ValueError(f"--echo {echo} and --scene {scene}: give the run or the scene, not both")
     make, place = (EchoSource.from_scene, scene or DEFAULT_SCENE) if echo is None else (EchoSource.from_result, echo)

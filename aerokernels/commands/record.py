@@ -47,8 +47,8 @@ def record(
     from aerokernels.commands._output import note, output, result, say
     from aerokernels.commands._recording import describe, parse_labels, reporter
     from aerokernels.display.plain_text import plain
+    from aerokernels.hardware import DIALECT_NAMES, PROTOCOLS
     from aerokernels.hardware.port import PortError
-    from aerokernels.hardware.protocols import DIALECT_NAMES, PROTOCOLS
     from aerokernels.hardware.recorder import NO_GOOD_FRAME, Recorder
     from aerokernels.hardware.store import EchoStore
     from aerokernels.inputs.checks import check_choice

@@ -29,7 +29,7 @@ def run(
     from aerokernels.commands._progress import shown_progress
     from aerokernels.commands._table import print_table
     from aerokernels.commands._verdict import leave_with
-    from aerokernels.files.one_writer import only_writer
+    from aerokernels.files.writing import only_writer
     from aerokernels.jobs.report import headline_rows, remark_rows
     from aerokernels.jobs.run import simulate, write_run
     from aerokernels.jobs.store import check_output_folder

@@ -34,7 +34,7 @@ def copy(
 ) -> None:
     """Copy a shipped scene to a file, with its comments."""
     from aerokernels.commands._output import note
-    from aerokernels.files.drafts import replacing
+    from aerokernels.files.writing import replacing
     from aerokernels.scene.loading import shipped_scene_text
 
     text = shipped_scene_text(name)

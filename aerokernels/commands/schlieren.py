@@ -108,7 +108,7 @@ def schlieren(
     from aerokernels.commands._progress import shown_progress
     from aerokernels.commands._table import print_table
     from aerokernels.display.quantities import Quantity
-    from aerokernels.files.one_writer import only_writer
+    from aerokernels.files.writing import only_writer
     from aerokernels.jobs.pictures import KINDS, PictureOptions, make_pictures, picture_scene, write_pictures
     from aerokernels.jobs.store import check_output_folder
     from aerokernels.schlieren import read_picture

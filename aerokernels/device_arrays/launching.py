@@ -16,9 +16,10 @@ from typing import Any
 
 import warp as wp
 
-from ..files.drafts import FULL
+from aerokernels.files.writing import FULL
+from aerokernels.process.kernel_cache import NoCacheError
+
 from ..process.opened import OPENED, Locked
-from ..process.spare_cache import NoCacheError
 
 NO_WRITING = (*FULL, errno.EACCES, errno.EPERM, errno.EROFS)
 

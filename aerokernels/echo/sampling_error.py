@@ -17,7 +17,8 @@ from functools import partial
 
 import numpy as np
 
-from ..inputs.warned import warn_caller
+from aerokernels.inputs.checks import warn_caller
+
 from .pulse_curve import PulseCurve
 from .waveform import SPEED_OF_LIGHT
 

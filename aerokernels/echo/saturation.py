@@ -14,7 +14,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ..inputs.warned import warn_caller
+from aerokernels.inputs.checks import warn_caller
+
 from .pulse_curve import PLATEAU, PulseCurve
 from .shaped_curve import Shape, best_match
 from .waveform import SPEED_OF_LIGHT

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..files.netcdf_lazy import errors_naming
+from aerokernels.files.netcdf_reading import errors_naming
 
 if TYPE_CHECKING:
     import xarray

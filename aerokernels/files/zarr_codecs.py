@@ -12,8 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ..process.fault_text import FileFault
-from ..process.own_files import check_folder
+from aerokernels.process.foreign_files import FileFault, check_folder
 
 MOST = 1 << 26  # [bytes] of a file of metadata
 TEXTS = ("vlen-utf8", "vlen-bytes")

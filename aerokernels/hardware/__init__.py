@@ -1,1 +1,4 @@
-"""Echoes from hardware: serial frames and oscilloscope curves, the port, the recorder, its store, simulated boards."""
+"""Record echoes of a digitiser board or an oscilloscope; names of the protocols and of the oscilloscope dialects."""
+
+PROTOCOLS = ("frames", "scpi")
+DIALECT_NAMES = ("tektronix", "rigol")

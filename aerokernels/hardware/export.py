@@ -11,14 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from aerokernels.files.drafts import draft_of
-from aerokernels.files.netcdf_file import RetryingFile
-from aerokernels.hardware.csv_cells import csv_cell
+from aerokernels.files.writing import RetryingFile, draft_of, only_writer
 from aerokernels.hardware.rows import StoredEcho, encode_label, signed
 from aerokernels.hardware.store import EchoStore
-from aerokernels.hardware.transaction import StoreError
-from aerokernels.inputs.checks import check_path
-from aerokernels.inputs.listed import listed
+from aerokernels.hardware.store_file import StoreError
+from aerokernels.inputs.checks import check_path, listed
 
 ECHOES_AT_ONCE = 1024  # most echoes written at a time
 SAMPLES_AT_ONCE = 2**23  # most samples written at a time: one long curve makes every row as long
@@ -80,21 +77,22 @@ def export(store: EchoStore, out: str | Path, label: Mapping[str, str] | None = 
     if out.is_dir() or not os.access(out.parent, os.W_OK):
         why = "is a folder" if out.is_dir() else f"no permission to write in {out.parent}"
         raise ValueError(f"out={out}: {why}; give another file name")
-    draft = draft_of(out)
     try:
-        with store.snapshot():
+        with only_writer(out), store.snapshot():
             extent = _survey(store, label)
             if not extent.count:
                 known = listed(map(_text_of, store.labels()), "none")
                 raise ValueError(f"store {store.path}: no echoes with label {_text_of(label or {})}; it has: {known}")
-            write(store, draft, extent, label)
-        draft.replace(out)
+            draft = draft_of(out)
+            try:
+                write(store, draft, extent, label)
+                draft.replace(out)
+            finally:
+                draft.unlink(missing_ok=True)
     except OSError as error:
         raise StoreError(
             f"out={out}: {os.strerror(error.errno) if error.errno else error}; make room, or give another place"
         ) from error
-    finally:
-        draft.unlink(missing_ok=True)
     return extent.count
 
 
@@ -248,3 +246,23 @@ def _blocks(echoes: Iterator[StoredEcho], count: int) -> Iterator[list[StoredEch
 
 def _text_of(label: Mapping[str, str]) -> str:
     return " ".join(f"{key}={value}" for key, value in label.items()) or "(empty)"
+
+
+FORMULA = ("=", "+", "-", "@", "\t", "\r")
+
+
+def text_of_cell(cell: str) -> str:
+    """Return the text for which `csv_cell` wrote a cell."""
+    text = cell.removeprefix("'")
+    return text if csv_cell(text) == cell else cell
+
+
+def csv_cell(value: object) -> object:
+    """Return a cell's value; a text that begins like a formula and is not a number gets a leading apostrophe."""
+    if not isinstance(value, str) or not value.lstrip(" ").startswith(FORMULA):
+        return value
+    try:
+        float(value)
+    except ValueError:
+        return f"'{value}"
+    return value

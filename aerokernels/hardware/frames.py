@@ -18,21 +18,91 @@ import struct
 import zlib
 from dataclasses import dataclass, field
 from functools import cached_property
+from operator import index
 from typing import Any
 
 import numpy as np
 from cobs import cobs
 
-from aerokernels.hardware.waveform import Waveform, as_counts, as_whole
 from aerokernels.inputs.checks import check_at_least
 
+
+class Waveform:
+    """Counts of an analogue-to-digital converter as volts over time.
+
+    volts = offset + scale * sample, and the time of sample k is first_sample_time + k * sample period.
+
+    Attributes:
+        sample_period_ps: time between two samples [ps].
+        scale: [V/count].
+        offset: [V].
+        samples: counts, int16, shape (sample_count,).
+        first_sample_time: time of the first sample [s].
+    """
+
+    sample_period_ps: float
+    scale: float
+    offset: float
+    samples: np.ndarray
+    first_sample_time: float = 0.0
+
+    @property
+    def voltage(self) -> np.ndarray:
+        """Samples as volts [V], float64, shape (sample_count,)."""
+        return self.offset + self.scale * self.samples.astype(np.float64)
+
+    @property
+    def time(self) -> np.ndarray:
+        """Time of each sample [s], float64, shape (sample_count,)."""
+        return self.first_sample_time + np.arange(self.samples.size) * (self.sample_period_ps * 1e-12)
+
+    @property
+    def peak(self) -> float | None:
+        """Greatest voltage [V]; None without samples."""
+        if not self.samples.size:
+            return None
+        extreme = self.samples.max() if self.scale >= 0.0 else self.samples.min()
+        return self.offset + self.scale * float(extreme)
+
+
+def as_counts(samples: Any) -> np.ndarray:
+    """Return counts as an int16 array of shape (sample_count,) that cannot be written to.
+
+    Raises:
+        ValueError: more than one row, counts that are not whole numbers, or that do not fit int16.
+    """
+    counts = np.asarray(samples)
+    if counts.ndim != 1:
+        raise ValueError(f"samples have shape {counts.shape}: give one row of counts")
+    if counts.size and (counts.dtype.kind not in "iu" or counts.min() < -32768 or counts.max() > 32767):
+        raise ValueError(f"samples of type {counts.dtype} do not fit int16: scale and round them to counts first")
+    counts = counts.astype(np.int16)
+    counts.flags.writeable = False
+    return counts
+
+
+def as_whole(value: Any, name: str) -> int:
+    """Return a whole number as Python's own; raise a TypeError that names any other value."""
+    try:
+        return index(value)
+    except TypeError:
+        raise TypeError(f"{name} must be a whole number, got {value!r}") from None
+
+
 MAGIC = b"AE"
+
 VERSION = 1
+
 DELIMITER = b"\x00"
+
 GREATEST_SAMPLE_COUNT = 0xFFFF
+
 _HEADER = struct.Struct("<2sBBIQIffH")
+
 _CRC = struct.Struct("<I")
+
 _GREATEST_PAYLOAD = _HEADER.size + 2 * GREATEST_SAMPLE_COUNT + _CRC.size
+
 # Bytes of the longest possible frame on the wire, without its delimiter.
 GREATEST_FRAME_LENGTH = _GREATEST_PAYLOAD + _GREATEST_PAYLOAD // 254 + 1
 
@@ -145,3 +215,75 @@ def _received(**fields: Any) -> EchoFrame:
     frame = object.__new__(EchoFrame)
     frame.__dict__.update(fields)
     return frame
+
+
+_OVERLONG = "length: no delimiter within the longest possible frame"
+
+
+@dataclass(frozen=True)
+class DamagedPiece:
+    """Received bytes between two delimiters that are not a good frame, and the reason."""
+
+    raw: bytes = field(repr=False)
+    reason: str
+
+
+class FrameDecoder:
+    """Turns a stream of bytes, in chunks of any size, into good frames and damaged pieces.
+
+    The result does not depend on how the bytes are cut into chunks. The decoder buffers at most `GREATEST_FRAME_LENGTH`
+    bytes: a longer run without a delimiter becomes damaged pieces of that length.
+    """
+
+    def __init__(self) -> None:
+        """Start between two frames."""
+        self._pending = bytearray()
+        self._overlong = False
+
+    @property
+    def pending_length(self) -> int:
+        """Number of buffered bytes that wait for their delimiter."""
+        return len(self._pending)
+
+    def feed(self, chunk: bytes) -> list[EchoFrame | DamagedPiece]:
+        """Take the next bytes; return the frames and damaged pieces that they complete, in order."""
+        found: list[EchoFrame | DamagedPiece] = []
+        *ended, rest = bytes(chunk).split(DELIMITER)
+        for piece in ended:
+            self._extend(piece, found)
+            if self._overlong:
+                found.extend(self._damaged(_OVERLONG))
+            elif self._pending:
+                found.append(self._judge())
+            self._pending.clear()
+            self._overlong = False
+        self._extend(rest, found)
+        return found
+
+    def finish(self, reason: str = "cut off: the stream ended before its delimiter") -> list[DamagedPiece]:
+        """End the stream: return the pending bytes as a damaged piece, and reset the decoder."""
+        found = self._damaged(_OVERLONG if self._overlong else reason)
+        self._pending.clear()
+        self._overlong = False
+        return found
+
+    def _extend(self, piece: bytes, found: list[EchoFrame | DamagedPiece]) -> None:
+        start = 0
+        while len(self._pending) + len(piece) - start > GREATEST_FRAME_LENGTH:
+            room = GREATEST_FRAME_LENGTH - len(self._pending)
+            self._pending += piece[start : start + room]
+            start += room
+            found.extend(self._damaged(_OVERLONG))
+            self._pending.clear()
+            self._overlong = True
+        self._pending += piece[start:]
+
+    def _damaged(self, reason: str) -> list[DamagedPiece]:
+        return [DamagedPiece(bytes(self._pending), reason)] if self._pending else []
+
+    def _judge(self) -> EchoFrame | DamagedPiece:
+        raw = bytes(self._pending)
+        try:
+            return decode(raw)
+        except FrameError as error:
+            return DamagedPiece(raw, str(error))

@@ -16,7 +16,7 @@ from functools import cached_property
 
 import numpy as np
 
-from aerokernels.hardware.waveform import Waveform, as_counts, as_whole
+from aerokernels.hardware.frames import Waveform, as_counts, as_whole
 from aerokernels.inputs.checks import check_at_least
 
 # Full names of the fields, and the least length to which an instrument abbreviates them (VERBOSE OFF).

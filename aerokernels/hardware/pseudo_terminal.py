@@ -10,9 +10,9 @@ from pathlib import Path
 from aerokernels.inputs.checks import check_path
 
 
-def _numberless(name: str) -> str:
-    """Return a terminal's name without its number, which is the same for all pseudo-terminals of a system."""
-    return re.sub(r"\d", "", name)
+def never() -> bool:
+    """Never stop."""
+    return False
 
 
 class PseudoTerminal:
@@ -33,8 +33,6 @@ class PseudoTerminal:
             raise ValueError(f"link {self.link} is a file or a folder: give a path that is free")
         if not self.link.parent.is_dir():
             raise ValueError(f"link {self.link}: folder {self.link.parent} does not exist; make it first")
-        if not os.access(self.link.parent, os.W_OK):
-            raise ValueError(f"link {self.link}: no permission to write in {self.link.parent}; give another folder")
         if not hasattr(os, "openpty"):
             raise ValueError("this system has no pseudo-terminals: run the simulated board on Linux or macOS")
         self._master = -1
@@ -65,16 +63,13 @@ class PseudoTerminal:
             raise
 
     def _put_link(self) -> None:
-        """Make the link, replacing at most an old link to a terminal."""
-        if self.link.is_symlink() and _numberless(held := os.readlink(self.link)) != _numberless(self.name):
-            raise ValueError(f"link {self.link} leads to {held}, which is no terminal: give a path that is free")
-        draft = self.link.with_name(f"{self.link.name}.{os.getpid()}")
-        draft.symlink_to(self.name)
-        try:
-            draft.replace(self.link)
-        except OSError:
-            draft.unlink()
-            raise
+        """Make the link, replacing at most an old link to a terminal of another number."""
+        if self.link.is_symlink():
+            held = os.readlink(self.link)
+            if re.sub(r"\d", "", held) != re.sub(r"\d", "", self.name):
+                raise ValueError(f"link {self.link} leads to {held}, which is no terminal: give a path that is free")
+            self.link.unlink(missing_ok=True)
+        self.link.symlink_to(self.name)
 
     def has_reader(self) -> bool:
         """Whether someone has the port open."""
@@ -93,19 +88,19 @@ class PseudoTerminal:
             time.sleep(min(timeout, 0.02))
             return b""
 
-    def write(self, data: bytes, stopped: Callable[[], bool] = lambda: False) -> bool:
+    def write(self, data: bytes, stopped: Callable[[], bool] = never) -> bool:
         """Write all of `data`, waiting for a slow reader; False when the reader left or `stopped()` was True first."""
-        rest = memoryview(data)
-        while rest:
+        left = memoryview(data)
+        while left:
             if stopped() or not self.has_reader():
                 return False
             try:
-                rest = rest[os.write(self._master, rest) :]
+                left = left[os.write(self._master, left) :]
             except BlockingIOError:
                 self._poll.poll(50)
         return True
 
-    def drain(self, stopped: Callable[[], bool] = lambda: False) -> None:
+    def drain(self, stopped: Callable[[], bool] = never) -> None:
         """Wait until the reader has read everything or has left: closing the terminal would discard the rest."""
         import fcntl
         import struct
@@ -116,9 +111,9 @@ class PseudoTerminal:
         except OSError:
             return
         try:
-            left, unread = -1, 1
-            while unread and unread != left and not stopped():
-                left = unread
+            before, unread = -1, 1
+            while unread and unread != before and not stopped():
+                before = unread
                 time.sleep(0.5)  # a reader that reads nothing in this time has stopped reading
                 (unread,) = struct.unpack("i", fcntl.ioctl(slave, termios.FIONREAD, b"\0\0\0\0"))
         finally:

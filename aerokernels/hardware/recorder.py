@@ -5,12 +5,11 @@ import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 
-from aerokernels.hardware.decoder import DamagedPiece
+from aerokernels.hardware.frames import DamagedPiece, Waveform
 from aerokernels.hardware.port import PORT_ERRORS, PortError
 from aerokernels.hardware.sources import EchoStream, Piece
 from aerokernels.hardware.store import EchoStore
-from aerokernels.hardware.transaction import LockedStoreError, StoreError
-from aerokernels.hardware.waveform import Waveform
+from aerokernels.hardware.store_file import LockedStoreError, StoreError
 from aerokernels.inputs.checks import check_count
 from aerokernels.inputs.kinds import is_number
 

@@ -1,7 +1,9 @@
-"""Convert echoes to rows of the store and back."""
+"""Tables of the echo store, and echoes as rows of them; docs/hardware.md describes every column."""
 
 import json
 import re
+import sqlite3
+from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass
 from operator import index
@@ -12,6 +14,63 @@ import numpy as np
 from aerokernels.hardware.frames import EchoFrame
 from aerokernels.hardware.preamble import ScopeCurve
 
+APPLICATION_ID = 0x41454348  # marks the SQLite file as an echo store ("AECH")
+SCHEMA_VERSION = 3  # stored in `PRAGMA user_version`
+
+# An echo is identified by its board's number, clock and check sum. The number alone is not unique: it wraps, and starts
+# again with the board. Number and clock are not either: a board whose clock starts at 0 repeats both. An oscilloscope's
+# curves have no time stamp (NULL, which equals nothing): the reader of the port recognises repeated ones.
+_SCHEMA = """
+CREATE TABLE recordings (
+    id INTEGER PRIMARY KEY,
+    started_ns INTEGER NOT NULL,
+    port TEXT NOT NULL,
+    protocol TEXT NOT NULL,
+    label TEXT NOT NULL,
+    committed_ns INTEGER,
+    duplicate_count INTEGER NOT NULL DEFAULT 0
+);
+CREATE TABLE echoes (
+    id INTEGER PRIMARY KEY,
+    recording INTEGER NOT NULL REFERENCES recordings(id),
+    session INTEGER NOT NULL,
+    sequence INTEGER NOT NULL,
+    device_time_us INTEGER,
+    host_time_ns INTEGER NOT NULL,
+    label TEXT NOT NULL,
+    flags INTEGER NOT NULL,
+    sample_period_ps NUMERIC NOT NULL,
+    first_sample_s REAL NOT NULL,
+    scale REAL NOT NULL,
+    offset REAL NOT NULL,
+    sample_count INTEGER NOT NULL,
+    samples BLOB NOT NULL,
+    crc32 INTEGER NOT NULL,
+    preamble TEXT,
+    raw BLOB NOT NULL,
+    UNIQUE (sequence, device_time_us, crc32)
+);
+CREATE INDEX echoes_by_label ON echoes (label);
+CREATE TABLE damaged (
+    id INTEGER PRIMARY KEY,
+    recording INTEGER NOT NULL REFERENCES recordings(id),
+    host_time_ns INTEGER NOT NULL,
+    reason TEXT NOT NULL,
+    byte_count INTEGER NOT NULL,
+    raw BLOB NOT NULL
+);
+CREATE VIEW gaps AS
+    SELECT session, previous AS after_sequence, sequence AS before_sequence,
+        ((sequence - previous) & 4294967295) - 1 AS missing_count
+    FROM (
+        SELECT echoes.id AS id, session, sequence, LAG(sequence) OVER (
+            PARTITION BY port, protocol, session ORDER BY device_time_us < 0, device_time_us, echoes.id
+        ) AS previous
+        FROM echoes JOIN recordings ON recordings.id = echoes.recording
+    )
+    WHERE previous IS NOT NULL AND ((sequence - previous) & 4294967295) BETWEEN 2 AND 2147483647
+    ORDER BY id;
+"""
 WRITE_ECHO = (
     "INSERT INTO echoes (recording, session, sequence, device_time_us, host_time_ns, label, flags, "
     "sample_period_ps, first_sample_s, scale, offset, sample_count, samples, crc32, preamble, raw) "
@@ -20,8 +79,17 @@ WRITE_ECHO = (
 )
 READ_ECHOES = (
     "SELECT session, host_time_ns, label, sequence, device_time_us, sample_period_ps, first_sample_s, scale, offset, "
-    "samples, flags, crc32, preamble, raw FROM echoes"
+    "samples, flags, preamble, raw FROM echoes"
 )
+MOST_OPEN_GAPS = 64  # latest gaps into which a late frame may fit
+
+
+def create(connection: sqlite3.Connection) -> None:
+    """Create the tables of an empty file; the caller holds the transaction."""
+    for statement in _SCHEMA.split(";\n"):
+        connection.execute(statement)
+    connection.execute(f"PRAGMA application_id = {APPLICATION_ID}")
+    connection.execute(f"PRAGMA user_version = {SCHEMA_VERSION}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,41 +138,22 @@ def row_of(
     )  # fmt: skip
 
 
-def echo_of(
-    sequence: int,
-    device_time: int | None,
-    period: float,
-    first_sample: float,
-    scale: float,
-    offset: float,
-    samples: bytes,
-    flags: int,
-    crc: int,
-    preamble: str | None,
-    raw: bytes,
-) -> EchoFrame | ScopeCurve:
-    """Make an echo from the columns that `READ_ECHOES` selects, from `sequence` on.
+def stored_echo(session: Any, host_time: Any, label: Any, *columns: Any) -> StoredEcho:
+    """Make an echo from the columns that `READ_ECHOES` selects.
 
     Raises:
         TypeError, ValueError, OverflowError: The columns do not hold an echo.
     """
-    if not isinstance(samples, bytes) or not isinstance(raw, bytes) or not isinstance(preamble, (str, type(None))):
-        raise TypeError("samples, raw and preamble must be bytes, bytes and a text")
+    sequence, device_time, period, first_sample, scale, offset, samples, flags, preamble, raw = columns
     counts = np.frombuffer(samples, "<i2").astype(np.int16, copy=False)
-    if device_time is not None:
-        return EchoFrame(sequence, index(device_time) % 2**64, int(period), scale, offset, counts, flags, raw)
-    numbers = np.array([period, first_sample, scale, offset], dtype=np.float64)
-    with np.errstate(over="ignore"):
-        ends = numbers[1] + 1e-12 * numbers[0] * counts.size, abs(numbers[3]) + 65536.0 * abs(numbers[2])
-    if not np.isfinite([*numbers, *ends]).all():
-        raise ValueError(f"sample period, first sample, scale and offset {numbers.tolist()} are out of range")
-    period, first_sample, scale, offset = numbers.tolist()  # converts a column that holds its number as a text
-    return ScopeCurve(index(sequence), period, scale, offset, counts, first_sample, preamble or "", raw)
-
-
-def stored_echo(session: Any, host_time: Any, text: Any, *columns: Any) -> StoredEcho:
-    """Make an echo from all columns that `READ_ECHOES` selects; raises the errors of `echo_of` and `label_of`."""
-    return StoredEcho(index(session), index(host_time), label_of(text), echo_of(*columns))
+    if device_time is None:
+        frame: EchoFrame | ScopeCurve = ScopeCurve(
+            sequence, period, scale, offset, counts, first_sample, preamble or "", bytes(raw)
+        )
+    else:
+        clock = index(device_time) % 2**64
+        frame = EchoFrame(sequence, clock, int(period), scale, offset, counts, flags, bytes(raw))
+    return StoredEcho(index(session), index(host_time), label_of(label), frame)
 
 
 def encode_label(label: Mapping[str, str]) -> str:
@@ -123,11 +172,7 @@ def encode_label(label: Mapping[str, str]) -> str:
 
 
 def label_of(text: str) -> dict[str, str]:
-    """Parse a label as stored: a JSON object of texts.
-
-    Raises:
-        TypeError, ValueError: The text is anything else.
-    """
+    """Parse a label as stored: a JSON object of texts; anything else is a ValueError or TypeError."""
     label = json.loads(text)
     if not isinstance(label, dict) or not all(isinstance(value, str) for value in label.values()):
         raise ValueError(f"a label is texts by their keys, got {text[:60]!r}")
@@ -137,3 +182,65 @@ def label_of(text: str) -> dict[str, str]:
 def signed(value: int) -> int:
     """Return an unsigned 64-bit number as SQLite stores it: the same bits read as a signed number."""
     return value - 2**64 if value >= 2**63 else value
+
+
+@dataclass(frozen=True)
+class Followed:
+    """An echo as it was followed: its session, number, clock [us] and check sum."""
+
+    session: int
+    sequence: int
+    device_time: int | None
+    crc: int
+
+
+class Sessions:
+    """Follows the numbers of a board in one recording: its sessions, and how many numbers are missing.
+
+    A board counts up, wraps at 2**32, and its clock does not go back; a number or a clock that goes back is that of a
+    board that was started again, which begins a new session. A frame that comes late goes back in both, too, but its
+    number and its clock fit into a gap of the session.
+
+    Attributes:
+        last: the latest echo of the port by its number, None before the first.
+        missing_count: numbers missing between the echoes of this recording.
+    """
+
+    def __init__(self, last: Followed | None = None) -> None:
+        """Go on from the last echo of an earlier recording; what is missing after it does not count."""
+        self.last = last
+        self.missing_count = 0
+        self._gaps: deque[tuple[Followed, Followed]] = deque(maxlen=MOST_OPEN_GAPS)
+        self._has_echo = False  # whether this recording has an echo already
+
+    def follow(self, sequence: int, device_time: int | None, crc: int, is_known: bool = False) -> int:
+        """Return the session of an echo, and count the numbers that are missing before it.
+
+        One that the store has already (`is_known`) and that goes back was sent again, by a board that was not started
+        again.
+        """
+        last, session, ahead, is_back = self.last, 1, 1, False
+        if last is not None:
+            session, ahead = last.session, (sequence - last.sequence) % 2**32
+            is_back = not 0 < ahead < 2**31
+            if device_time is not None and last.device_time is not None:
+                is_back = is_back or device_time < last.device_time
+        if is_back and (is_known or self._is_late(sequence, device_time)):
+            return session
+        here = Followed(session + is_back, sequence, device_time, crc)
+        if last is not None and not is_back and ahead > 1:
+            self._gaps.append((last, here))
+            self.missing_count += ahead - 1 if self._has_echo else 0
+        self._has_echo, self.last = True, here
+        return here.session
+
+    def _is_late(self, sequence: int, device_time: int | None) -> bool:
+        """Whether an echo is one of the missing ones of this session, which are then one less."""
+        for after, before in self._gaps:
+            inside = 0 < (sequence - after.sequence) % 2**32 < (before.sequence - after.sequence) % 2**32
+            clocks = after.device_time, device_time, before.device_time
+            if inside and before.session == self.last.session and None not in clocks:  # type: ignore[union-attr]
+                if after.device_time <= device_time <= before.device_time:  # type: ignore[operator]
+                    self.missing_count = max(self.missing_count - 1, 0)
+                    return True
+        return False

@@ -4,10 +4,8 @@ import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Protocol
 
-from aerokernels.hardware.decoder import DamagedPiece, FrameDecoder
-from aerokernels.hardware.frames import EchoFrame
-from aerokernels.hardware.port import PORT_ERRORS, PortError, close_port
-from aerokernels.hardware.port_reader import PortReader
+from aerokernels.hardware.frames import DamagedPiece, EchoFrame, FrameDecoder
+from aerokernels.hardware.port import PORT_ERRORS, PortError, PortReader, close_port
 from aerokernels.hardware.preamble import PreambleError, ScopeCurve
 from aerokernels.hardware.scope import (
     DamagedAnswerError,

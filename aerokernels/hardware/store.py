@@ -7,35 +7,29 @@ import json
 import sqlite3
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import AbstractContextManager
 from pathlib import Path
-from typing import Any, TypeVar
 
 from aerokernels.hardware import rows
-from aerokernels.hardware.decoder import DamagedPiece
-from aerokernels.hardware.frames import EchoFrame
-from aerokernels.hardware.gaps import missing_in_store, shared_recordings
+from aerokernels.hardware.frames import DamagedPiece, EchoFrame, as_whole
 from aerokernels.hardware.preamble import ScopeCurve
-from aerokernels.hardware.rows import Gap, StoredEcho, encode_label
-from aerokernels.hardware.schema import APPLICATION_ID, SCHEMA_VERSION, create, foreign_part, upgrade
-from aerokernels.hardware.sessions import Followed, Sessions
-from aerokernels.hardware.store_file import file_identity, free_name, save_copy, store_address
-from aerokernels.hardware.transaction import (
+from aerokernels.hardware.rows import Followed, Gap, Sessions, StoredEcho, encode_label
+from aerokernels.hardware.store_file import (
     KEEP_IT,
     DamagedStoreError,
     StoreError,
     described_errors,
-    opening_error,
+    file_identity,
+    free_name,
+    open_file,
+    save_copy,
     transaction,
 )
-from aerokernels.hardware.waveform import as_whole
 from aerokernels.inputs.checks import check_path
-from aerokernels.process.fault_text import FileFault
+from aerokernels.process.foreign_files import FileFault
 
-Made = TypeVar("Made")
 _BUSY_TIME = 30.0  # [s] wait for another recorder that is committing to the same store
-_CHECKPOINT_PAGES = 4000  # pages of the write-ahead log, 16 MB, before they are moved into the file
 
 
 class EchoStore:
@@ -53,21 +47,16 @@ class EchoStore:
     def __init__(self, path: str | Path, *, read_only: bool = False) -> None:
         """Open or create the file."""
         self.path = check_path(path, "path")
-        address, is_new = store_address(self.path, read_only=read_only), not self.path.exists()
-        try:
-            self._connection = sqlite3.connect(address, uri=True, timeout=_BUSY_TIME, isolation_level=None)
-        except sqlite3.OperationalError as error:
-            raise FileFault(f"store {self.path}: {error}; give a file that can be opened") from error
-        try:
-            self._prepare(read_only)
-        except sqlite3.DatabaseError as error:
-            self._connection.close()
-            if is_new and self.path.is_file() and not self.path.stat().st_size:
-                self.path.unlink()
-            raise opening_error(self.path, error, read_only, _BUSY_TIME) from error
-        except ValueError:
-            self._connection.close()
-            raise
+        is_new = not self.path.exists()
+        with described_errors(self.path):
+            self._connection = open_file(self.path, read_only=read_only, wait=_BUSY_TIME)
+            try:
+                self._prepare(read_only)
+            except BaseException:
+                self._connection.close()
+                if is_new and self.path.is_file() and not self.path.stat().st_size:
+                    self.path.unlink()
+                raise
         self._read_only = read_only
         self._identity = file_identity(self.path)
         self._recording, self._label, self._origin = 0, "{}", ("", "")
@@ -84,28 +73,20 @@ class EchoStore:
             # Check and create in one transaction: two recorders may start on a new file at the same time.
             execute("BEGIN IMMEDIATE")
             if not execute("SELECT count(*) FROM sqlite_master").fetchone()[0]:
-                create(self._connection)
-            elif execute("PRAGMA application_id").fetchone()[0] == APPLICATION_ID:
-                upgrade(self._connection)
-        if execute("PRAGMA application_id").fetchone()[0] != APPLICATION_ID:
+                rows.create(self._connection)
+        if execute("PRAGMA application_id").fetchone()[0] != rows.APPLICATION_ID:
             raise FileFault(f"store {self.path}: a SQLite file, but not an echo store; give another file name")
         version = execute("PRAGMA user_version").fetchone()[0]
-        if version != SCHEMA_VERSION:
-            remedy = (
-                "opening it once for writing, as `aerokernels record` does, brings it up to date"
-                if version < SCHEMA_VERSION
-                else "use the version of aerokernels that wrote it"
-            )
+        if version != rows.SCHEMA_VERSION:
             raise FileFault(
-                f"store {self.path}: schema version {version}, this program knows {SCHEMA_VERSION}; {remedy}"
+                f"store {self.path}: schema version {version}, this program knows {rows.SCHEMA_VERSION}; use the "
+                "version of aerokernels that wrote it"
             )
-        if part := foreign_part(self._connection):
-            raise FileFault(f"store {self.path}: not an echo store's schema ({part}); give another file name")
         if not read_only:
             execute("COMMIT")
             execute("PRAGMA journal_mode = WAL")
             execute("PRAGMA synchronous = FULL")
-            execute(f"PRAGMA wal_autocheckpoint = {_CHECKPOINT_PAGES}")
+            execute("PRAGMA wal_autocheckpoint = 4000")  # pages, 16 MB, before they are moved into the file
 
     def begin_recording(self, port: str, protocol: str, label: Mapping[str, str]) -> None:
         """Set the origin and the label of the echoes that follow.
@@ -162,9 +143,9 @@ class EchoStore:
         if not is_new:
             self.duplicate_count += 1
             if device_time is not None:  # it may have been another recorder that stored it: this one has seen it too
-                self._sessions.follow(sequence, device_time, echo.crc, host_time_ns, is_known=True)
+                self._sessions.follow(sequence, device_time, echo.crc, is_known=True)
             return False
-        session = self._sessions.follow(sequence, device_time, echo.crc, host_time_ns)
+        session = self._sessions.follow(sequence, device_time, echo.crc)
         self.pending_bytes += 2 * echo.samples.size + len(echo.raw)
         self._echoes.append(rows.row_of(echo, self._recording, session, sequence, host_time_ns, self._label))
         return True
@@ -208,23 +189,12 @@ class EchoStore:
                 "INSERT INTO damaged (recording, host_time_ns, reason, byte_count, raw) VALUES (?, ?, ?, ?, ?)",
                 self._damaged,
             )
-            many(
-                f"DELETE FROM gaps WHERE recording = {self._recording} "
-                "AND session = ? AND after_sequence = ? AND before_sequence = ?",
-                self._sessions.filled,
-            )
-            many(
-                "INSERT INTO gaps (recording, session, after_sequence, before_sequence, missing_count, host_time_ns) "
-                f"VALUES ({self._recording}, ?, ?, ?, ?, ?)",
-                self._sessions.noted,
-            )
             self._connection.execute(
                 "UPDATE recordings SET committed_ns = ?, duplicate_count = ? WHERE id = ?",
                 (time.time_ns(), self.duplicate_count, self._recording),
             )
         for batch in (self._echoes, self._keys, self._damaged):
             batch.clear()
-        self._sessions.committed()
         self.pending_bytes = 0
 
     def save_batch(self) -> Path | None:
@@ -241,7 +211,6 @@ class EchoStore:
                 other.begin_recording(*self._origin, json.loads(self._label))
                 other._echoes = [(other._recording, *row[1:]) for row in self._echoes]
                 other._damaged = [(other._recording, *row[1:]) for row in self._damaged]
-                other._sessions.noted = self._sessions.noted
                 other.commit()
         except (StoreError, ValueError):  # no room there either
             for part in path.parent.glob(f"{path.name}*"):
@@ -273,14 +242,8 @@ class EchoStore:
 
     @property
     def missing_count(self) -> int:
-        """Numbers missing between the echoes since `begin_recording`, but for those that another recorder stored."""
-        count = self._sessions.missing_count
-        if not count or self._recording not in shared_recordings(self._rows):
-            return count
-        noted = self._noted(f"WHERE recording = {self._recording}")
-        counted = [(one, gap) for one, gap in noted if gap not in self._sessions.before_first]
-        lacking = sum(gap.missing_count for gap in missing_in_store(self._rows, counted))
-        return count - sum(gap.missing_count for _, gap in counted) + lacking
+        """Numbers missing between the echoes that were received since `begin_recording`."""
+        return self._sessions.missing_count
 
     @property
     def echo_count(self) -> int:
@@ -294,18 +257,25 @@ class EchoStore:
 
     def labels(self) -> list[dict[str, str]]:
         """Return the different labels in the store, in the order of their first echo."""
-        found = self._rows("SELECT label FROM echoes GROUP BY label ORDER BY min(id)")
-        return [self._read(rows.label_of, text) for (text,) in found]
+        return [
+            rows.label_of(text) for (text,) in self._rows("SELECT label FROM echoes GROUP BY label ORDER BY min(id)")
+        ]
 
     def echoes(self, label: Mapping[str, str] | None = None) -> Iterator[StoredEcho]:
         """Yield the echoes in the order they were recorded; with `label`, only those with exactly this label."""
         where, values = ("", ()) if label is None else ("WHERE label = ?", (encode_label(label),))
-        for session, host_time, text, *columns in self._rows(f"{rows.READ_ECHOES} {where} ORDER BY id", values):
-            yield self._read(rows.stored_echo, session, host_time, text, *columns)
+        for columns in self._rows(f"{rows.READ_ECHOES} {where} ORDER BY id", values):
+            try:
+                yield rows.stored_echo(*columns)
+            except (TypeError, ValueError, ArithmeticError) as error:  # written by another program, or damaged
+                reason = " ".join(str(error).split())[:200]
+                raise DamagedStoreError(
+                    f"store {self.path}: a row is not that of an echo ({reason}); {KEEP_IT}"
+                ) from None
 
     def gaps(self) -> list[Gap]:
-        """Return the gaps in the numbers, in the order they were noticed."""
-        return missing_in_store(self._rows, self._noted())
+        """Return the numbers that the store lacks, whoever recorded them, in the order they were noticed."""
+        return [Gap(*row) for row in self._rows("SELECT * FROM gaps")]
 
     def snapshot(self) -> AbstractContextManager[None]:
         """Return a context in which all reads show the store at one moment, even while a recorder writes."""
@@ -319,33 +289,16 @@ class EchoStore:
         return transaction(self._connection, "BEGIN IMMEDIATE", self.path)
 
     def _rows(self, query: str, values: tuple = ()) -> Iterator[tuple]:
-        with described_errors(self.path, self._connection):
+        with described_errors(self.path):
             # Not `yield from` the cursor: an abandoned generator would close it, perhaps after the file is closed.
             yield from iter(self._connection.execute(query, values).fetchone, None)
-
-    def _read(self, make: Callable[..., Made], *columns: Any) -> Made:
-        """Convert columns; another program, or damage that SQLite does not notice, may have put anything there.
-
-        Raises:
-            DamagedStoreError: The columns cannot be converted.
-        """
-        try:
-            return make(*columns)
-        except (TypeError, ValueError, ArithmeticError, RecursionError) as error:
-            reason = " ".join(str(error).split())[:200]
-            raise DamagedStoreError(f"store {self.path}: a row is not that of an echo ({reason}); {KEEP_IT}") from None
-
-    def _noted(self, where: str = "") -> list[tuple[int, Gap]]:
-        columns = "recording, session, after_sequence, before_sequence, missing_count"
-        found = self._rows(f"SELECT {columns} FROM gaps {where} ORDER BY id")
-        return [self._read(lambda one, *numbers: (int(one), Gap(*map(int, numbers))), *row) for row in found]
 
     def _is_stored(self, key: tuple[int, int, int]) -> bool:
         query = "SELECT 1 FROM echoes WHERE sequence = ? AND device_time_us = ? AND crc32 = ?"
         try:  # called for each frame, so the error handling must cost nothing in the usual case
             return self._connection.execute(query, key).fetchone() is not None
         except sqlite3.DatabaseError:
-            with described_errors(self.path, self._connection):
+            with described_errors(self.path):
                 raise
 
     def _last_echo(self, port: str, protocol: str) -> Followed | None:

@@ -1,55 +1,117 @@
-"""A store's file: its SQLite address, after checking how it may be opened, and a copy of one that lost its name."""
+"""The file of an echo store: how SQLite opens it, its errors in words, and a copy of one that lost its name."""
 
-import contextlib
 import os
 import sqlite3
 import tempfile
+from collections.abc import Iterator
+from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 
-from aerokernels.process.fault_text import FileFault
+from aerokernels.process.foreign_files import FileFault
+
+# Remedy for a damaged store.
+KEEP_IT = "keep the file, recover its content with `sqlite3 FILE .recover`, and record into a new file"
 
 
-def store_address(path: Path, *, read_only: bool) -> str:
-    """Return the address by which SQLite opens a store.
+class StoreError(RuntimeError):
+    """The store cannot be read or written; the message is one line with the reason and the remedy."""
 
-    A finished store in a read-only folder (an archive) is opened without the log that SQLite otherwise creates beside
-    it: nobody can be writing there.
+    def __init__(self, message: str):
+        """Put the message on one line: SQLite quotes the schema of a damaged file with its line breaks."""
+        super().__init__(" ".join(message.split()))
+
+
+class LockedStoreError(StoreError):
+    """Another program keeps the file locked; a later try may succeed."""
+
+
+class DamagedStoreError(StoreError, FileFault):
+    """The file's content is damaged; the message names the file."""
+
+
+def open_file(path: Path, *, read_only: bool, wait: float) -> sqlite3.Connection:
+    """Open or create a store's file, in autocommit mode.
+
+    A finished store in a folder that may not be written (an archive) is opened without the log that SQLite otherwise
+    creates beside it: nobody can be writing there.
 
     Args:
         path: the file.
         read_only: open for reading only; otherwise the file is created if it does not exist.
+        wait: longest time to wait for another program that has locked the file [s].
 
     Raises:
-        ValueError: the file or its folder does not exist, is not a file, or may not be written.
+        FileFault: there is no such file or folder.
+        sqlite3.Error: SQLite cannot open it.
     """
     if not path.parent.is_dir():
         raise FileFault(f"store {path}: folder {path.parent} does not exist; make it first")
-    address = path.absolute().as_uri()
-    if not read_only:
-        if path.exists() and not path.is_file():
-            raise FileFault(f"store {path}: a folder or a device, not a file; give another file name")
-        if path.is_file() and not os.access(path, os.W_OK):
-            raise FileFault(f"store {path}: no permission to write it; allow it, or give another file name")
-        if not os.access(path.resolve().parent, os.W_OK):
-            raise FileFault(
-                f"store {path}: no permission to write in its folder, where SQLite keeps the store's log; allow it, or "
-                "give a file in another folder"
-            )
-        return f"{address}?mode=rwc"
-    if not path.is_file():
-        if path.exists():
-            raise FileFault(f"store {path}: a folder or a device, not a file; give the file that `record` wrote")
+    if path.exists() and not path.is_file():
+        raise FileFault(f"store {path}: a folder or a device, not a file; give the file that `record` wrote")
+    if read_only and not path.exists():
         raise FileFault(f"store {path}: no such file; record one with `aerokernels record --store`")
-    file = path.resolve()  # SQLite creates the log beside the file itself, not beside a link to it
-    log, index = (file.with_name(f"{file.name}-{end}") for end in ("wal", "shm"))
-    is_closed = not os.access(file.parent, os.W_OK)
-    archived = is_closed and not (log.exists() and log.stat().st_size)
-    if is_closed and not archived and not index.exists():
-        raise FileFault(
-            f"store {path}: some of its echoes are in {log.name} beside it, which can only be read in a folder that "
-            "may be written; copy both files to one"
-        )
-    return f"{address}?mode=ro{'&immutable=1' if archived else ''}"
+    address = f"{path.absolute().as_uri()}?mode={'ro' if read_only else 'rwc'}"
+    file = path.resolve()
+    log = file.with_name(f"{file.name}-wal")
+    if read_only and not os.access(file.parent, os.W_OK) and not (log.exists() and log.stat().st_size):
+        address += "&immutable=1"
+    return sqlite3.connect(address, uri=True, timeout=wait, isolation_level=None)
+
+
+@contextmanager
+def described_errors(path: Path) -> Iterator[None]:
+    """Turn SQLite's errors into errors that name the file and the remedy, by SQLite's own codes.
+
+    Raises:
+        StoreError: the file could not be read or written; `DamagedStoreError` where its content is damaged,
+            `LockedStoreError` where another program keeps it locked.
+        FileFault: the store was closed, is no SQLite file, or may not be opened or written.
+    """
+    try:
+        yield
+    except sqlite3.Error as error:
+        code = getattr(error, "sqlite_errorcode", 0) & 0xFF  # the primary code; 0 for an error of the module itself
+        if code in (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED):
+            raise LockedStoreError(
+                f"store {path}: another program keeps it locked; what was committed is safe: close the file there, or "
+                "wait until that program has finished, then record again into the same store"
+            ) from error
+        if code in (sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR):
+            raise StoreError(
+                f"store {path}: {error}; what was committed is safe: make room, then record again into the same store"
+            ) from error
+        if code == sqlite3.SQLITE_CORRUPT:
+            raise DamagedStoreError(f"store {path}: {error}; {KEEP_IT}") from error
+        remedies = {
+            sqlite3.SQLITE_NOTADB: "give an echo store or a new file name",
+            sqlite3.SQLITE_CANTOPEN: "give a file in a folder that may be written, where SQLite keeps the store's log",
+            sqlite3.SQLITE_READONLY: "allow to write it and its folder, or give another file name",
+            sqlite3.SQLITE_ERROR: "give the file that `record` wrote",
+        }
+        if code in remedies:
+            raise FileFault(f"store {path}: {' '.join(str(error).split())}; {remedies[code]}") from error
+        if isinstance(error, sqlite3.ProgrammingError) and "closed" in str(error):
+            raise FileFault(f"store {path}: it is closed; open it again") from None
+        raise  # a fault of this program, not of the file
+
+
+@contextmanager
+def transaction(connection: sqlite3.Connection, begin: str, path: Path) -> Iterator[None]:
+    """Commit all statements of the block or, after an error, none; raises the errors of `described_errors`.
+
+    Args:
+        connection: in autocommit mode.
+        begin: "BEGIN IMMEDIATE" to write, "BEGIN" to read.
+        path: the file, for the message.
+    """
+    with described_errors(path):
+        connection.execute(begin)
+        try:
+            yield
+            connection.execute("COMMIT")
+        finally:
+            if connection.in_transaction:
+                connection.execute("ROLLBACK")
 
 
 def file_identity(path: Path) -> tuple[int, int] | None:
@@ -62,27 +124,22 @@ def file_identity(path: Path) -> tuple[int, int] | None:
 
 
 def save_copy(connection: sqlite3.Connection, path: Path) -> str:
-    """Write the content of an open store whose file no longer has its name to a new file; return a sentence about it.
+    """Write the content of an open store whose file lost the name `path` to a new file; return a sentence about it.
 
-    A file that was moved is completed, too: its log, which keeps the old name, is merged into it.
-
-    Args:
-        connection: the open store, outside a transaction.
-        path: the name that the file had; the copy is beside it, or in the folder for temporary files.
+    The copy is beside the old name or, if that is impossible, in the folder for temporary files. A file that was moved
+    is completed, too: its log, which keeps the old name, is merged into it.
     """
     lost = "the file was moved, replaced or deleted while echoes were written to it"
     fault: object = "no folder to copy them to"
-    with contextlib.suppress(sqlite3.Error):
+    with suppress(sqlite3.Error):
         connection.execute("PRAGMA wal_checkpoint(TRUNCATE)")
-    for folder in (path.parent, Path(tempfile.gettempdir())):
-        if not (folder.is_dir() and os.access(folder, os.W_OK)):
-            continue
+    for folder in filter(Path.is_dir, (path.parent, Path(tempfile.gettempdir()))):
         # Never the old name itself: the open store's log still has it, and SQLite would take it for the new file's.
         copy = free_name(folder, path, "saved")
         try:
-            with contextlib.closing(sqlite3.connect(copy)) as target:
+            with closing(sqlite3.connect(copy)) as target:
                 connection.backup(target)
-        except sqlite3.Error as error:  # no room there
+        except sqlite3.Error as error:  # no room there, or no permission
             fault = error
             copy.unlink(missing_ok=True)
         else:

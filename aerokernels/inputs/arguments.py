@@ -12,6 +12,9 @@ single numbers arrive as Python's floats, whatever they are: NumPy computes in s
 
 Numbers of the right kind that make a computation overflow (1e300) raise a ValueError that names them. The function
 itself checks whether a number makes sense, and checks parameters that are objects of a class.
+
+Parameters that many functions share are entries of a TypedDict: `**options: Unpack[TraceOptions]` takes each as a
+keyword, which `inspect.signature` shows with its default, `TraceOptions.defaults[name]`.
 """
 
 import functools
@@ -20,19 +23,26 @@ import math
 import re
 import traceback
 import typing
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
 
-from ..process.forks import make_forks_safe
-from .binding import Binding
-from .dlpack import only_dlpack, read_by_numpy
-from .doubtful import refuse_half_precision, refuse_masked, refuse_shuffled
-from .kinds import Kinds, is_number, members_of, shown
-from .kinds import Numbers as Numbers  # public functions take both names from here
+from aerokernels.inputs.kinds import (
+    Kinds,
+    is_number,
+    members_of,
+    only_dlpack,
+    read_by_numpy,
+    refuse_half_precision,
+    refuse_masked,
+    refuse_shuffled,
+    shown,
+)
+from aerokernels.inputs.kinds import Numbers as Numbers
+from aerokernels.process.opened import make_forks_safe
 
 F = TypeVar("F", bound=Callable[..., Any])
 # Beyond these, squares and products of four numbers leave float64's range; no physical quantity is near them.
@@ -73,7 +83,7 @@ def _looking(function: Callable, name: str, described: Callable, documented: Any
             make_forks_safe()
             for parameter, kinds in _taken(function, documented).items():
                 (objects if kinds.has_classes else takes)[parameter] = kinds
-            binding = Binding(inspect.signature(described()))
+            binding = Binding(_signature(described()))
         try:
             arguments = binding.bind(given, named)
         except TypeError:
@@ -125,7 +135,33 @@ def _looking(function: Callable, name: str, described: Callable, documented: Any
                 raise ValueError(_out_of_range(name, arguments, error)) from error
             raise
 
+    if has_options(function):
+        call.__signature__ = _signature(function)  # type: ignore[attr-defined]
     return call
+
+
+def has_options(function: Callable) -> bool:
+    """Whether a function takes the entries of a TypedDict as keywords."""
+    return any(_is_shared(kind) for kind in getattr(function, "__annotations__", {}).values())
+
+
+def _is_shared(annotation: Any) -> bool:
+    return typing.get_origin(annotation) is typing.Unpack
+
+
+def _signature(function: Callable) -> inspect.Signature:
+    """The signature of a function, with the entries of a TypedDict in place of `**options: Unpack[...]`."""
+    signature = inspect.signature(function)
+    parameters: list[inspect.Parameter] = []
+    for one in signature.parameters.values():
+        if not _is_shared(one.annotation):
+            parameters.append(one)
+            continue
+        (options,) = typing.get_args(one.annotation)
+        for name, kind in options.__annotations__.items():
+            new = inspect.Parameter(name, one.KEYWORD_ONLY, default=options.defaults[name], annotation=kind)
+            parameters.append(new)
+    return signature.replace(parameters=parameters)
 
 
 def _unknown_name(signature: inspect.Signature, named: Iterable[str]) -> str:
@@ -177,7 +213,10 @@ def units_in(text: str) -> dict[str, str]:
 
 def _taken(function: Callable, documented: Any) -> dict[str, Kinds]:
     """Return the kinds that each parameter accepts, if all of them are known."""
-    units = units_in("\n".join(filter(None, [documented.__doc__, function.__doc__])))
+    shared = [
+        typing.get_args(kind)[0] for kind in getattr(function, "__annotations__", {}).values() if _is_shared(kind)
+    ]
+    units = units_in("\n".join(filter(None, [one.__doc__ for one in (documented, function, *shared)])))
     found = {}
     for name, annotation in _annotations(function, documented).items():
         members = members_of(annotation)
@@ -191,6 +230,9 @@ def _annotations(function: Callable, documented: Any) -> dict[str, Any]:
     names = getattr(inspect.unwrap(function), "__globals__", {})
     if isinstance(documented, type):  # a dataclass's __init__ does not have its module's globals
         names = vars(inspect.getmodule(documented))
+    if has_options(function):
+        (options,) = typing.get_args(next(filter(_is_shared, found.values())))
+        found |= options.__annotations__
     for name, annotation in found.items():
         if isinstance(annotation, str):
             try:
@@ -206,3 +248,44 @@ def seconds(values: np.ndarray) -> np.ndarray:
         return np.asarray(values, dtype=np.float64)
     since = values - values[:1] if values.dtype.kind == "M" else values
     return np.asarray(since / np.timedelta64(1, "s"), dtype=np.float64)
+
+
+class Binding:
+    """The parameters of a function.
+
+    Attributes:
+        signature: The function's signature.
+    """
+
+    def __init__(self, signature: inspect.Signature):
+        """Sort the parameters."""
+        self.signature = signature
+        parameters = signature.parameters.values()
+        self._plain = all(
+            each.kind in (inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY)
+            for each in parameters
+        )
+        self._in_order = [each.name for each in parameters if each.kind is inspect.Parameter.POSITIONAL_OR_KEYWORD]
+        self._names = [each.name for each in parameters]
+        self._known = set(self._names)
+        self._needed = {each.name for each in parameters if each.default is inspect.Parameter.empty}
+        in_order = all(
+            each.kind is inspect.Parameter.POSITIONAL_OR_KEYWORD for each in parameters if each.name in self._needed
+        )
+        self._least = len(self._needed) if in_order else len(parameters) + 1  # positions that are enough without names
+
+    def bind(self, given: tuple[Any, ...], named: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the arguments by name, in the order of the parameters, without defaults.
+
+        Raises:
+            TypeError: They do not fit the parameters.
+        """
+        if self._plain and len(given) <= len(self._in_order):
+            arguments = dict(zip(self._in_order, given, strict=False))
+            if not named and len(given) >= self._least:
+                return arguments
+            count = len(arguments) + len(named)
+            arguments.update(named)
+            if len(arguments) == count and self._needed <= arguments.keys() <= self._known:
+                return {name: arguments[name] for name in self._names if name in arguments}
+        return dict(self.signature.bind(*given, **named).arguments)

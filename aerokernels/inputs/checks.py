@@ -2,13 +2,16 @@
 
 import math
 import os
-from collections.abc import Collection
+import sys
+import warnings
+from collections.abc import Collection, Iterable
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from .kinds import as_whole
+from aerokernels.inputs.kinds import as_whole
 
 # Deviation of the sample spacing, relative to the sample period, above which a record counts as uneven.
 UNEVENNESS = 1e-3
@@ -195,3 +198,28 @@ def _as_number(value: Any, name: str) -> float:
         return float(value)
     except (TypeError, ValueError, OverflowError):
         raise TypeError(f"{name} must be one number, got {value!r}") from None
+
+
+MOST_NAMES, LONGEST_NAME = 20, 60  # names, characters of each
+
+
+def listed(names: Iterable[object], none: str = "nothing") -> str:
+    """Return the first names, shortened, and how many more there are; `none` where there are none."""
+    every = iter(names)
+    first = [
+        name if len(name) <= LONGEST_NAME else f"{name[:LONGEST_NAME]}..."
+        for name in map(str, islice(every, MOST_NAMES))
+    ]
+    left = sum(1 for _ in every)
+    return (", ".join(first) or none) + (f" and {left} more" if left else "")
+
+
+_FOLDER = str(Path(__file__).parents[1]) + os.sep
+
+
+def warn_caller(message: str, category: type[Warning] = UserWarning) -> None:
+    """Warn at the innermost line outside the package that led here, or at the outermost line of the thread."""
+    level, frame = 2, sys._getframe(1)
+    while frame.f_back is not None and frame.f_code.co_filename.startswith(_FOLDER):
+        level, frame = level + 1, frame.f_back
+    warnings.warn(message, category, stacklevel=level)

@@ -3,7 +3,7 @@
 import math
 import types
 import typing
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from numbers import Real
 from typing import TYPE_CHECKING, Any, SupportsFloat, Union
 
@@ -203,3 +203,79 @@ def _remedy(value: Any, members: Sequence[Any]) -> str:
         except ValueError:
             continue
     return ""
+
+
+# DLPack's number of the computer's own memory.
+PROCESSOR = 1
+
+
+def only_dlpack(value: Any) -> bool:
+    """Return whether a value is an array of another library that `numpy.asarray` does not read."""
+    if isinstance(value, type) or not hasattr(value, "__dlpack__"):
+        return False
+    return not (hasattr(value, "__array__") or hasattr(value, "__array_interface__"))
+
+
+def read_by_numpy(values: Iterable[Any]) -> dict[int, np.ndarray]:
+    """Return NumPy arrays, without a copy, of the values in the computer's memory known by DLPack alone, by their ids.
+
+    Values on a device are left to the functions that accept them.
+    """
+    found = {}
+    for value in values:
+        if only_dlpack(value) and int(value.__dlpack_device__()[0]) == PROCESSOR:
+            found[id(value)] = np.from_dlpack(value)
+    return found
+
+
+_ENTRIES = (float, int, str)
+
+
+def refuse_masked(value: Any, name: str) -> None:
+    """Reject an array with masked numbers, because NumPy would compute with the values under the mask.
+
+    Raises:
+        ValueError: Some numbers are masked; the message names the array `name`.
+    """
+    for part in _parts(value):
+        if isinstance(part, np.ma.MaskedArray) and np.ma.is_masked(part):
+            count, within = int(np.ma.count_masked(part)), "" if part is value else "an entry of "
+            raise ValueError(
+                f"{count} of the {part.size} numbers of {within}{name} are masked, so they are not known: fill them "
+                f"in, or leave them out ({name}.filled(value), {name}.compressed())"
+            )
+
+
+def refuse_half_precision(value: Any, name: str) -> None:
+    """Reject an array of half precision: an OPD of nanometres has one digit or none, a position three.
+
+    Raises:
+        ValueError: Its type is float16 or bfloat16; the message names the array `name`.
+    """
+    for part in _parts(value):
+        kind = str(getattr(part, "dtype", ""))
+        if kind.endswith("float16"):
+            within = "" if part is value else "an entry of "
+            raise ValueError(f"{within}{name} is {kind}, which has three digits at most: give float32 or float64")
+
+
+def _parts(value: Any) -> Iterator[Any]:
+    """Yield a value, or the entries of a list or tuple and of those within it, without plain numbers."""
+    if isinstance(value, (list, tuple)):
+        for entry in value:
+            if type(entry) not in _ENTRIES:
+                yield from _parts(entry)
+    else:
+        yield value
+
+
+def refuse_shuffled(arguments: dict[str, Any]) -> None:
+    """Reject pandas columns with the same labels in different orders: their numbers would be paired by position."""
+    labelled = [(name, value.index) for name, value in arguments.items() if hasattr(value, "iloc")]
+    for name, index in labelled[1:]:
+        first, order = labelled[0]
+        if len(index) == len(order) and not index.equals(order) and index.sort_values().equals(order.sort_values()):
+            raise ValueError(
+                f"{first} and {name} have the same labels in different orders, but are paired by position: bring them "
+                f"into one order ({name}.loc[{first}.index]), or drop the labels ({name}.to_numpy())"
+            )

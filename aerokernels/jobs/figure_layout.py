@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from ..process.fault_text import fault_text
+from aerokernels.process.foreign_files import fault_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -17,18 +17,14 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from aerokernels.display.plain_text import plain_json
-from aerokernels.files.drafts import FULL, OutputError, draft_of, replacing
-from aerokernels.files.netcdf_file import write_netcdf
 from aerokernels.files.netcdf_reading import open_netcdf
-from aerokernels.files.one_writer import only_writer
+from aerokernels.files.writing import FULL, OutputError, draft_of, only_writer, replacing, write_netcdf
 
 if TYPE_CHECKING:
     import xarray
 
 RESULT_FILE, SUMMARY_FILE, REPORT_FILE = "result.nc", "summary.json", "report.html"
 MAPS_FILE = "series.zarr"
-# Keys of summary.json whose numbers are between 0 and 1.
-RATIO_KEYS = ("strehl", "strehl_marechal", "echo_strehl")
 Made = TypeVar("Made")
 COMPLETE = ".result.complete"  # hidden folder with a complete result, inside the folder into which it is moved
 

@@ -18,10 +18,9 @@ from importlib import import_module
 from pathlib import Path
 from typing import IO, Any, NamedTuple
 
-from .fault_text import FileFault
-from .machine import address_space, host_memory, python_child
-from .opened import OPENED
-from .own_files import LISTS, check_own_files
+from aerokernels.process.foreign_files import LISTS, FileFault, check_own_files
+from aerokernels.process.machine import address_space, host_memory, python_child
+from aerokernels.process.opened import OPENED
 
 # A damaged file may announce more than it holds. The limits of memory and time are therefore proportional to the file's
 # size, with room for compressed data. Files that only list other files may use most of the machine's memory.

@@ -1,9 +1,9 @@
-"""Turn signals into an exception that never interrupts an import or a file being written, or into a flag.
+"""Signals as an exception that never interrupts an import or a file being written, or as a flag; and closed streams.
 
 Python runs a signal handler between any two of its steps. An exception raised by the handler within an import can leave
-Python's import lock taken, so that other threads wait for ever. Raised in a callback, the exception is printed and
-lost. Raised in code that `exec` got as text, it makes Python end by SIGINT whatever exit status was requested.
-Libraries whose C code calls Python may crash if an exception passes through them.
+Python's import lock taken, so that other threads wait for ever. Raised in code that `exec` got as text, it makes Python
+end by SIGINT whatever exit status was requested. Libraries whose C code calls Python may crash if an exception passes
+through them, with results half-written. There a signal waits.
 """
 
 import atexit
@@ -14,15 +14,11 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
-from typing import Any
 
 STOPPING = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
 """Signals by which a user, a batch system or a closing terminal requests a command to end."""
 
-RUN_TEXT = "<module>", "<string>"  # name and file of code that `exec` got as text
-# Libraries that may finish first: a crash while they write results leaves the results half-written.
-FINISHING = tuple(f"{os.sep}{name}{os.sep}" for name in ("h5py", "h5netcdf", "matplotlib"))
-AGAIN = 0.02  # [s] after which a postponed signal is tried again
+WAITED_FOR = ("<frozen importlib", *(f"{os.sep}{name}{os.sep}" for name in ("h5py", "h5netcdf", "matplotlib")))
 
 
 def heeded(number: int) -> bool:
@@ -43,35 +39,25 @@ def raise_interrupts() -> list[int]:
     raised: list[int] = []
     waiting: list[int] = []
     base = sys._getframe(1)
-    unraisable = sys.unraisablehook
-
-    def later(number: int) -> None:
-        waiting[:] = [number]
-        signal.setitimer(signal.ITIMER_REAL, AGAIN)
+    can_wait = hasattr(signal, "setitimer")
 
     def stop(number: int, frame: FrameType | None) -> None:
-        if hasattr(signal, "setitimer") and _would_harm(frame, base):
-            later(number)
+        if can_wait and _would_harm(frame, base):
+            waiting[:] = [number]
+            signal.setitimer(signal.ITIMER_REAL, 0.02)
             return
         raised.append(number)
         raise KeyboardInterrupt
 
-    def again(_number: int, frame: FrameType | None) -> None:
+    def again(_: int, frame: FrameType | None) -> None:
         if waiting:
             stop(waiting.pop(), frame)
 
-    def lost(what: Any) -> None:
-        if what.exc_type is KeyboardInterrupt and raised and hasattr(signal, "setitimer"):
-            later(raised.pop())
-        else:
-            unraisable(what)
-
     for number in filter(heeded, STOPPING):
         signal.signal(number, stop)
-    if hasattr(signal, "setitimer"):
+    if can_wait:
         signal.signal(signal.SIGALRM, again)
         atexit.register(signal.setitimer, signal.ITIMER_REAL, 0.0)  # at its exit Python forgets its handlers
-    sys.unraisablehook = lost
     return raised
 
 
@@ -79,9 +65,8 @@ def _would_harm(frame: FrameType | None, base: FrameType) -> bool:
     """Return whether an exception in this frame would interrupt protected code above `base`."""
     while frame is not None and frame is not base:
         code = frame.f_code
-        if code.co_filename.startswith("<frozen importlib") or (code.co_name, code.co_filename) == RUN_TEXT:
-            return True
-        if any(library in code.co_filename for library in FINISHING):
+        text = (code.co_name, code.co_filename) == ("<module>", "<string>")  # code that `exec` got as text
+        if text or any(name in code.co_filename for name in WAITED_FOR):
             return True
         frame = frame.f_back
     return False
@@ -116,3 +101,20 @@ def interrupt_flag() -> Iterator[threading.Event]:
             signal.signal(number, handler)
         if is_handed_on:
             signal.raise_signal(seen[0])
+
+
+def open_closed_streams() -> None:
+    """Open the null device for each standard stream that the process was started without, for C and for Python.
+
+    The next file to be opened would take the number of a closed stream, and what a library in C prints would be written
+    into that file.
+    """
+    streams = ("stdin", "r"), ("stdout", "w"), ("stderr", "w")  # of the file descriptors 0, 1 and 2
+    for number in range(len(streams)):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.set_inheritable(os.open(os.devnull, os.O_RDWR), True)  # gets the lowest free number, which is this one
+    for number, (name, mode) in enumerate(streams):
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(number, mode, encoding="utf-8", errors="replace", closefd=False))

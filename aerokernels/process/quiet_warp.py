@@ -11,11 +11,9 @@ from pathlib import Path
 
 import warp as wp
 
-from .opened import OPENED
-from .spare_cache import NoCacheError, spare_cache, temporary_folder, why_misread, why_untrusted, why_unusable
-from .warp_cache import lend_modules, remove_damaged
+from aerokernels.process.kernel_cache import lend_modules, remove_damaged, spare_cache, why_untrusted, why_unusable
 
-FLAGS = "AEROKERNELS_WARP_FLAGS"
+from .opened import OPENED
 
 
 def start_warp() -> None:
@@ -46,35 +44,22 @@ def open_device(name: str) -> wp.Device:
 def _start() -> None:
     wp.config.quiet = True
     wp.config.log_level = wp.LOG_WARNING
-    if os.environ.get(FLAGS):
-        wp.config.cpu_compiler_flags = os.environ[FLAGS]
+    if flags := os.environ.get("AEROKERNELS_WARP_FLAGS"):
+        wp.config.cpu_compiler_flags = flags
     usual = None
     try:
         _silently(wp.init)
         usual = Path(wp.config.kernel_cache_dir)
-        why = why_unusable(usual) or why_untrusted(usual) or why_misread(usual)
+        why = why_unusable(usual) or why_untrusted(usual)
     except OSError as error:
         why = f"Warp's kernel cache cannot be made ({error})"
-    place = _spare(why, usual) if why else str(usual)
-    folder = temporary_folder()
-    if place and (folder is None or why_unusable(folder) or why_misread(folder)):
-        wp.config.use_precompiled_headers = False  # Warp keeps them there; without, a module has another name
-    if why and place:
+    if why:
+        place = spare_cache("warp", why)
         wp.config.kernel_cache_dir = place
         _silently(wp.init)
         if usual is not None:
             lend_modules(usual, Path(place))
     remove_damaged(Path(wp.config.kernel_cache_dir))
-
-
-def _spare(why: str, usual: Path | None) -> str:
-    """Return a folder for the kernels; "" if there is none, but the usual folder holds some and only takes no more."""
-    try:
-        return spare_cache("warp", why)
-    except NoCacheError:
-        if usual is None or os.access(usual, os.W_OK):
-            raise
-        return ""
 
 
 def _silently(call: Callable[[], None]) -> None:

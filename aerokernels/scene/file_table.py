@@ -8,7 +8,7 @@ from .values import Angle, Density, Length, Number, Pressure, Table, Temperature
 
 
 def _axis(value: str) -> str:
-    from ..flow.reading.frame import direction
+    from aerokernels.flow.reading.frame import direction
 
     direction(value, "axis")
     return value
@@ -17,7 +17,7 @@ def _axis(value: str) -> str:
 def _length_unit(value: Any) -> str | None:
     if value is None:
         return None
-    from ..flow.reading.read import unit_of_length
+    from aerokernels.flow.reading.read import unit_of_length
 
     if not isinstance(value, (str, float, int)) or isinstance(value, bool):
         raise ValueError("give a unit such as 'mm', or a length such as '2.5 mm'")

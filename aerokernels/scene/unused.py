@@ -2,7 +2,8 @@
 
 from pydantic import BaseModel
 
-from ..inputs.warned import warn_caller
+from aerokernels.inputs.checks import warn_caller
+
 from .scene import Scene
 
 _LASER = ("atmosphere", "beam", "detector", "strehl", "target")

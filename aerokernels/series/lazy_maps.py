@@ -16,7 +16,7 @@ from xarray.core.indexing import (
     explicit_indexing_adapter,
 )
 
-from aerokernels.process.fault_text import fault_text
+from aerokernels.process.foreign_files import fault_text
 
 
 class _Map(BackendArray):

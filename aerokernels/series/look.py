@@ -16,21 +16,21 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from aerokernels import __version__
+from aerokernels.inputs.checks import warn_caller
 
 from ..flow import DensityField, Series
 from ..inputs.arguments import checked
 from ..inputs.kinds import shown
-from ..inputs.warned import warn_caller
 from ..inputs.wavelength import DEFAULT_WAVELENGTH
 from ..medium import IndexField
 from ..pupils import direction_of
 from ..rays import RayBundle
 from ..strehl.estimate import PreparedStrehl
-from ..strehl.sums import NoRayArrived
-from ..tracing.flow_ends import flow_ends
-from ..tracing.meeting import NoRayMeetsField
-from ..tracing.pupil.radial_quadrature import asymmetry
-from ..wavefront.pupil_numbers import NUMBERS
+from ..strehl.ratio import NoRayArrived
+from ..tracing.cuts import flow_ends
+from ..tracing.lines import NoRayMeetsField
+from ..tracing.pupil.quadrature import asymmetry
+from ..wavefront.terms import NUMBERS
 from .look_batch import batch_looks, can_batch
 from .look_errors import Look, numbers_of, tell_errors
 

@@ -19,16 +19,15 @@ import numpy as np
 from ..device_arrays.pinned import to_host
 from ..medium import IndexField
 from ..process.opened import OPENED
-from ..pupils.vectors import transverse_frames
+from ..pupils.base import transverse_frames
 from ..rays import RayBundle
 from ..strehl.budget import sampling_of
 from ..tracing import Plane
 from ..tracing.cuts import lost
 from ..tracing.lines import box_span
 from ..tracing.pupil.air import GREATEST_SHARE, PAST_TOLD
-from ..tracing.variants.causes import Variants, sample_rows
-from ..tracing.variants.spread import errors
-from ..wavefront.pupil_numbers import PupilNumbers
+from ..tracing.variants.causes import Variants, errors, sample_rows
+from ..wavefront.terms import PupilNumbers
 from .look_errors import Look, few_of, numbers_of
 from .snapshot import gpu_of
 from .straight_variants import straight_variants

@@ -4,12 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..display.error_budget import combine
-from ..tracing.variants.causes import Variants
-from ..tracing.variants.rays import Rays
-from ..tracing.variants.spread import errors, of_a_ray
-from ..wavefront.pupil_numbers import PupilNumbers
-from ..wavefront.terms import fit_tilt, remove_terms, weighted_mean
+from ..display.quantities import combine
+from ..tracing.variants.causes import Variants, errors, of_a_ray
+from ..tracing.variants.paths import Rays
+from ..wavefront.terms import PupilNumbers, fit_tilt, remove_terms, weighted_mean
 
 # The numbers, in order; and with the optical path difference of a ray, what has an error.
 NAMES = ("strehl", "boresight_x", "boresight_y", "piston", "opd_rms", "opd_rms_with_tilt")

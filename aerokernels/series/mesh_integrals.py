@@ -12,9 +12,10 @@ from typing import Any
 import numpy as np
 from scipy import sparse
 
+from aerokernels.medium.averages.kept_averages import conserving_values, cut_and_kept
+
 from ..device_arrays import host_array
 from ..medium import QuadMesh
-from ..medium.averages.kept_averages import conserving_values, cut_and_kept
 from ..medium.grid import local_coordinates
 from ..medium.refined import cells_of_four, quarters
 from .line_integrals import NotLinearError

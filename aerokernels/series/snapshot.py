@@ -14,20 +14,22 @@ from typing import Any
 
 import numpy as np
 
+from aerokernels.inputs.kinds import refuse_half_precision
+
 from ..device_arrays import host_array
 from ..flow import DensityField, Series, refractivity_model
 from ..flow.gas import GREATEST_DENSITY, LEAST_DENSITY
-from ..inputs.doubtful import refuse_half_precision
 from ..medium import IndexField, QuadMesh
 from ..medium.refined import has_seam
-from ..rays import Pupil, RayBundle
-from ..tracing.beyond import plane_beyond, way_beyond
+from ..pupils.base import Pupil
+from ..rays import RayBundle
 from ..tracing.engines.choice import choose_backend
 from ..tracing.engines.info import cuda_driver_loads
 from ..tracing.pupil.air import PupilAir, pupil_air
+from ..tracing.stop import plane_beyond, way_beyond
 from ..tracing.trace import trace
 from ..tracing.variants.causes import Variants, few_rows, sample_size
-from ..tracing.variants.rays import Rays
+from ..tracing.variants.paths import Rays
 from ..wavefront import remove_terms
 from .bending import bending
 from .device_copies import DeviceSamples

@@ -17,10 +17,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from aerokernels.files.drafts import FULL, OutputError
-from aerokernels.files.one_writer import only_writer
+from aerokernels.files.writing import FULL, OutputError, only_writer
 from aerokernels.files.zarr_codecs import check_codecs
-from aerokernels.process.fault_text import FileFault, fault_text
+from aerokernels.process.foreign_files import FileFault, fault_text
 
 from .journal import DamagedError, OtherSeriesError, line_of, read_journal
 from .nearest_errors import nearest_in_time

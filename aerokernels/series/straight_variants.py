@@ -8,15 +8,15 @@ import numpy as np
 from ..medium import IndexField
 from ..rays import RayBundle
 from ..tracing import Plane
-from ..tracing.allowance import step_allowance
 from ..tracing.cuts import lost
 from ..tracing.engines.choice import choose_backend
 from ..tracing.plan import TracePlan
 from ..tracing.planning import backend_for
+from ..tracing.step_bound import step_allowance
 from ..tracing.stop import stop_distance
 from ..tracing.trace import rerun
 from ..tracing.variants.causes import Run, Variants, variants
-from ..tracing.variants.rays import Rays
+from ..tracing.variants.paths import Rays
 
 
 def straight_variants(

@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from aerokernels import __version__
+from aerokernels.flow.reading.arrays import stated_unit
+from aerokernels.inputs.checks import warn_caller
+from aerokernels.inputs.units import unit_of
 
 from ..flow import Series
-from ..flow.reading.array_units import stated_unit
 from ..inputs.arguments import checked, seconds
 from ..inputs.checks import check_count, check_positive
-from ..inputs.warned import warn_caller
 from ..inputs.wavelength import DEFAULT_WAVELENGTH, check_wavelength
-from ..inputs.written_units import unit_of
 from ..wavefront import weighted_mean
 from .linking import NotLinkedError
 from .model_errors import add_model_errors

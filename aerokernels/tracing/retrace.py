@@ -14,8 +14,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from aerokernels.inputs.checks import warn_caller
+
 from ..device_arrays import rows_beside, rows_where
-from ..inputs.warned import warn_caller
 from ..medium import IndexField
 from ..rays import RayBundle
 from .error_limit import error_limit

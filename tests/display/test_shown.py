@@ -5,7 +5,7 @@ import pytest
 
 from aerokernels import Disc, IndexField, Plane, RayBundle, Wavefront, flow, trace
 from aerokernels.display.shown import described
-from aerokernels.hardware.csv_cells import csv_cell
+from aerokernels.hardware.export import csv_cell
 
 
 @pytest.fixture(scope="module")

@@ -13,9 +13,9 @@ from pathlib import Path
 
 import numpy as np
 
-from aerokernels.flow.reading.calling import read_here
 from aerokernels.flow.reading.dataset import Dataset, ReadError, with_all_points
 from aerokernels.flow.reading.density import Reference, beside_the_flow, block_density, choose_density
+from aerokernels.flow.reading.formats import read_here
 from aerokernels.flow.reading.readers.foam_file import FoamFile
 from aerokernels.process.opened import OPENED
 

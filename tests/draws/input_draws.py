@@ -21,10 +21,9 @@ from typing import Any
 import numpy as np
 from cobs import cobs
 
-from aerokernels.hardware.blocks import Block, BlockDecoder, TextLine
-from aerokernels.hardware.decoder import DamagedPiece, FrameDecoder
-from aerokernels.hardware.frames import GREATEST_FRAME_LENGTH, EchoFrame
+from aerokernels.hardware.frames import GREATEST_FRAME_LENGTH, DamagedPiece, EchoFrame, FrameDecoder
 from aerokernels.hardware.preamble import PreambleError, parse_rigol, parse_tektronix
+from aerokernels.hardware.scope import Block, BlockDecoder, TextLine
 from aerokernels.process.opened import OPENED
 from aerokernels.scene import Scene, SceneError
 from aerokernels.scene.errors import known_keys

@@ -14,16 +14,14 @@ from typing import Any
 
 import numpy as np
 
-from aerokernels.flow.reading.array_names import plain_name
-from aerokernels.flow.reading.array_units import length_of, unit_of_array
+from aerokernels.flow.reading.arrays import length_of, plain_name, unit_of_array
 from aerokernels.flow.reading.dataset import ReadError
 from aerokernels.flow.reading.fractions import species_arrays
 from aerokernels.flow.reading.readers.foam_case import times_of, unit_in_words
 from aerokernels.flow.reading.readers.tecplot_text import coordinate_columns
 from aerokernels.flow.reading.readers.vtk_collections import collection
-from aerokernels.inputs.units import DIMENSIONS, quantity
-from aerokernels.inputs.written_units import DIMENSIONS as WRITTEN
-from aerokernels.inputs.written_units import in_brackets
+from aerokernels.inputs.units import DIMENSIONS, in_brackets, quantity
+from aerokernels.inputs.units import EXPONENTS as WRITTEN
 from aerokernels.series.store import ZarrStore
 from aerokernels.series.store_arrays import KEPT
 

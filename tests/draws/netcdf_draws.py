@@ -15,14 +15,14 @@ from typing import Any
 import numpy as np
 
 from aerokernels.echo.stored import echo_of_result
-from aerokernels.files.netcdf_lazy import FileVariable, dataset_of, errors_naming
-from aerokernels.flow.reading.readers.labelled import labelled_dataset
+from aerokernels.files.netcdf_reading import FileVariable, dataset_of, errors_naming
+from aerokernels.flow.reading.readers.netcdf import labelled_dataset
 from aerokernels.flow.series_files import series_of_dataset
 from aerokernels.jobs.recorded import waveforms
 from aerokernels.jobs.run_folder import RunFolder, match_runs, run_of
 from aerokernels.medium import IndexField
 from aerokernels.wavefront import Wavefront
-from aerokernels.wavefront.data import SIGN_CONVENTION
+from aerokernels.wavefront.result import SIGN_CONVENTION
 
 from .flow_draws import check_dataset
 from .input_draws import NUMBERS, TEXTS, Draw

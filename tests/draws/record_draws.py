@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from aerokernels.hardware.rows import echo_of, label_of
+from aerokernels.hardware.rows import stored_echo
 from aerokernels.jobs.recorded import LEAST_SAMPLES, RecordedEcho, checked, waveforms
 
 from .input_draws import Draw
@@ -43,7 +43,7 @@ def row(draw: random.Random, folder: Path) -> bool:
     """A row of a store, in which SQLite may hold any values."""
     scope = draw.random() < 0.5
     columns: list[Any] = [
-        7, None if scope else 1000, 250.0 if scope else 250, 0.0, 1e-3, 0.1, draw.randbytes(2 * SAMPLES), 0, 0,
+        7, None if scope else 1000, 250.0 if scope else 250, 0.0, 1e-3, 0.1, draw.randbytes(2 * SAMPLES), 0,
         "YMULT 1" if scope else None, b"",
     ]  # fmt: skip
     text: Any = '{"mach": "3"}'
@@ -55,7 +55,8 @@ def row(draw: random.Random, folder: Path) -> bool:
         else:
             text = odd
     try:
-        label, frame = label_of(text), echo_of(*columns)
+        echo = stored_echo(1, 0, text, *columns)
+        label, frame = echo.label, echo.frame
     except (TypeError, ValueError, ArithmeticError, RecursionError) as fault:  # the store reports these in its words
         return bool(str(fault)) and False
     if frame.samples.size < LEAST_SAMPLES or not frame.sample_period_ps > 0:

@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from aerokernels.flow.reading.block_checks import check_blocks
+from aerokernels.flow.reading.checks import check_blocks
 from aerokernels.flow.reading.dataset import ReadError
+from aerokernels.flow.reading.readers.cgns import SYMBOLS, WIDTH, units_of
 from aerokernels.flow.reading.readers.cgns_nodes import Node
-from aerokernels.flow.reading.readers.cgns_units import SYMBOLS, WIDTH, units_of
 from aerokernels.flow.reading.readers.cgns_walls import patches_of
 from aerokernels.flow.reading.readers.named_arrays import arrays_as_dataset
 from aerokernels.flow.reading.readers.vtk_files import vtk_dataset
@@ -198,7 +198,7 @@ def arrays(draw: random.Random, folder: Path) -> bool:
     variables, time = draw.choice(GIVEN), draw.choice((None, None, "first", 1.0))
     try:
         with _in_words():
-            found = arrays_as_dataset(PATH, held, units, ends, variables, "HDF5", time)
+            found = arrays_as_dataset(PATH, held, "HDF5", time, {"variables": variables}, units=units, ends=ends)
         return check_dataset(PATH, found)
     except ValueError as fault:
         return check_refusal(fault, PATH)

@@ -2,13 +2,12 @@
 
 import itertools
 
-import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from aerokernels.hardware.blocks import GREATEST_TEXT_LENGTH, Block, BlockDecoder, TextLine
-from aerokernels.hardware.decoder import DamagedPiece
+from aerokernels.hardware.frames import DamagedPiece
+from aerokernels.hardware.scope import GREATEST_TEXT_LENGTH, Block, BlockDecoder, TextLine
 
 # Every byte value, and among them what would end a response or begin another one.
 DATA = bytes(range(256)) + b"\n\r\n#15\n#0\x00;"
@@ -44,14 +43,6 @@ def test_split_at_every_byte_position():
     for cut in range(len(STREAM) + 1):
         assert decoded(STREAM[:cut], STREAM[cut:]) == FOUND, f"cut at {cut}"
     assert decoded(*(STREAM[k : k + 1] for k in range(len(STREAM)))) == FOUND
-
-
-def test_a_block_is_there_with_its_last_byte():
-    """No terminator is waited for: an instrument that sends none is read as well."""
-    decoder = BlockDecoder()
-    assert decoder.feed(b"#13\n\n") == []
-    assert decoder.feed(b"\n") == [Block(b"\n\n\n", b"#13\n\n\n")]
-    assert decoder.pending_length == 0 and decoder.finish() == []
 
 
 @pytest.mark.parametrize("count", [1001, 99_999, 999_999_999])
@@ -99,48 +90,3 @@ def test_after_silence_a_block_comes_through(payload: bytes, before: list[bytes]
     decoder.finish()
     raw = b":CURVE #3%03d" % len(payload) + payload
     assert decoder.feed(raw + b"\n") == [Block(payload, raw)]
-
-
-def test_time_grows_with_the_bytes_and_no_faster():
-    """Worst cases for a naive search (hashes, quotes, digits only): each byte is looked at a bounded number of times.
-
-    Counted, not timed: the decoder takes a stream four times as long with about four times the calls of its own.
-    """
-    import sys
-
-    def calls(stream: bytes) -> int:
-        seen = 0
-
-        def count(frame, event, argument):
-            nonlocal seen
-            seen += event == "call"
-
-        decoder = BlockDecoder(100)
-        sys.setprofile(count)
-        try:
-            decoder.feed(stream)
-        finally:
-            sys.setprofile(None)
-        return seen
-
-    for unit in (b"#", b'"', b"#9", b"#19", b"a\n", b"#11x", bytes(range(256))):
-        short, long = calls(unit * (4096 // len(unit))), calls(unit * (16384 // len(unit)))
-        assert long <= 4.5 * short + 10, unit
-
-
-def test_fuzzed_streams():
-    """Two thousand mutations of a valid stream: chunks do not matter, and blocks that were not touched come through."""
-    random = np.random.default_rng(11)
-    blocks = [b":CURVE #240" + bytes(random.integers(0, 256, 40).astype(np.uint8)) for _ in range(4)]
-    for _ in range(2000):
-        place = int(random.integers(len(blocks[1])))
-        broken = bytearray(blocks[1])
-        if random.random() < 0.5:
-            del broken[place : place + int(random.integers(1, 20))]
-        else:
-            broken[place] ^= 1 << int(random.integers(8))
-        stream = blocks[0] + b"\n" + bytes(broken) + b"\n" + blocks[2] + b"\n"
-        found = decoded(stream)
-        assert found[0] == Block(blocks[0][-40:], blocks[0])
-        cut = int(random.integers(len(stream)))
-        assert decoded(stream[:cut], stream[cut:]) == found

@@ -9,9 +9,8 @@ import pytest
 import xarray
 
 from aerokernels.hardware import export as module
-from aerokernels.hardware.decoder import DamagedPiece
 from aerokernels.hardware.export import export
-from aerokernels.hardware.frames import EchoFrame, decode, encode
+from aerokernels.hardware.frames import DamagedPiece, EchoFrame, decode, encode
 from aerokernels.hardware.preamble import ScopeCurve
 from aerokernels.hardware.store import EchoStore
 from aerokernels.jobs.recorded import recorded_echoes
@@ -102,23 +101,6 @@ def test_counts_survive_a_large_offset(tmp_path, offset: float, kind: str):
             np.testing.assert_allclose(back.voltage, frame.voltage, rtol=0.0, atol=frame.scale / 8.0)
     with xarray.open_dataset(tmp_path / "e.nc", engine="h5netcdf", decode_times=False) as data:
         assert data["voltage"].dtype == kind
-
-
-def test_a_recording_goes_on_meanwhile(store: EchoStore, tmp_path, monkeypatch):
-    """Echoes that are committed between the two looks at the store are not half in the file."""
-    with EchoStore(store.path, read_only=True) as reader:
-        gaps = reader.gaps
-
-        def record_and_list_gaps():  # the file's first entries, between the two looks
-            store.add(frame(30, 9), 0)
-            store.commit()
-            return gaps()
-
-        monkeypatch.setattr(reader, "gaps", record_and_list_gaps)
-        assert export(reader, tmp_path / "echoes.nc") == 13
-        assert reader.echo_count == 14
-    with xarray.open_dataset(tmp_path / "echoes.nc", engine="h5netcdf") as data:
-        assert dict(data.sizes) == {"echo": 13, "sample": 5}
 
 
 def test_what_cannot_be_exported_is_refused_and_leaves_nothing(store: EchoStore, tmp_path):

@@ -14,10 +14,10 @@ import pytest
 from aerokernels.commands._recording import describe
 from aerokernels.hardware import recorder as module
 from aerokernels.hardware.frames import EchoFrame, encode
-from aerokernels.hardware.pseudo_terminal import PseudoTerminal
 from aerokernels.hardware.recorder import NO_GOOD_FRAME, Recorder, RecordingStatus
+from aerokernels.hardware.simulator import PseudoTerminal
 from aerokernels.hardware.store import EchoStore
-from aerokernels.hardware.transaction import StoreError
+from aerokernels.hardware.store_file import StoreError
 
 from .line import frames_from, needs_pseudo_terminals, sequences, started
 

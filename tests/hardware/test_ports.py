@@ -17,8 +17,8 @@ import serial.rfc2217
 
 from aerokernels.hardware.frames import EchoFrame, encode
 from aerokernels.hardware.port import open_port
-from aerokernels.hardware.pseudo_terminal import PseudoTerminal
 from aerokernels.hardware.recorder import Recorder, RecordingStatus
+from aerokernels.hardware.simulator import PseudoTerminal
 from aerokernels.hardware.sources import FrameStream
 from aerokernels.hardware.store import EchoStore
 
@@ -204,14 +204,3 @@ def test_every_error_of_a_driver_means_that_the_port_is_lost(tmp_path: Path, kin
 def test_settings_that_no_port_has(settings: dict, match: str):
     with pytest.raises(ValueError, match=match):
         open_port("loop://", **settings)
-
-
-def test_hardware_flow_control_is_passed_on():
-    for flow in ("none", "rtscts", "dsrdtr"):
-        with closing(open_port("loop://", flow=flow, baud=9600)) as port:
-            assert (port.rtscts, port.dsrdtr, port.xonxoff, port.baudrate) == (
-                flow == "rtscts",
-                flow == "dsrdtr",
-                False,
-                9600,
-            )

@@ -89,9 +89,3 @@ def test_a_tektronix_preamble_that_cannot_be_used(text: str, match: str):
 def test_a_rigol_preamble_that_cannot_be_used(text: str, match: str):
     with pytest.raises(PreambleError, match=match):
         parse_rigol(text)
-
-
-@pytest.mark.parametrize("length", [0, 7, 9, 10])
-def test_a_block_of_another_length_than_the_preamble_says_is_no_curve(length: int):
-    with pytest.raises(PreambleError, match=f"{length} bytes for 4 samples of 2"):
-        parse_tektronix(TEKTRONIX).curve(bytes(length), b"", 0)

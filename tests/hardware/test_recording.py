@@ -18,12 +18,11 @@ import pytest
 from aerokernels import Scene, compare_waveforms, estimate_range
 from aerokernels.echo import fwhm_from_pulse_tau
 from aerokernels.echo.pulses import pulse_of
-from aerokernels.hardware.board import run_board
 from aerokernels.hardware.echo_source import EchoSource
 from aerokernels.hardware.frames import EchoFrame, encode
 from aerokernels.hardware.port import PortError, open_port
-from aerokernels.hardware.pseudo_terminal import PseudoTerminal
 from aerokernels.hardware.recorder import Recorder, RecordingStatus
+from aerokernels.hardware.simulator import PseudoTerminal, run_board
 from aerokernels.hardware.store import EchoStore
 
 from .line import board, frames_from, integrity, needs_pseudo_terminals, sequences, started
@@ -62,14 +61,13 @@ def test_board_to_store(tmp_path: Path, aerokernels):
     assert np.abs(mean - expected).max() < 6 * 0.02 / np.sqrt(60) + 2e-3 + 4e-5
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_an_interrupt_ends_a_recording_cleanly(tmp_path: Path, number: signal.Signals):
+def test_an_interrupt_ends_a_recording_cleanly(tmp_path: Path):
     link, path = tmp_path / "port", tmp_path / "echoes.sqlite"
     with board(link, "--rate", 500), started("record", "--port", link, "--store", path) as recorder:
         assert recorder.stdout is not None
         while "stored" not in recorder.stdout.readline():
             assert recorder.poll() is None
-        recorder.send_signal(number)
+        recorder.send_signal(signal.SIGTERM)
         output = recorder.communicate(timeout=30)[0]
         assert recorder.returncode == 0
     (count,) = map(int, re.findall(r"done: stored (\d+)", output))
@@ -77,19 +75,6 @@ def test_an_interrupt_ends_a_recording_cleanly(tmp_path: Path, number: signal.Si
     assert len(found) == count > 0
     assert found == list(range(found[0], found[0] + count))
     assert integrity(path) == "ok"
-
-
-def test_a_recording_goes_on_when_nobody_reads_what_it_prints(tmp_path: Path):
-    """As behind `| head -1`: the pipe breaks with the first line of counts, and echoes come in all the same."""
-    path = tmp_path / "s.sqlite"
-    with (
-        board(tmp_path / "port", "--rate", 400),
-        started("record", "--port", tmp_path / "port", "--store", path, "--count", 800) as recorder,
-    ):
-        assert recorder.stdout is not None and "recording frames" in recorder.stdout.readline()
-        recorder.stdout.close()
-        assert recorder.wait(60) == 0
-    assert sequences(path) == list(range(800))
 
 
 def test_a_terminal_sees_how_it_goes(tmp_path: Path):
@@ -298,17 +283,10 @@ def test_the_board_and_a_scenes_runs_have_one_definition_of_the_pulse(name):
     assert wave.same_pulse is True
 
 
-def test_a_board_plays_a_run_or_a_scene_not_both(tmp_path: Path, command_line):
-    done = command_line("board", "--link", tmp_path / "port", "--echo", "run", "--scene", "wind-tunnel-static")
-    assert done.returncode == 2 and "not both" in done.stderr
-    done = command_line("board", "--link", tmp_path / "port", "--scene", "wind-tunel-static")
-    assert done.returncode == 2 and "did you mean wind-tunnel-static?" in done.stderr
-
-
 def test_a_board_with_a_count_waits_until_all_was_read(tmp_path: Path):
     """A slow reader gets every byte of the board's frames before the terminal is closed."""
     with PseudoTerminal(tmp_path / "port") as terminal, closing(open_port(str(tmp_path / "port"))) as port:
-        source = EchoSource.gaussian(sample_count=2000)
+        source = EchoSource(np.sin(np.arange(2000)))
         sent: list[int] = []
         board_thread = threading.Thread(
             target=lambda: (sent.append(run_board(terminal, source, rate=1e6, count=20)), terminal.close())

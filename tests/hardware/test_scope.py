@@ -7,12 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from aerokernels.hardware.decoder import DamagedPiece
 from aerokernels.hardware.echo_source import EchoSource
+from aerokernels.hardware.frames import DamagedPiece
 from aerokernels.hardware.port import open_port
-from aerokernels.hardware.preamble import ScopeCurve, parse_tektronix
-from aerokernels.hardware.pseudo_terminal import PseudoTerminal
-from aerokernels.hardware.scope_board import SimulatedScope, run_scope
+from aerokernels.hardware.preamble import ScopeCurve
+from aerokernels.hardware.simulator import PseudoTerminal, SimulatedScope, run_scope
 from aerokernels.hardware.sources import CurveStream
 from aerokernels.hardware.store import EchoStore
 
@@ -58,27 +57,6 @@ def test_each_acquisition_once_in_volts(tmp_path: Path, aerokernels, dialect: st
     assert abs(frame.scale - 2 * half_count) < 1e-9
 
 
-def test_the_simulated_instrument_answers_as_a_program_of_ones_own_expects():
-    """Without HEADER ON: a named preamble, a bare block; single fields and two bytes a sample on demand."""
-    scope = SimulatedScope(EchoSource.gaussian(noise=0.0), rate=1e-3)
-    assert scope.answer("*idn?").startswith(b"TEKTRONIX") and scope.answer("*OPC?") == b"1\n"
-    assert scope.answer("NONSENSE?") == scope.answer("") == b""
-    one = parse_tektronix(scope.answer("wfmoutpre?").decode())
-    assert float(scope.answer("WFMOUTPRE:YMULT?").split()[-1]) == one.scale
-    block = scope.answer("CURVE?")
-    assert block[:5] == b"#3128" and block[-1:] == b"\n" and len(block) == 5 + 128 + 1
-    assert scope.answer("CURVE?") == block  # the same acquisition
-    assert scope.answer("DATA:WIDTH 2") == scope.answer("HEADER ON") == b""
-    two = parse_tektronix(scope.answer(":WFMOUTPRE?").decode())
-    wide = scope.answer("CURVE?")
-    assert wide.startswith(b":CURVE #3256")
-    np.testing.assert_allclose(
-        two.curve(wide[12:-1], wide, 0).voltage, one.curve(block[5:-1], block, 0).voltage, rtol=1e-9, atol=1e-12
-    )
-    scope.answer("HEADER OFF")
-    assert b"YMULT" not in scope.answer("WFMOUTPRE?") and scope.answer("ACQUIRE:NUMACQ?") == b"1\n"
-
-
 def test_faults_on_the_line_are_kept_apart_and_the_rest_is_right(tmp_path: Path, aerokernels):
     """Torn, garbled and doubled answers, silences and two pulled plugs on the way to 60 curves without noise.
 
@@ -113,7 +91,7 @@ def test_a_scale_that_is_changed_while_a_curve_is_read_is_not_believed(tmp_path:
     Expected: volts of every stored curve are the echo's; before, those of every third were half of it. The trigger's
     jitter, by which the first sample's time changes each time, is no change.
     """
-    source = EchoSource.gaussian(noise=0.0, sample_count=64)
+    source = EchoSource.gaussian(noise=0.0)
 
     class Turned(SimulatedScope):
         def answer(self, command: str) -> bytes:

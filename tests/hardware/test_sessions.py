@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from aerokernels.hardware.frames import EchoFrame
-from aerokernels.hardware.sessions import MOST_OPEN_GAPS
 from aerokernels.hardware.store import EchoStore
 
 
@@ -65,12 +64,3 @@ def test_a_restarted_board_is_no_late_frame(tmp_path: Path):
         assert [echo.session for echo in store.echoes()] == [1, 1, 2, 2, 2]
         assert [(gap.session, gap.missing_count) for gap in store.gaps()] == [(1, 8)]
         assert store.last_sequence == 6 and store.missing_count == 8
-
-
-def test_gaps_that_are_long_past_are_forgotten(tmp_path: Path):
-    """Every second frame is lost: memory holds the last of these gaps, and a frame of an older one is a restart."""
-    frames = [frame(2 * k) for k in range(MOST_OPEN_GAPS + 3)]
-    late = [frame(2 * MOST_OPEN_GAPS + 1), frame(1)]
-    sessions, gaps, missing = recorded(tmp_path / "s.sqlite", [*frames, *late], commit_each=False)
-    assert (sessions[late[0].sequence], sessions[1]) == (1, 2)
-    assert len(gaps) == missing == MOST_OPEN_GAPS + 1

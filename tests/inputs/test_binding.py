@@ -4,7 +4,7 @@ import inspect
 
 import pytest
 
-from aerokernels.inputs.binding import Binding
+from aerokernels.inputs.arguments import Binding
 
 
 def plain(first, second=2, *, third, fourth=4):

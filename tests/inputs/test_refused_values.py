@@ -29,7 +29,7 @@ from aerokernels.flow.refractivity import index_contrast
 from aerokernels.flow.sampled_density import GridDensity, VertexDensity
 from aerokernels.flow.series import GridMesh, InOrder, times_of
 from aerokernels.inputs.checks import as_finite_array, as_waveform
-from aerokernels.medium.bodies.section import outlines
+from aerokernels.medium.bodies.solid_body import outlines
 from aerokernels.schlieren.bench import Bench
 from aerokernels.schlieren.picture import Picture
 from aerokernels.series.spectra import sample_rate, welch

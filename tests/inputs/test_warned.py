@@ -5,7 +5,7 @@ import warnings
 import numpy as np
 
 from aerokernels import Disc, IndexField, RayBundle, flow, optical_series, trace
-from aerokernels.inputs.warned import warn_caller
+from aerokernels.inputs.checks import warn_caller
 
 
 def small_box(interpolation="cubic"):

@@ -2,7 +2,7 @@
 
 import pytest
 
-from aerokernels.inputs.written_units import in_brackets, ratio_of, unit_of, written_unit
+from aerokernels.inputs.units import in_brackets, ratio_of, unit_of, written_unit
 
 
 @pytest.mark.parametrize(

@@ -7,14 +7,12 @@ import sys
 import threading
 import time
 
-import numpy as np
 import pytest
 
-from aerokernels import QuadMesh
-from aerokernels.process import forks
-from aerokernels.process.opened import OPENED, Opened
+from aerokernels.process import opened as opened_module
+from aerokernels.process.opened import OPENED, Opened, make_forks_safe
 
-forks.make_forks_safe()  # as the first call of a public function does
+make_forks_safe()  # as the first call of a public function does
 pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork on this system")
 
 # A thread's first trace, in which an import takes 2 s, and a fork in the midst of it.
@@ -58,7 +56,7 @@ def test_an_import_adds_nothing_to_a_programs_forks():
         "for name in aerokernels.__all__: getattr(aerokernels, name)\n"
         "assert not [one for one in told if str(one.__module__).startswith('aerokernels')], told\n"
         "aerokernels.Disc(1e-3)\n"
-        "assert [one for one in told if one.__module__ == 'aerokernels.process.forks']\n"
+        "assert [one for one in told if one.__module__ == 'aerokernels.process.opened']\n"
     )
     subprocess.run([sys.executable, "-c", script], check=True, timeout=100.0)
 
@@ -79,7 +77,8 @@ def child_answers(ask) -> bool:
     return False
 
 
-def test_a_child_of_a_process_that_opens_something_opens_its_own():
+def test_a_child_of_a_process_that_opens_something_opens_its_own(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(opened_module, "PATIENCE", 0.5)
     began, ends = threading.Event(), threading.Event()
 
     def hold() -> None:
@@ -141,38 +140,14 @@ def test_a_fork_waits_for_what_another_thread_opens():
 
 def test_a_fork_waits_no_longer_than_it_is_worth(monkeypatch: pytest.MonkeyPatch):
     """A thread that opens something may itself wait for the one that forks; nor does a thread wait for others then."""
-    monkeypatch.setattr(forks, "PATIENCE", 0.5)
+    monkeypatch.setattr(opened_module, "PATIENCE", 0.5)
     opened, began, ends = Opened(), threading.Event(), threading.Event()
     thread = threading.Thread(target=opened.once, args=("key", lambda: began.set() or ends.wait(60.0)))
     thread.start()
     try:
         assert began.wait(10.0) and child_answers(lambda: None)
-        monkeypatch.setattr(forks, "PATIENCE", 1e9)
+        monkeypatch.setattr(opened_module, "PATIENCE", 1e9)
         assert Opened().once("fork", lambda: child_answers(lambda: None))
-    finally:
-        ends.set()
-        thread.join()
-
-
-def test_a_child_computes_a_cached_property_that_another_thread_was_computing(monkeypatch: pytest.MonkeyPatch):
-    """Up to Python 3.11 all objects of a class share its lock."""
-    corners = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
-    one, other = (QuadMesh(corners, [[0, 1, 2, 3]], "planar") for _ in range(2))
-    began, ends = threading.Event(), threading.Event()
-    known = vars(QuadMesh)["cell_centroid"]
-    compute = known.func
-
-    def slowly(mesh: QuadMesh) -> np.ndarray:
-        if mesh is one:
-            began.set()
-            ends.wait(60.0)
-        return compute(mesh)
-
-    monkeypatch.setattr(known, "func", slowly)
-    thread = threading.Thread(target=lambda: one.cell_centroid)
-    thread.start()
-    try:
-        assert began.wait(10.0) and child_answers(lambda: other.cell_centroid)
     finally:
         ends.set()
         thread.join()

@@ -60,10 +60,10 @@ def test_a_shell_that_binds_and_limits():
         "import os, resource\n"
         "os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})\n"
         "resource.setrlimit(resource.RLIMIT_AS, (2 << 30, 2 << 30))\n"
-        "from aerokernels.process import machine, room\n"
+        "from aerokernels.process import foreign_files, machine\n"
         "print(machine.core_count(), machine.host_memory(), machine.free_memory())\n"
-        "try: room.check_room(1.5e9, 'a.nc')\n"
-        "except room.NoRoomError as error: print(error)\n"
+        "try: foreign_files.check_room(1.5e9, 'a.nc')\n"
+        "except foreign_files.NoRoomError as error: print(error)\n"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, encoding="utf-8", check=True, timeout=60)
     numbers, refusal = done.stdout.splitlines()

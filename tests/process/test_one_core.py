@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from aerokernels.process import one_core
-from aerokernels.process.one_core import product_on_one_core
+from aerokernels.process import threads
+from aerokernels.process.threads import product_on_one_core
 
 
 @pytest.mark.parametrize("kind", [np.float32, np.complex128])
@@ -16,7 +16,7 @@ def test_pieces_make_the_product(kind: type, stack: tuple[int, ...], monkeypatch
     right = rng.standard_normal((7, 5)).astype(kind)
     expected = np.einsum("...ij,jk->...ik", left, right)
     for most in (1, 280, 1000, 1 << 20):
-        monkeypatch.setattr(one_core, "SHARED_OUT", most)
+        monkeypatch.setattr(threads, "SHARED_OUT", most)
         found = product_on_one_core(left, right)
         assert found.dtype == kind and found.shape == expected.shape
         np.testing.assert_allclose(found, expected, atol=1e-5)

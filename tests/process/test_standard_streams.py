@@ -18,7 +18,7 @@ def by_shell(ending: str, folder, *line: str) -> subprocess.CompletedProcess[str
 def test_what_a_library_prints_is_not_written_into_results(ending, tmp_path):
     code = (
         "import os\n"
-        "from aerokernels.process.standard_streams import open_closed_streams\n"
+        "from aerokernels.process.interrupt import open_closed_streams\n"
         "open_closed_streams()\n"
         "with open('result', 'wb', buffering=0) as file:\n"
         "    os.write(2, b'a library in C prints')\n"

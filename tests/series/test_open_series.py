@@ -10,7 +10,7 @@ import xarray
 
 from aerokernels import DensityField, QuadMesh, flow
 from aerokernels.files import netcdf_reading
-from aerokernels.flow.numbered_files import in_order
+from aerokernels.flow.series_sources import in_order
 
 TIME = [0.0, 1e-5, 2e-5]
 GRID = {"geometry": "volume", "origin": [0.0, 0.0, 0.0], "spacing": [1e-3] * 3, "ambient_density": 0.5}
@@ -171,10 +171,10 @@ def test_collections_and_cases_have_their_times(tmp_path: Path, monkeypatch: pyt
         asked.append((path.name, time, options))
         return flow.GridDensity(np.full((4, 5, 6), 0.6), [0, 0, 0], [1e-3] * 3, "volume", 0.5)
 
-    def kept(_, path: Path, **options) -> DensityField:  # what `flow.read` and `flow.Reader` share
-        return read(path, **options)
+    def kept(reader, path: Path, **more) -> DensityField:  # what `flow.read` and `flow.Reader` share
+        return read(path, **{**reader.options, **more})
 
-    monkeypatch.setattr("aerokernels.flow.reading.reader.read_onto", kept)
+    monkeypatch.setattr(flow.Reader, "__call__", kept)
     for name in ("b.vtu", "a.vtu"):
         (tmp_path / name).write_text("")
     lines = [f'<DataSet timestep="{t}" file="{name}"/>' for t, name in ((2e-5, "b.vtu"), (1e-5, "a.vtu"))]
@@ -294,34 +294,6 @@ def test_files_with_falling_axes_and_of_the_classic_form(tmp_path: Path):
     for series in (flow.open_series(turned), flow.open_series(tmp_path / "a.nc")):
         assert np.array_equal(series.mesh.origin, expected.mesh.origin)
         assert np.array_equal(series.density(1), expected.density(1))
-
-
-@pytest.mark.parametrize("form", ["NETCDF3_CLASSIC", "NETCDF3_64BIT"])
-def test_the_classic_form_is_read_as_scipy_reads_it(tmp_path: Path, form: str):
-    """Set-up: records of several variables, their values apart; texts, numbers, small integers, no value.
-
-    Expected: what xarray makes of it with SciPy, all at once, by times, and by numbers in any order.
-    """
-    from aerokernels.files.netcdf_classic import open_classic
-
-    draw = np.random.default_rng(0)
-    plain = dataset().assign(
-        u=(("time", "y"), draw.random((3, 5), np.float32), {"units": "m/s", "_FillValue": np.float32(0.5)}),
-        count=("time", np.arange(3, dtype="i2")), note=((), 2.5), name=("time", [b"one", b"two", b"six"]),
-    )  # fmt: skip
-    plain.to_netcdf(tmp_path / "a.nc", engine="scipy", format=form, unlimited_dims=["time"])
-    with xarray.open_dataset(tmp_path / "a.nc", engine="scipy") as data:
-        expected = data.load()
-    found = open_classic(tmp_path / "a.nc")
-    for key in (
-        {"time": 1},
-        {"time": slice(None, None, -1), "y": slice(1, 3)},
-        {"time": [2, 0]},
-        {"time": slice(0)},
-        {"time": slice(0, 3, 2), "y": [3, 0, 3]},
-    ):
-        xarray.testing.assert_identical(found.isel(key).load(), expected.isel(key))
-    xarray.testing.assert_identical(open_classic(tmp_path / "a.nc").load(), expected)
 
 
 @pytest.mark.parametrize("engine", ["scipy", "h5netcdf"])

@@ -14,7 +14,7 @@ from aerokernels.series.look_batch import _known, can_batch, side_by_side
 from aerokernels.series.mesh_integrals import MeshIntegrals
 from aerokernels.series.pupil_grid import pupil_grid
 from aerokernels.series.snapshot import Snapshots, SnapshotSettings
-from aerokernels.tracing.beyond import plane_beyond
+from aerokernels.tracing.stop import plane_beyond
 from aerokernels.tracing.variants.causes import few_rows
 from aerokernels.wavefront import remove_terms
 

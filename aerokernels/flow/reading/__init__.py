@@ -1,11 +1,13 @@
-"""Read the flow files of any CFD program, or list what they contain."""
+"""Read the flow files of any CFD program, or list what they contain.
 
-from .contents import Contents, contents
-from .dataset import ReadError
-from .frame import Frame
-from .read import read
-from .reader import Reader
-from .volumes.measuring_lines import VolumeResampling
-from .volumes.resampling import Resampling
+Every module refuses a file that cannot be used by `ReadError`: file, place and remedy, in one sentence.
+"""
+
+from aerokernels.flow.reading.contents import Contents, contents
+from aerokernels.flow.reading.dataset import ReadError
+from aerokernels.flow.reading.frame import Frame
+from aerokernels.flow.reading.read import Reader, read
+from aerokernels.flow.reading.volumes.measuring_lines import VolumeResampling
+from aerokernels.flow.reading.volumes.resampling import Resampling
 
 __all__ = ["Contents", "Frame", "ReadError", "Reader", "Resampling", "VolumeResampling", "contents", "read"]

@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from ...inputs.checks import check_path
-from .dataset import Block, Dataset, ReadError, grid_of
-from .formats import load
+from aerokernels.flow.reading.dataset import Block, Dataset, ReadError, grid_of
+from aerokernels.flow.reading.formats import load
+from aerokernels.inputs.checks import check_path
 
 CELL_NAMES = {1: "points", 3: "lines", 5: "triangles", 7: "polygons", 9: "quadrilaterals", 10: "tetrahedra",
               12: "hexahedra", 13: "prisms", 14: "pyramids", 42: "polyhedra"}  # fmt: skip

@@ -11,7 +11,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from ...process.own_files import HDF5_MAGIC as HDF5_MAGIC
+from aerokernels.process.foreign_files import HDF5_MAGIC as HDF5_MAGIC
 
 DAMAGED = "the file is damaged: write it again"
 UNFINISHED = "the file is damaged or was not written to its end: write it again"

@@ -1,21 +1,27 @@
-"""Choose the reader of a path by its kind, its first bytes and its file name suffix.
+"""The formats: choose the reader of a path by its kind, its first bytes and its suffix, and call it.
 
-A reader is a function of (path, time, options) that returns a `Dataset`, or raises `ReadError`. Readers that depend on
-libraries in C or C++ run in a child process (aerokernels/process/fragile.py), so that a crash cannot end this one.
+A reader is a module of `readers` with a function `read(path, time, options)`, which returns a `Dataset` or raises
+`ReadError`. Where a path stands for several files it has a function `files(path, options, time)` too, which names them.
+Readers that depend on libraries in C or C++ run in a child process (aerokernels/process/fragile.py), so that a crash
+cannot end this one.
 """
 
+import hashlib
 import math
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from .calling import in_child, read_here
-from .dataset import HDF5_MAGIC, Dataset, ReadError, chosen_time
-from .readers.vtk_collections import LISTED, SUFFIXES
+from aerokernels.flow.reading.dataset import DAMAGED, HDF5_MAGIC, Dataset, ReadError, chosen_time
+from aerokernels.flow.reading.readers.vtk_collections import LISTED, SUFFIXES
+from aerokernels.process import fragile
+from aerokernels.process.foreign_files import FileFault
 
 
 @dataclass(frozen=True)
@@ -25,9 +31,10 @@ class Format:
     Attributes:
         name: Name of the format in messages.
         suffixes: File name suffixes, in lower case.
-        module: Module of `readers` with a function `read(path, time, options)`.
+        module: Module of `readers`.
         fragile: Whether a damaged file may end the process that reads it.
         library: Package that must be installed, or "".
+        options: The options of `flow.read` that are for this format, beside those of all formats.
     """
 
     name: str
@@ -35,36 +42,31 @@ class Format:
     module: str
     fragile: bool = False
     library: str = ""
+    options: tuple[str, ...] = ()
 
 
 FORMATS = (
     Format("OpenFOAM case", (".foam", ".openfoam"), "foam_case"),
-    Format(
-        "VTK",
-        (*LISTED, *SUFFIXES),
-        "vtk_files",
-        True,
-        "vtk",
-    ),
-    Format("CGNS", (".cgns",), "cgns_file", True, "vtk"),
-    Format("Plot3D", (".xyz", ".p3d", ".x", ".g", ".q", ".f", ".fun", ".p2d"), "plot3d"),
+    Format("VTK", (*LISTED, *SUFFIXES), "vtk_files", True, "vtk"),
+    Format("CGNS", (".cgns",), "cgns", True, "vtk"),
+    Format("EnSight", (".case", ".encas"), "solver_files", True, "vtk"),
+    Format("Fluent", (".cas", ".cas.h5"), "solver_files", True, "vtk"),
+    Format("Exodus", (".e", ".exo", ".ex2", ".exii"), "exodus", True),
+    Format("Plot3D", (".xyz", ".p3d", ".x", ".g", ".q", ".f", ".fun", ".p2d"), "plot3d", options=("solution",)),
     Format("Tecplot binary", (".plt",), "tecplot_binary"),
     Format("Tecplot ASCII", (".tec", ".tp"), "tecplot_text"),
-    Format("SU2", (".su2",), "su2"),
-    Format("NumPy arrays", (".npz",), "named_arrays"),
-    Format("NetCDF", (".nc", ".nc4", ".netcdf"), "labelled", True),
-    Format("HDF5", (".h5", ".hdf5", ".hdf"), "named_arrays", True),
+    Format("SU2", (".su2",), "su2", options=("mesh", "solution")),
+    Format("NumPy arrays", (".npz",), "npz", options=("variables", "order")),
+    Format("NetCDF", (".nc", ".nc4", ".netcdf"), "netcdf", True, options=("variables",)),
+    Format("HDF5", (".h5", ".hdf5", ".hdf"), "hdf5", True, options=("variables", "order")),
     Format("table of points", (".csv", ".txt"), "point_table"),
 )
-# The reader modules that accept each option.
-OPTIONS = {"mesh": ("su2",), "solution": ("su2", "plot3d"), "variables": ("named_arrays", "labelled"),
-           "order": ("named_arrays",)}  # fmt: skip
+FORMAT_OPTIONS = tuple(dict.fromkeys(name for entry in FORMATS for name in entry.options))
 # Files that are not read, by the ends of their names: what they are, and what to do with them.
 PARAVIEW = "open it in ParaView, and save its data as .vtu or .vtm"
 FOREIGN = {
-    (".cas", ".cas.gz", ".cas.h5", ".dat.h5"): ("a file of Fluent", PARAVIEW),
-    (".case", ".encas"): ("a case of EnSight", PARAVIEW),
-    (".e", ".exo", ".ex2", ".exii"): ("a file of Exodus", PARAVIEW),
+    (".dat.h5",): ("the data of a case of Fluent", "give the .cas.h5 beside it"),
+    (".cas.gz", ".dat.gz"): ("a compressed case of Fluent", "unpack it"),
     (".xdmf", ".xmf"): ("a file of XDMF", PARAVIEW),
     (".nek5000",): ("a case of Nek5000", PARAVIEW),
     (".msh",): ("a mesh of Gmsh or Fluent", PARAVIEW),
@@ -77,14 +79,10 @@ SU2_MAGIC = (535532).to_bytes(4, "little"), (535532).to_bytes(4, "big")
 
 
 def format_of(path: Path, options: Mapping[str, Any]) -> Format:
-    """Return the format of a path; `options` as in `load`.
-
-    Raises:
-        ReadError: No such path, an empty file, or an unknown format.
-    """
+    """Return the format of a path; `options` as in `load`."""
     if not os.path.exists(path):  # which, unlike Path.exists, accepts a name of any length
         raise ReadError(path, "there is no such file or folder", "give the path of a flow file or case")
-    from .readers.foam_case import is_case, may_be_case
+    from aerokernels.flow.reading.readers.foam_case import is_case, may_be_case
 
     if may_be_case(path):
         if is_case(path):
@@ -120,7 +118,7 @@ def format_of(path: Path, options: Mapping[str, Any]) -> Format:
     if suffix == ".csv" and _su2_mesh_beside(path, head):
         return _BY_NAME["SU2"]
     for entry in FORMATS:
-        if suffix in entry.suffixes:
+        if path.name.lower().endswith(entry.suffixes):
             return entry
     if head.startswith(HDF5_MAGIC):
         return _BY_NAME["CGNS" if b"CGNS" in head else "HDF5"]
@@ -136,39 +134,71 @@ def _su2_mesh_beside(path: Path, head: bytes) -> bool:
     return b"pointid" in first.replace(b"_", b"") and any(path.parent.glob("*.su2"))
 
 
-def load(path: Path, time, options: dict[str, Any]) -> Dataset:
+def load(path: Path, time, options: Mapping[str, Any]) -> Dataset:
     """Read the file or case at a path.
 
     Args:
         path: File or folder.
         time: "latest" (None), "first" or a time [s].
-        options: Options of single formats: "mesh" (SU2), "solution" (Plot3D), "variables" and "order" (named arrays).
+        options: Options of single formats (`FORMAT_OPTIONS`) by name; None counts as left out.
 
     Raises:
+        TypeError: An option that no format has.
         ReadError: A path that no reader accepts, a library that is not installed, a damaged file.
+        ValueError: An option of another format.
     """
-    time = checked_time(time)
+    if unknown := sorted(set(options) - set(FORMAT_OPTIONS)):
+        raise TypeError(f"no format has an option {unknown[0]!r}: there are {', '.join(FORMAT_OPTIONS)}")
+    time, options = checked_time(time), {name: value for name, value in options.items() if value is not None}
     entry = format_of(path, options)
     for name in options:
-        if options[name] is not None and entry.module not in OPTIONS[name]:
-            own = " and ".join(other.name for other in FORMATS if other.module in OPTIONS[name])
+        if name not in entry.options:
+            own = " and ".join(other.name for other in FORMATS if name in other.options)
             raise ValueError(f"{path} is read as {entry.name}, which takes no {name}: that belongs to {own}")
-    _need(path, entry)
-    found = (in_child if entry.fragile else read_here)(entry.module, path, time, options)
-    if not found.times:  # readers of formats without times do not check the requested time
+    if entry.library and find_spec(entry.library) is None:
+        what = f"{entry.name} files need the package {entry.library}"
+        raise ReadError(path, what, "pip install 'aerokernels[cfd]'")
+    dataset = (in_child if entry.fragile else read_here)(entry.module, path, time, options)
+    if not dataset.times:  # readers of formats without times do not check the requested time
         chosen_time(path, (), time)
-    return found
+    return dataset
+
+
+def read_here(module: str, path: Path, time, options: Mapping[str, Any]) -> Dataset:
+    """Call a reader in this process; errors that a damaged file causes become a ReadError."""
+    try:
+        return _reader(module).read(path, time, options)
+    except ReadError:
+        raise
+    except FileFault as fault:
+        raise ReadError.said(str(fault)) from None
+    except MemoryError:
+        raise ReadError(path, "it announces more data than fits in memory", DAMAGED) from None
+    except Exception as fault:  # libraries raise any error for a damaged file, such as TokenError for a NumPy header
+        what = f"it cannot be read ({type(fault).__name__}: {fault})"
+        raise ReadError(path, what, DAMAGED) from fault
+
+
+def in_child(module: str, path: Path, time, options: Mapping[str, Any]) -> Dataset:
+    """Call `read_here` in a child process; raise ReadError if the child process ends early."""
+    try:
+        dataset = fragile.in_child(path, f"{__name__}:{read_here.__name__}", module, path, time, options)
+    except FileFault as fault:
+        raise ReadError.said(str(fault)) from fault
+    assert isinstance(dataset, Dataset)
+    return dataset
+
+
+def _reader(module: str) -> Any:
+    return import_module(f"aerokernels.flow.reading.readers.{module}")
 
 
 def times_in(path: Path, options: Mapping[str, Any]) -> Sequence[float] | None:
     """Return the times of a file of which `load` reads one at a time, with `load`'s options among `options`.
 
     None for NetCDF and HDF5, which are read in slices along their axis of time, and for unknown formats.
-
-    Raises:
-        ReadError: A file that cannot be read, or one without times.
     """
-    own = {name: options[name] for name in OPTIONS if name in options}
+    own = {name: options[name] for name in FORMAT_OPTIONS if options.get(name) is not None}
     try:
         entry = format_of(path, own)
     except ReadError:
@@ -201,10 +231,34 @@ def checked_time(time) -> float | str | None:
     return value
 
 
-def _need(path: Path, entry: Format) -> None:
-    if not entry.library:
-        return
-    from importlib.util import find_spec
+def files_behind(path: Path, options: Mapping[str, Any] | None = None, time: float | None = None) -> list[Path]:
+    """Return the files that reading a path opens, in an order that does not depend on the file system.
 
-    if find_spec(entry.library) is None:
-        raise ReadError(path, f"{entry.name} files need the package {entry.library}", "pip install 'aerokernels[cfd]'")
+    A result that is kept for a path belongs to the contents of all of them.
+
+    Args:
+        path: File or folder. Of a path that cannot be read, itself and the files in it are returned.
+        options: Options of single formats, as in `load`.
+        time: The time that is read [s]; None returns the files of all times.
+    """
+    options = {name: value for name, value in (options or {}).items() if value is not None}
+    try:
+        files = getattr(_reader(format_of(path, options).module), "files", None)
+        opened = [path] if files is None else files(path, options, time)
+    except (OSError, ReadError, FileFault):
+        opened = [path]
+    within = [sorted(file for file in one.rglob("*") if file.is_file()) if one.is_dir() else [one] for one in opened]
+    return list(dict.fromkeys(file for part in within for file in part))
+
+
+def stamp(files: Iterable[Path]) -> str:
+    """Return a hash of the names, the sizes and the times of change of files; it takes no look into them."""
+    stamps = hashlib.sha256()
+    for file in files:
+        try:
+            about = file.stat()
+            written = f"{about.st_size} {about.st_mtime_ns}"
+        except OSError:  # a file that is gone, which its reader says
+            written = ""
+        stamps.update(f"{file.name} {written}\n".encode(errors="surrogateescape"))
+    return stamps.hexdigest()[:16]

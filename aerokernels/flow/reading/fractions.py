@@ -9,10 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..species import SPECIES_NAMES, Composition, molar_mass
-from .array_names import plain_name
-from .dataset import Block, Dataset, ReadError
-from .density import found_name, scalar_array
+from aerokernels.flow.reading.arrays import plain_name
+from aerokernels.flow.reading.dataset import Block, Dataset, ReadError
+from aerokernels.flow.reading.density import found_name, scalar_array
+from aerokernels.flow.species import SPECIES_NAMES, Composition, molar_mass
 
 SUM_TOLERANCE = 1e-3  # deviation of solvers' fractions from a sum of 1, and below 0
 BASES = ("mass", "mole")
@@ -133,9 +133,6 @@ def mass_fractions(
         arrays: Name of each species' array.
         basis: "mass" or "mole".
         blank: Which of these places hold no flow, or None.
-
-    Raises:
-        ReadError: Fractions below 0 or not finite, a sum that is not 1.
     """
     names, said = list(arrays), ", ".join(arrays.values())
     if blank is None or len(blank) != shares.shape[1]:

@@ -1,39 +1,80 @@
-"""`flow.read`: read a CFD file or case as a density field."""
+"""`flow.read` and `flow.Reader`: read a CFD file or case as a density field."""
 
 import os
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypedDict, Unpack, cast
 
 import numpy as np
 
-from ...inputs.checks import check_choice, check_positive
-from ...inputs.units import quantity
-from ...inputs.warned import warn_caller
-from ...inputs.written_units import DIMENSIONS, is_no_unit, unit_in_name, written_unit
-from ...medium import Body
-from ..density_field import CellDensity, DensityField
-from ..gas import check_density
-from ..sampled_density import VertexDensity
-from .block_checks import check_blocks, check_repeated_blocks, with_blanks
-from .dataset import DAMAGED, Dataset, ReadError, grid_of, wall_patches, with_all_points
-from .density import DensityChoice, Reference, block_density, choose_density
-from .far_field import front_of
-from .flow_direction import direction_note
-from .formats import OPTIONS, load
-from .fractions import Fractions, choose_fractions
-from .frame import Frame, plane_normal
-from .gas_law import said_of_units
-from .planes.one_cell_thick import flattened
-from .planes.plane import Plane, plane_in_words, plane_mesh
-from .planes.wall_values import wall_density
-from .planes.wedges import wedge
+from aerokernels.flow.density_field import DensityField
+from aerokernels.flow.gas import check_density
+from aerokernels.flow.reading.checks import check_blocks, check_repeated_blocks, said_of_units, with_blanks
+from aerokernels.flow.reading.dataset import DAMAGED, Dataset, ReadError, grid_of, wall_patches, with_all_points
+from aerokernels.flow.reading.density import DensityChoice, Reference, block_density, choose_density
+from aerokernels.flow.reading.formats import FORMAT_OPTIONS, load
+from aerokernels.flow.reading.fractions import Fractions, choose_fractions
+from aerokernels.flow.reading.frame import Frame, direction_note, plane_normal
+from aerokernels.flow.reading.planes.one_cell_thick import flattened, wedge
+from aerokernels.flow.reading.planes.plane import Plane, plane_in_words, plane_mesh, wall_density
+from aerokernels.flow.sampled_density import CellDensity, GridDensity, VertexDensity
+from aerokernels.inputs.checks import check_choice, check_positive, warn_caller
+from aerokernels.inputs.units import EXPONENTS, is_no_unit, quantity, unit_in_name, written_unit
+from aerokernels.medium import Body
 
 if TYPE_CHECKING:
-    from .volumes.resampling import Resampling
+    from aerokernels.flow.reading.volumes.resampling import Resampling
 
 GEOMETRIES = ("planar", "axisymmetric", "volume")
 SI_UNITS = {"density": "kg/m3", "pressure": "Pa", "temperature": "K"}
+
+
+class ReadOptions(TypedDict, total=False):
+    """The options of `read`, which describes them; None and an option left out mean the same."""
+
+    density: str | Mapping[str, Any] | None
+    frame: Frame | Mapping[str, Any] | str | None
+    length_unit: str | float | None
+    reference: Reference | Mapping[str, Any] | str | float | None
+    time: float | str | None
+    gas_constant: float | None
+    geometry: str | None
+    ambient_density: float | None
+    species: bool | Sequence[str] | Mapping[str, str] | None
+    spacing: float | Sequence[float] | None
+    region: Sequence[Sequence[float]] | None
+    walls: str | Sequence[str] | None
+    mesh: str | os.PathLike | None
+    solution: str | os.PathLike | None
+    variables: Mapping[str, Any] | None
+    order: str | None
+
+
+def checked_options(options: ReadOptions, taker: str, *, without: Sequence[str] = ()) -> ReadOptions:
+    """Return options in their own types: a `Frame`, a `Reference`, metres; those left out as None.
+
+    Args:
+        options: As a caller gives them.
+        taker: The function that takes them, for messages.
+        without: Options that it does not take.
+
+    Raises:
+        TypeError: An unknown option, or a value of another kind.
+        ValueError: A value that an option cannot have.
+    """
+    known = [name for name in ReadOptions.__annotations__ if name not in without]
+    if unknown := sorted(set(options) - set(known)):
+        raise TypeError(f"{taker} has no argument {unknown[0]!r}: it takes {', '.join(known)}")
+    values = {name: options.get(name) for name in ReadOptions.__annotations__}
+    values["frame"], values["reference"] = Frame.of(values["frame"]), Reference.of(values["reference"])
+    if values["length_unit"] is not None or "length" in values["reference"].given:
+        values["length_unit"] = unit_of_length(values["length_unit"]) * values["reference"].length
+    if values["geometry"] is not None:
+        check_choice(values["geometry"], "geometry", GEOMETRIES)
+    if values["ambient_density"] is not None:
+        check_density(values["ambient_density"], "ambient_density")
+    return cast(ReadOptions, values)
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,31 +84,42 @@ class Reading:
     Attributes:
         path: The file or case.
         dataset: Its contents.
+        options: What the caller asked for, as `checked_options` returns it.
         densities: Density [kg/m3] of each block, float64 or the file's float32, and whether its values belong to
             "cell"s or "point"s.
         geometry: "planar", "axisymmetric" or "volume".
-        frame: The optical frame in the file's axes.
         normal: Normal of the plane of a planar file, in the file's axes.
         scale: The file's unit of length [m].
-        ambient: The density around the field that the caller requested [kg/m3], or None.
         said: Description of the choices made, for the provenance.
         choice: The arrays that the density comes from.
-        reference: Reference values of non-dimensional data.
         fractions: Mass fractions of the species, or None for a single gas.
     """
 
     path: Path
     dataset: Dataset
+    options: ReadOptions
     densities: list[tuple[np.ndarray, str]]
     geometry: str
-    frame: Frame
     normal: np.ndarray | None
     scale: float
-    ambient: float | None
     said: str
     choice: DensityChoice
-    reference: Reference
     fractions: Fractions | None = None
+
+    @property
+    def frame(self) -> Frame:
+        """The optical frame in the file's axes."""
+        return cast(Frame, self.options["frame"])
+
+    @property
+    def reference(self) -> Reference:
+        """Reference values of non-dimensional data."""
+        return cast(Reference, self.options["reference"])
+
+    @property
+    def ambient(self) -> float | None:
+        """The density around the field [kg/m3] that the caller or the file states, or None."""
+        return self.options["ambient_density"] or self.dataset.ambient
 
     def moved(self, points: np.ndarray) -> np.ndarray:
         """Return points of the file, shape (n, 3), in the optical frame [m]."""
@@ -79,47 +131,25 @@ class Reading:
     def described(self) -> list[str]:
         """Describe the choices made for a volume, one item a choice."""
         dataset = self.dataset
-        time = [f"t = {dataset.time:g}"] if dataset.time is not None else []
         axes = self.frame.axes()
         ready = all(isinstance(block.cell_data, dict) for block in dataset.blocks)  # not fields that would be read now
         direction = direction_note(self.path, dataset, self.frame, axes) if ready else []
-        return [dataset.format, *time, self.said, self.frame.described(axes), *direction, *dataset.notes]
+        return [*self.opening(), self.frame.described(axes), *direction, *dataset.notes]
+
+    def opening(self) -> list[str]:
+        """Return what every description begins with: the format, the time, the arrays."""
+        time = [f"t = {self.dataset.time:g}"] if self.dataset.time is not None else []
+        return [self.dataset.format, *time, self.said]
 
 
-@dataclass(eq=False)
-class SharedMesh:
-    """Data that successive files on the same mesh share.
-
-    Attributes:
-        resampling: The map from the mesh of a volume to its grid.
-    """
-
-    resampling: "Resampling | None" = None
-
-
-def read(
-    path,
-    *,
-    density=None,
-    frame=None,
-    length_unit: str | float | None = None,
-    reference=None,
-    time: float | str | None = None,
-    gas_constant: float | None = None,
-    geometry: str | None = None,
-    ambient_density: float | None = None,
-    spacing: float | None = None,
-    region=None,
-    walls=None,
-    species=None,
-    **options: Any,
-) -> DensityField:
+def read(path, **options: Unpack[ReadOptions]) -> DensityField:
     """Read a CFD file or case as a density field in the optical frame.
 
     Two-dimensional files keep their mesh; volumes are resampled to a uniform grid, with a measured error.
 
     Args:
-        path: An OpenFOAM case, or a file: VTK's family, CGNS, Plot3D, Tecplot, SU2, NPZ, NetCDF, HDF5, CSV.
+        path: An OpenFOAM case, or a file: VTK's family, CGNS, EnSight, Fluent, Exodus, Plot3D, Tecplot, SU2,
+            NPZ, NetCDF, HDF5, CSV.
         density: Name of the density array; or {"pressure": NAME, "temperature": NAME, "gas_constant": R}; None searches
             for the usual names.
         frame: A `Frame`, a mapping of its attributes, or the optical axis alone, such as "-x".
@@ -138,8 +168,10 @@ def read(
         species: Mass fractions that make the field a mixture, from arrays of the file: True for those named
             by formulas (N2, Y_O2, MassFractionCO2, ...), formulas alone, or {"N2": "Y_N2", ...}, where an entry
             "basis": "mole" declares mole fractions. None assumes a single gas. See `SPECIES_NAMES`.
-        options: For single formats: `mesh` (a restart of SU2), `solution` (Plot3D), `variables` (NPZ, HDF5), and
-            `order` (NPZ, HDF5): the axes of the arrays, "yx" for those of numpy.meshgrid; None takes "xyz", "xy" or
+        mesh: The mesh of a restart of SU2.
+        solution: The solution of a grid of Plot3D, or the restart of a mesh of SU2.
+        variables: Names of the coordinates in NPZ, HDF5 and NetCDF, or the two ends of each axis: {"x": "X1", ...}.
+        order: The axes of the arrays in NPZ and HDF5: "yx" for those of numpy.meshgrid; None takes "xyz", "xy" or
             "rz" where lengths do not tell, with a warning.
 
     Returns:
@@ -149,62 +181,62 @@ def read(
         TypeError: An argument of the wrong kind.
         ValueError: A file that cannot be used (`ReadError`: file, place and remedy), or arguments that do not fit it.
     """
-    return read_onto(
-        None, path, density=density, frame=frame, length_unit=length_unit, reference=reference, time=time,
-        gas_constant=gas_constant, geometry=geometry, ambient_density=ambient_density, spacing=spacing, region=region,
-        walls=walls, species=species, **options,
-    )  # fmt: skip
+    return Reader(**options)(path)
 
 
-def read_onto(shared: SharedMesh | None, path, *, spacing=None, region=None, walls=None, **asked: Any) -> DensityField:
-    """Read as `read` does, and share with other files what depends on the mesh alone, through `shared`."""
-    try:
-        flat = spacing is None and region is None  # a mesh one cell thick is planar unless a grid is requested
-        return field_of(prepare(path, flat=flat, **asked), spacing, region, walls, shared)
-    except (ArithmeticError, LookupError) as fault:
-        # Readers check counts and indices; an error that still occurs here means that the file is damaged.
-        what = f"no field can be made of it ({type(fault).__name__}: {fault})"
-        raise ReadError(path, what, DAMAGED) from fault
-    except MemoryError:
-        raise ReadError(
-            path, "it takes more memory than there is", "give a greater spacing or a smaller region"
-        ) from None
+class Reader:
+    """`flow.read` with its options given once, for files or times that share a mesh.
 
+    The map from the mesh of a volume to its grid is computed once; each further snapshot on the same mesh costs the
+    reading of its file and one pass over cells and nodes. A file with another mesh gets a new map, which replaces the
+    previous one.
 
-def prepare(path, *, density=None, frame=None, length_unit=None, reference=None, time=None, gas_constant=None,
-            geometry=None, ambient_density=None, species=None, flat=True, **options: Any) -> Reading:  # fmt: skip
-    """Read a file and decide what its arrays and axes mean; arguments and errors as in `read`."""
-    if not isinstance(path, (str, os.PathLike)):
-        raise TypeError(
-            f"path must be the path of a flow file or case, got {type(path).__name__}: for arrays there are "
-            "DensityField.from_xarray and DensityField.from_pyvista"
-        )
-    path = Path(path)
-    frame, reference = Frame.of(frame), Reference.of(reference)
-    unit = length_unit_given(length_unit, reference)
-    if geometry is not None:
-        check_choice(geometry, "geometry", GEOMETRIES)
-    if ambient_density is not None:
-        check_density(ambient_density, "ambient_density")
-    if unknown := set(options) - set(OPTIONS):
-        raise TypeError(f"flow.read has no argument {sorted(unknown)[0]!r}")
-    return reading_of(
-        path, load(path, time, options), density, frame, unit, reference, gas_constant, geometry, ambient_density,
-        species, flat,
-    )  # fmt: skip
+        reader = flow.Reader(spacing=1e-3)
+        fields = [reader("case", time=t) for t in (0.1, 0.2, 0.3)]
+        field = reader.resampling.apply(densities)  # of the same cells, from a solver in this process
 
-
-def reading_of(
-    path, dataset: Dataset, density, frame, unit, reference, gas_constant, geometry, ambient, species=None, flat=True
-) -> Reading:
-    """Decide what the arrays and axes of a dataset mean.
-
-    `unit` is the unit of length [m], or None for the file's own; the other arguments are as in `read`. If `flat`, a
-    mesh that is one cell thick is taken as planar.
+    Attributes:
+        options: Those of `flow.read`.
+        resampling: The map from the mesh of the last volume to its grid; None before the first and for other
+            geometries.
     """
+
+    def __init__(self, **options: Unpack[ReadOptions]):
+        """Store the options, which are those of `flow.read`."""
+        self.options = options
+        self.resampling: Resampling | None = None
+
+    def __call__(self, path, **more: Unpack[ReadOptions]) -> DensityField:
+        """Read a file or case; `more` overrides the stored options. Errors as in `flow.read`."""
+        try:
+            return self._field(path, {**self.options, **more})
+        except (ArithmeticError, LookupError) as fault:
+            # Readers check counts and indices; an error that still occurs here means that the file is damaged.
+            what = f"no field can be made of it ({type(fault).__name__}: {fault})"
+            raise ReadError(path, what, DAMAGED) from fault
+        except MemoryError:
+            remedy = "give a greater spacing or a smaller region"
+            raise ReadError(path, "it takes more memory than there is", remedy) from None
+
+    def _field(self, path, asked: ReadOptions) -> DensityField:
+        if not isinstance(path, (str, os.PathLike)):
+            raise TypeError(
+                f"path must be the path of a flow file or case, got {type(path).__name__}: for arrays there are "
+                "DensityField.from_xarray and DensityField.from_pyvista"
+            )
+        path, options = Path(path), checked_options(asked, "flow.read")
+        of_format = {name: value for name, value in options.items() if name in FORMAT_OPTIONS}
+        return field_of(reading_of(path, load(path, options["time"], of_format), options), self)
+
+
+def reading_of(path, dataset: Dataset, options: ReadOptions) -> Reading:
+    """Decide what the arrays and axes of a dataset mean; `options` as of `checked_options`, errors as in `read`."""
+    frame, reference = cast(Frame, options["frame"]), cast(Reference, options["reference"])
+    geometry = options["geometry"]
+    flat = options["spacing"] is None and options["region"] is None  # else a mesh one cell thick is a volume
     if dataset.unsure:
         warn_caller(f"{path}: {dataset.unsure}")
-    scale = (dataset.length or 1.0) if unit is None else unit
+    scale = options["length_unit"] or dataset.length or 1.0
     check_blocks(path, dataset)
     dataset = with_blanks(dataset)
     solid = len(dataset.blocks) == 1 and grid_of(dataset.blocks[0].points) is not None
@@ -212,7 +244,7 @@ def reading_of(
         dataset = with_all_points(dataset)
     if flat and not solid and dataset.geometry is None and geometry != "volume":
         dataset = flattened(dataset, frame.look) or dataset
-    choice = choose_density(path, dataset, density, gas_constant)
+    choice = choose_density(path, dataset, options["density"], options["gas_constant"])
     if reference.operating_pressure and choice.pressure is None:
         fault = f"an operating pressure is given, but the density is {choice.density!r}"
         raise ReadError(path, fault, "leave it out, or name the arrays of pressure and temperature")
@@ -235,13 +267,13 @@ def reading_of(
         raise ReadError(path, f"its points fill a volume, it is not {kind}", "leave geometry out")
     if kind == "volume" and geometry is None:
         _refuse_wedge(path, dataset)
-    fractions = choose_fractions(path, dataset, densities, species)
+    fractions = choose_fractions(path, dataset, densities, options["species"])
     said = choice.described(reference) + (f"; {fractions.said}" if fractions is not None else "")
-    if unit is None and scale != 1.0:
+    if options["length_unit"] is None and scale != 1.0:
         said += f"; coordinates in units of {scale:g} m, which the file states"
-    said += _without_units(dataset, choice, reference, unit)
+    said += _without_units(dataset, choice, options)
     said += said_of_units(path, dataset, choice, reference, densities)
-    return Reading(path, dataset, densities, kind, frame, normal, scale, ambient, said, choice, reference, fractions)
+    return Reading(path, dataset, options, densities, kind, normal, scale, said, choice, fractions)
 
 
 def _refuse_wedge(path, dataset: Dataset) -> None:
@@ -260,33 +292,33 @@ def _refuse_wedge(path, dataset: Dataset) -> None:
         )
 
 
-def _without_units(dataset: Dataset, choice: DensityChoice, reference: Reference, unit: float | None) -> str:
+def _without_units(dataset: Dataset, choice: DensityChoice, options: ReadOptions) -> str:
     """Say which numbers are taken in SI although neither the file nor the caller states their unit."""
     taken = [
         f"{name!r} in {SI_UNITS[dimension]}"
         for dimension in SI_UNITS
         if (name := getattr(choice, dimension)) is not None
-        and not (dimension in reference.given or unit_in_name(name))
+        and not (dimension in cast(Reference, options["reference"]).given or unit_in_name(name))
         and is_no_unit(dataset.units.get(name, ""))
     ]
-    if unit is None and dataset.length is None:
+    if options["length_unit"] is None and dataset.length is None:
         taken.append("coordinates in m")
     return f"; no unit is stated, taken: {', '.join(taken)}" if taken else ""
 
 
-def field_of(reading: Reading, spacing=None, region=None, walls=None, shared: SharedMesh | None = None) -> DensityField:
-    """Return the density field of a file that was read."""
+def field_of(reading: Reading, shared: Reader | None = None) -> DensityField:
+    """Return the density field of a file that was read; `shared` keeps the map from a volume's mesh to its grid."""
     if reading.geometry == "volume":
-        from .volumes.volume import volume_field
+        from aerokernels.flow.reading.volumes.volume import volume_field
 
-        return volume_field(reading, spacing, region, walls, shared)
-    if spacing is not None or region is not None:
+        return volume_field(reading, shared)
+    if reading.options["spacing"] is not None or reading.options["region"] is not None:
         raise ValueError(f"spacing and region are a volume's grid; {reading.path} keeps its own mesh: leave them out")
-    return _plane_field(reading, walls)
+    return _plane_field(reading)
 
 
-def _plane_field(reading: Reading, names=None) -> DensityField:
-    path, dataset = reading.path, reading.dataset
+def _plane_field(reading: Reading) -> DensityField:
+    path, dataset, names = reading.path, reading.dataset, reading.options["walls"]
     plane = Plane.of(path, dataset, reading.geometry, reading.frame, reading.scale, reading.normal)
     given = [(np.asarray(rho, np.float64), where) for rho, where in reading.densities]
     fractions = reading.fractions
@@ -300,9 +332,9 @@ def _plane_field(reading: Reading, names=None) -> DensityField:
     if fractions is not None:
         partial, density = density[:, 1:].T, density[:, 0]
         composition = fractions.composition(partial, partial[:, front_of(at)].mean(axis=1))
-    ambient = reading.ambient or dataset.ambient or float(np.median(density[front_of(at)]))
-    said = [dataset.format, *([f"t = {dataset.time:g}"] if dataset.time is not None else []), reading.said,
-            plane_in_words(plane, reading.frame, mesh), *direction_note(path, dataset, reading.frame, plane.axes),
+    ambient = reading.ambient or float(np.median(density[front_of(at)]))
+    direction = direction_note(path, dataset, reading.frame, plane.axes)
+    said = [*reading.opening(), plane_in_words(plane, reading.frame, mesh), *direction,
             f"ambient {ambient:.6g} kg/m3", *([remark] if remark else []), *dataset.notes]  # fmt: skip
     wall = None
     if where == "cell" and fractions is None:
@@ -318,7 +350,7 @@ def _plane_field(reading: Reading, names=None) -> DensityField:
 
 
 def _body(path, dataset: Dataset, plane: Plane, mesh, names) -> Body | None:
-    from .planes.walls import hole_body, wall_body
+    from aerokernels.flow.reading.planes.walls import hole_body, wall_body
 
     walls = wall_patches(path, dataset.patches, names)
     edges = [plane.local(patch.edges) for patch in walls if len(patch.edges)]
@@ -336,15 +368,29 @@ def unit_of_length(unit: str | float | None) -> float:
     """
     if unit is None:
         return 1.0
-    if isinstance(unit, str) and (written := written_unit(unit)) and written.exponents == DIMENSIONS["length"]:
+    if isinstance(unit, str) and (written := written_unit(unit)) and written.exponents == EXPONENTS["length"]:
         return written.factor
     if isinstance(unit, str) and not any(c.isdigit() for c in unit):
         unit = f"1 {unit}"
     return check_positive(quantity(unit, "length"), "length_unit")
 
 
-def length_unit_given(unit: str | float | None, reference: Reference) -> float | None:
-    """Return the unit of length [m] that a caller gives by `length_unit`, a reference length or both, or None."""
-    if unit is None and "length" not in reference.given:
-        return None
-    return unit_of_length(unit) * reference.length
+def front_of(places: np.ndarray) -> np.ndarray:
+    """Return which places, shape (n, d), are in the most upstream twentieth of all."""
+    return np.asarray(places[:, -1] >= float(np.quantile(places[:, -1], 0.95)))
+
+
+def far_field(flow: DensityField, resampling: "Resampling | None" = None) -> np.ndarray | None:
+    """Return the densities at the upstream end of a field [kg/m3], shape (n,); None where it has no samples.
+
+    `flow.read` takes their median for the ambient density of a file that states none. `resampling` is the map by which
+    a volume was made from cells: nodes in no cell do not count.
+    """
+    if isinstance(flow, GridDensity):
+        if resampling is not None and resampling.shape == flow.density.shape:
+            return flow.density.reshape(-1)[resampling.front]
+        return flow.density[..., -1].ravel()
+    if isinstance(flow, (CellDensity, VertexDensity)):
+        places = flow.mesh.cell_centroid if isinstance(flow, CellDensity) else flow.mesh.vertices
+        return flow.density[front_of(places)]
+    return None

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from aerokernels.display.plain_text import cut, plain_json
-from aerokernels.files.drafts import FULL, OutputError
+from aerokernels.files.writing import FULL, OutputError
 from aerokernels.jobs.store import to_json, write_text
 
 DEFINITION_FILE, CASES_FILE, DATASET_FILE = "sweep.json", "cases.jsonl", "sweep.nc"

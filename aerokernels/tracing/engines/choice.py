@@ -12,8 +12,9 @@ from contextlib import suppress
 from dataclasses import replace
 from importlib.metadata import PackageNotFoundError, version
 
+from aerokernels.process.kernel_cache import NoCacheError
+
 from ...process.opened import OPENED
-from ...process.spare_cache import NoCacheError
 from .info import NO_CUDA, BackendInfo, absent, cuda_driver_loads, known_memory, warp_processor
 
 BACKENDS = ("auto", "warp", "opencl", "reference")

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from aerokernels.flow.reading.files_behind import files_behind, stamp
-from aerokernels.jobs.sweeps.sources import content_hashes
+from aerokernels.flow.reading.formats import files_behind, stamp
+from aerokernels.jobs.sweeps.definition import content_hashes
 
 
 def touch(folder: Path, *names: str) -> list[Path]:

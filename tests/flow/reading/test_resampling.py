@@ -6,13 +6,12 @@ from test_volumes import cube, linear, split
 
 from aerokernels import flow
 from aerokernels.flow.reading.dataset import HEXAHEDRON, TETRAHEDRON, Block, Cells, Dataset
-from aerokernels.flow.reading.density import Reference
-from aerokernels.flow.reading.frame import Frame
-from aerokernels.flow.reading.read import SharedMesh, field_of, reading_of
+from aerokernels.flow.reading.read import checked_options, field_of, reading_of
 
 
-def reading(blocks, frame=None):
-    return reading_of("test", Dataset(blocks, "test"), "rho", Frame.of(frame), 1.0, Reference(), None, None, None)
+def reading(blocks, spacing=0.05, frame=None):
+    options = checked_options({"density": "rho", "frame": frame, "spacing": spacing}, "test")
+    return reading_of("test", Dataset(blocks, "test"), options)
 
 
 def two_blocks(seed: int, where: str, points=None):
@@ -35,11 +34,11 @@ def two_blocks(seed: int, where: str, points=None):
 @pytest.mark.parametrize("where", ["cell", "point"])
 def test_further_densities_on_a_kept_mesh(where):
     """Set-up: two blocks, two sets of random densities. Expected: bit for bit what a map of its own gives."""
-    shared = SharedMesh()
-    field_of(reading(two_blocks(1, where)), 0.03, shared=shared)
-    mapped, later = shared.resampling, reading(two_blocks(2, where))
-    alone = field_of(later, 0.03)
-    again = field_of(later, 0.03, shared=shared)
+    shared = flow.Reader()
+    field_of(reading(two_blocks(1, where), 0.03), shared)
+    mapped, later = shared.resampling, reading(two_blocks(2, where), 0.03)
+    alone = field_of(later)
+    again = field_of(later, shared)
     assert shared.resampling is mapped
     assert again.density.tobytes() == alone.density.tobytes()
     assert again.provenance == alone.provenance and again.resampling == alone.resampling
@@ -50,26 +49,15 @@ def test_further_densities_on_a_kept_mesh(where):
 @pytest.mark.parametrize("change", ["points", "frame", "spacing", "where"])
 def test_another_mesh_is_drawn_anew(change):
     """Set-up: points moved by 1e-9, another frame, grid or kind of data. Expected: the shared map is not taken."""
-    shared = SharedMesh()
-    field_of(reading(two_blocks(1, "cell")), 0.05, shared=shared)
+    shared = flow.Reader()
+    field_of(reading(two_blocks(1, "cell")), shared)
     first = shared.resampling
     blocks = two_blocks(2, "point" if change == "where" else "cell", 1e-9 if change == "points" else None)
-    other = reading(blocks, {"optical": "-x"} if change == "frame" else None)
-    spacing = 0.06 if change == "spacing" else 0.05
-    found = field_of(other, spacing, shared=shared)
+    frame = {"optical": "-x"} if change == "frame" else None
+    other = reading(blocks, 0.06 if change == "spacing" else 0.05, frame)
+    found = field_of(other, shared)
     assert shared.resampling is not first
-    assert found.density.tobytes() == field_of(other, spacing).density.tobytes()
-
-
-def test_densities_that_do_not_fit_are_refused():
-    shared = SharedMesh()
-    field_of(reading(two_blocks(1, "cell")[:1]), 0.05, shared=shared)
-    count = len(two_blocks(1, "cell")[0].cell_data["rho"])
-    with pytest.raises(ValueError, match=f"mesh {count} cells"):
-        shared.resampling.apply(np.ones(count - 1))
-    with pytest.raises(ValueError, match="not positive"):
-        shared.resampling.apply(np.full(count, -1.0), ambient_density=1.0)
-    assert shared.resampling.apply(np.full(count, 1.5)).density == pytest.approx(1.5, rel=1e-15)
+    assert found.density.tobytes() == field_of(other).density.tobytes()
 
 
 def test_a_reader_keeps_the_map_from_file_to_file(tmp_path):
@@ -106,40 +94,6 @@ def test_a_reader_keeps_the_map_from_file_to_file(tmp_path):
     assert series[1].density.tobytes() == other.density.tobytes()
 
 
-@pytest.mark.parametrize("where", ["cell", "point"])
-def test_each_node_has_what_the_function_of_its_cell_is_there(where):
-    """Set-up: random densities of tetrahedra and hexahedra. Formula: the average plus slope times distance, clipped.
-
-    Slopes by least squares through the corners, whose values are given or are those of `PointValues`. Error: 1e-12.
-    """
-    taken = reading(two_blocks(3, where))
-    shared = SharedMesh()
-    field = field_of(taken, 0.07, shared=shared)
-    parts = shared.resampling._parts
-    nodes = np.stack(np.meshgrid(*[o + h * np.arange(n) for o, h, n in
-                                   zip(field.origin, field.spacing, field.density.shape, strict=True)],
-                                 indexing="ij"), axis=-1).reshape(-1, 3)  # fmt: skip
-    found, seen = field.density.ravel(), 0
-    for part, block, (given, _) in zip(parts, taken.dataset.blocks, taken.densities, strict=True):
-        width = 4 if block.cells.types[0] == TETRAHEDRON else 8
-        corners = block.cells.points.reshape(-1, width)
-        at_points = part.values(given)[1]
-        for cell in range(0, len(corners), 17):
-            place, near = block.points[corners[cell]], at_points[corners[cell]]
-            middle = place.mean(axis=0)
-            value = given[cell] if where == "cell" else near.mean()
-            slope = np.linalg.lstsq(place - middle, near - near.mean(), rcond=None)[0]
-            if width == 4:
-                inside = np.linalg.solve(np.vstack([place.T, np.ones(4)]), np.vstack([nodes.T, np.ones(len(nodes))]))
-                held = np.flatnonzero((inside > 1e-6).all(axis=0))
-            else:  # well inside a skewed hexahedron, whose centroid is not the mean of its corners
-                held = np.flatnonzero((np.abs(nodes - middle) < 1e-9).all(axis=1))
-            expected = np.clip(value + (nodes[held] - middle) @ slope, min(near.min(), value), max(near.max(), value))
-            assert found[held] == pytest.approx(expected, rel=1e-12)
-            seen += len(held)
-    assert seen > 5
-
-
 @pytest.mark.parametrize("last", ["fine", "coarse"])
 def test_of_blocks_that_overlap_the_finer_one_counts(last):
     """Set-up: 10^3 cells of 1 kg/m3 and, about their middle, 20^3 of 2 kg/m3, in either order. Expected: 2 there."""
@@ -150,8 +104,8 @@ def test_of_blocks_that_overlap_the_finer_one_counts(last):
         return Block(points, Cells.of_one_type(HEXAHEDRON, corners), cell_data={"rho": np.full(n**3, value)})
 
     blocks = [block(0.0, 1.0, 10, 1.0), block(0.3, 0.7, 20, 2.0)]
-    shared = SharedMesh()
-    found = field_of(reading(blocks if last == "fine" else blocks[::-1]), 0.02, shared=shared)
+    shared = flow.Reader()
+    found = field_of(reading(blocks if last == "fine" else blocks[::-1], 0.02), shared)
     places = np.random.default_rng(1).uniform(0.0, 1.0, (500, 3))
     away = np.abs(places - 0.5).max(axis=1)
     at = found.density_at(places)

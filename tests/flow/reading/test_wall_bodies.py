@@ -2,14 +2,11 @@
 
 import numpy as np
 import pytest
+import writers
 
 from aerokernels import QuadMesh
-from aerokernels.flow.reading.dataset import HEXAHEDRON, Block, Cells, Dataset, Patch, Polygons, ReadError
-from aerokernels.flow.reading.density import Reference
-from aerokernels.flow.reading.frame import Frame
-from aerokernels.flow.reading.planes.logical import logical_rectangle
+from aerokernels.flow.reading.dataset import HEXAHEDRON, Block, Cells, Patch, Polygons, ReadError
 from aerokernels.flow.reading.planes.walls import wall_body
-from aerokernels.flow.reading.read import field_of, reading_of
 
 
 def mesh(geometry: str = "planar", low: float = 0.0) -> QuadMesh:
@@ -36,22 +33,6 @@ def test_a_nozzle_has_its_solid_outside():
     assert body.contains(np.array([[1.05, 1.0]])).all() and not body.contains(np.array([[0.5, 1.0], [1.2, 1.0]])).any()
 
 
-def test_two_bodies_in_one_flow():
-    squares = [np.array([(0, 0), (0.2, 0), (0.2, 0.2), (0, 0.2), (0, 0)]) + at for at in ((0.2, 0.3), (0.5, 1.2))]
-    body = wall_body(np.concatenate([edges(square) for square in squares]), mesh())
-    assert body.contains(np.array([[0.3, 0.4], [0.6, 1.3]])).all()
-    assert not body.contains(np.array([[0.45, 0.8], [0.1, 0.1], [0.35, 1.3]])).any()
-
-
-def test_walls_that_bound_nothing_or_branch():
-    line = edges([(0.2, 0.5), (0.2, 0.7), (0.2, 0.5)])
-    assert wall_body(line[:0], mesh()) is None
-    with pytest.raises(ValueError, match=r"the walls branch at \[0\.2, 0\.5\]"):
-        wall_body(
-            np.concatenate([edges([(0.2, 0.5), point]) for point in ((0.3, 0.5), (0.1, 0.5), (0.2, 0.9))]), mesh()
-        )
-
-
 AXIS = np.linspace(0.0, 1.0, 9)
 POINTS = np.stack([a.ravel() for a in np.meshgrid(AXIS, AXIS, AXIS, indexing="ij")[::-1]], axis=1)
 INDEX = np.arange(729).reshape(9, 9, 9)
@@ -69,9 +50,7 @@ def body_of(faces, kind: str = "wall"):
     start = np.concatenate([[0], np.cumsum([len(face) for face in faces])])
     patch = Patch("skin", kind, polygons=Polygons(np.concatenate(faces), start))
     block = Block(POINTS, Cells.of_one_type(HEXAHEDRON, BRICKS[KEEP]), point_data={"rho": np.ones(729)})
-    dataset = Dataset([block], "test", patches=[patch])
-    taken = reading_of("FILE", dataset, None, Frame(), 1.0, Reference(), None, None, None)
-    return field_of(taken, spacing=0.125).body
+    return writers.field([block], spacing=0.125, dataset={"patches": [patch]}).body
 
 
 @pytest.mark.parametrize(
@@ -89,18 +68,6 @@ def test_a_box_of_any_faces(faces):
     body = body_of(faces)
     a, b, c = body.vertices[body.triangles].transpose(1, 0, 2)
     assert abs(np.einsum("nk,nk->n", a, np.cross(b, c)).sum() / 6.0) == pytest.approx(0.25**3, rel=1e-12)
-
-
-def test_a_face_of_five_corners_is_cut_about_its_middle():
-    """A prism over a pentagon. Expected: its volume, area times height, to 1e-12."""
-    angle = 2.0 * np.pi * np.arange(5) / 5
-    ring = 0.5 + 0.12 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    low, high = (np.column_stack([ring, np.full(5, z)]) for z in (LOW, HIGH))
-    sides = [np.array([low[k], low[(k + 1) % 5], high[(k + 1) % 5], high[k]]) for k in range(5)]
-    body = body_of([low[::-1], high, *sides])
-    a, b, c = body.vertices[body.triangles].transpose(1, 0, 2)
-    expected = 0.25 * 2.5 * 0.12**2 * np.sin(2.0 * np.pi / 5.0)
-    assert abs(np.einsum("nk,nk->n", a, np.cross(b, c)).sum() / 6.0) == pytest.approx(expected, rel=1e-12)
 
 
 def moebius(count: int = 12) -> list[np.ndarray]:
@@ -128,13 +95,3 @@ def test_surfaces_that_bound_no_body(faces, told):
     else:
         assert body_of(faces) is None
     assert body_of(moebius(), kind="BCFarfield") is not None  # no wall: the hole of the mesh is the body
-
-
-@pytest.mark.parametrize("order", [range(6), [3, 0, 5, 1, 4, 2]])
-def test_rows_and_columns_are_found_in_cells_of_any_order(order):
-    index = np.arange(12).reshape(3, 4)
-    cells = np.stack([index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]], axis=-1).reshape(-1, 4)
-    cells = np.array([np.roll(cells[k], k) for k in order])
-    grid, found = logical_rectangle(cells, 12)
-    assert sorted(grid.shape) == [3, 4] and sorted(found.ravel()) == list(range(6))
-    assert logical_rectangle(cells[1:], 12) is None  # a corner is missing

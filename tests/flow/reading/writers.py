@@ -9,6 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
+from aerokernels.flow.reading.dataset import Dataset
+from aerokernels.flow.reading.read import Reader, checked_options, field_of, reading_of
+
 NI, NJ = 31, 21
 
 
@@ -34,6 +37,12 @@ def quads(ni: int | None = None, nj: int | None = None) -> np.ndarray:
 def cell_means(values: np.ndarray) -> np.ndarray:
     """Mean over the corners of each cell, shape (nj - 1, ni - 1)."""
     return 0.25 * (values[:-1, :-1] + values[1:, :-1] + values[1:, 1:] + values[:-1, 1:])
+
+
+def field(blocks, *, name: str = "FILE", shared: Reader | None = None, dataset=None, **options):
+    """The field that a reader's blocks make with the options of `flow.read`; `dataset` has more of the dataset."""
+    contents = Dataset(blocks, "test", **(dataset or {}))
+    return field_of(reading_of(name, contents, checked_options(options, "test")), shared)
 
 
 def plot3d(

@@ -175,11 +175,11 @@ def test_a_limit_on_files_is_seen_before_pocl_meets_it(monkeypatch):
 
 
 def test_a_full_disk_gives_the_process_a_cache_of_its_own(tmp_path, monkeypatch):
-    from aerokernels.process import spare_cache
+    from aerokernels.process import kernel_cache
     from aerokernels.tracing.engines.opencl import pocl_cache
 
     monkeypatch.setenv("POCL_CACHE_DIR", str(tmp_path))
-    monkeypatch.setattr(spare_cache, "_free_space", lambda folder: 0.0 if folder == tmp_path else float("inf"))
+    monkeypatch.setattr(kernel_cache, "_free_space", lambda folder: 0.0 if folder == tmp_path else float("inf"))
     with pytest.warns(RuntimeWarning, match="is full: kernels are built in"):
         pocl_cache.make_safe()
     assert pocl_cache.cache_folder() != tmp_path and pocl_cache.cache_folder().is_dir()
@@ -216,7 +216,7 @@ def test_what_warp_keeps_is_built_anew_where_it_does_not_load():
 
 def test_what_a_crash_left_of_warps_kernels_is_compiled_again(tmp_path: Path):
     """Set-up: a whole module, one being made, and five that are not whole. Expected: those five go, and no other."""
-    from aerokernels.process.warp_cache import remove_damaged
+    from aerokernels.process.kernel_cache import remove_damaged
 
     contents = {"wp_whole": b"{}", "wp_made_p12_t34": b"", "wp_empty": b"", "wp_list": b"[]", "wp_bytes": b"\xff",
                 "wp_deep": b"[" * 100_000}  # fmt: skip

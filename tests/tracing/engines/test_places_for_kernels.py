@@ -1,12 +1,11 @@
 """Machines on which the usual folders for kernels cannot be used: full, read-only, or named in another encoding."""
 
 import os
-import sys
 from pathlib import Path
 
 import pytest
 
-from aerokernels.process.spare_cache import why_untrusted
+from aerokernels.process.kernel_cache import why_untrusted
 
 from ..opencl_stands import need_opencl, run_python
 
@@ -14,12 +13,11 @@ from ..opencl_stands import need_opencl, run_python
 STAND = """
 import os
 from pathlib import Path
-from aerokernels.process import spare_cache
-spare_cache.TEMPORARY = ()
-real = spare_cache.why_unusable
+from aerokernels.process import kernel_cache
+real = kernel_cache.why_unusable
 def why_unusable(folder):
     return f"the disk of {folder} is full" if any(str(folder).startswith(one) for one in %r) else real(folder)
-spare_cache.why_unusable = why_unusable
+kernel_cache.why_unusable = why_unusable
 """
 START = """
 from aerokernels.process.quiet_warp import start_warp
@@ -59,22 +57,6 @@ def test_where_no_folder_takes_kernels_a_sentence_says_what_to_set(backend, tmp_
     done = run_python(STAND % [str(tmp_path)] + CHOOSE.format(backend) + start, tmp_path, **places)
     last = done.stderr.splitlines()[-1]
     assert done.returncode == 1 and "is full" in last and "set TMPDIR to a folder" in last, done.stderr
-
-
-@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="file names have one encoding here")
-def test_a_name_that_the_locale_does_not_decode_is_no_place_for_warps_kernels(tmp_path):
-    """It ended in "UnicodeEncodeError: surrogates not allowed" within Warp."""
-    home = tmp_path / "\u00e4 \u00f6"
-    home.mkdir()
-    locale = {"LC_ALL": "C", "PYTHONCOERCECLOCALE": "0", "PYTHONUTF8": "0"}
-    places = {"HOME": str(home), "XDG_CACHE_HOME": "", "WARP_CACHE_PATH": str(home), "TMPDIR": str(home)}
-    done = run_python("from pathlib import Path\n" + START, tmp_path, **locale, **places)
-    assert done.returncode == 0, done.stderr
-    assert str(home) not in done.stdout and "is not readable in this locale" in done.stderr
-    code = "import warp as wp; print(wp.config.use_precompiled_headers)"
-    assert run_python("from pathlib import Path\n" + START + code, tmp_path, **locale, **places).stdout.endswith(
-        "False\n"
-    )
 
 
 def test_a_variable_that_is_empty_leaves_pocl_its_cache(tmp_path):
@@ -135,8 +117,8 @@ def test_kernels_are_not_loaded_from_a_folder_that_others_may_write(backend, tmp
 def test_a_kernel_that_cannot_be_written_names_the_cache_and_the_remedy():
     """As with `ulimit -f`, or a disk that fills while the process runs: only "[Errno 27] File too large" before."""
     from aerokernels.device_arrays import launching
+    from aerokernels.process.kernel_cache import NoCacheError
     from aerokernels.process.quiet_warp import start_warp
-    from aerokernels.process.spare_cache import NoCacheError
 
     class Module:
         def load(self, device, block_size):

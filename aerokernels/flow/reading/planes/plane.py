@@ -4,11 +4,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ....medium import QuadMesh
-from ..dataset import FLAT, Block, Dataset, ReadError
-from ..frame import Frame
-from .polygon_cells import Polygons
-from .polygons import merged, quad_mesh
+from aerokernels.flow.reading.dataset import FLAT, Block, Dataset, ReadError, wall_patches
+from aerokernels.flow.reading.density import DensityChoice, Reference, density_of, in_si
+from aerokernels.flow.reading.frame import Frame
+from aerokernels.flow.reading.planes.polygon_cells import Polygons
+from aerokernels.flow.reading.planes.polygons import merged, quad_mesh
+from aerokernels.flow.sampled_density import WallDensity
+from aerokernels.medium import QuadMesh
 
 ON_AXIS = 1e-12  # of the greatest radius: rounding of points on the axis
 BOTH_SIDES = 1e-6  # of the plane's width: farther beyond the axis than rounding of single precision
@@ -34,11 +36,7 @@ class Plane:
     def of(
         cls, path, dataset: Dataset, geometry: str, frame: Frame, scale: float, normal: np.ndarray | None
     ) -> "Plane":
-        """Return the plane of a file.
-
-        Raises:
-            ReadError: A frame that does not fit the geometry.
-        """
+        """Return the plane of a file."""
         origin = np.array(frame.origin)
         if geometry == "planar":
             assert normal is not None
@@ -102,11 +100,7 @@ def _check_half_plane(path, dataset: Dataset, axis: np.ndarray, normal: np.ndarr
 
 
 def block_polygons(path, block: Block, plane: Plane, values: np.ndarray, where: str) -> Polygons:
-    """Return the cells of a block as polygons in the plane, without blanked cells.
-
-    Raises:
-        ReadError: Points without cells, or cells that are not flat.
-    """
+    """Return the cells of a block as polygons in the plane, without blanked cells."""
     points = plane.local(block.points)
     if block.shape is not None:
         corners = _structured(path, block)
@@ -155,11 +149,7 @@ def structured_mesh(block: Block, plane: Plane) -> QuadMesh | None:
 
 
 def plane_mesh(path, blocks: list[Block], plane: Plane, densities) -> tuple[QuadMesh, np.ndarray, str, str]:
-    """Return the mesh of a two-dimensional file, its densities, their place ("cell" or "point"), and a remark.
-
-    Raises:
-        ReadError: Blocks that cannot form a mesh.
-    """
+    """Return the mesh of a two-dimensional file, its densities, their place ("cell" or "point"), and a remark."""
     try:
         if len(blocks) == 1 and (mesh := structured_mesh(blocks[0], plane)) is not None:
             return mesh, densities[0][0], densities[0][1], ""
@@ -184,3 +174,63 @@ def _structured(path, block: Block) -> np.ndarray:
     index = np.arange(counts[0] * counts[1]).reshape(counts[1], counts[0])
     corners = [index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]]
     return np.stack(corners, axis=-1).reshape(-1, 4)
+
+
+SAME = 1e-5  # of a cell's density: the resolution of a file with six digits
+
+
+def wall_density(
+    path, dataset: Dataset, plane: Plane, choice: DensityChoice, reference: Reference, names=None
+) -> WallDensity | None:
+    """Return densities on the walls; None if no wall has densities other than those of its cells.
+
+    Args:
+        path: The file, for messages.
+        dataset: Its contents.
+        plane: The plane of the file.
+        choice: The arrays that its density comes from.
+        reference: Reference values of non-dimensional data.
+        names: Patches that are walls; None takes those that the file marks as walls.
+    """
+    found: dict[str, list[tuple[np.ndarray, np.ndarray]]] = {}
+    for patch in wall_patches(path, dataset.patches, names):
+        if patch.values is None or not len(patch.edges):
+            continue
+        pairs = {name: patch.values(name) for name in choice.names}
+        known = {name: pair for name, pair in pairs.items() if pair is not None}
+        if len(known) == len(pairs):
+            pair = [_density(path, {n: own[k] for n, own in known.items()}, choice, reference, dataset) for k in (0, 1)]
+            found.setdefault(patch.name, []).append((plane.local(patch.edges), np.stack(pair)))
+    points, values = [], []
+    for parts in found.values():  # a part for each processor
+        edges = np.concatenate([own for own, _ in parts])
+        wall, cell = np.concatenate([pair for _, pair in parts], axis=1)
+        if not (np.isfinite(wall) & (wall > 0.0)).all() or (np.abs(wall - cell) <= SAME * cell).all():
+            continue
+        corners, at_corners = _at_corners(edges, wall)
+        points += [edges.mean(axis=1), corners]
+        values += [wall, at_corners]
+    return WallDensity(np.concatenate(points), np.concatenate(values)) if points else None
+
+
+def _density(path, values, choice: DensityChoice, reference: Reference, dataset: Dataset) -> np.ndarray:
+    """Return densities [kg/m3] from values, by name, of the arrays that they come from."""
+    found = {name: in_si(path, name, own, choice, reference, dataset.units) for name, own in values.items()}
+    return density_of(found, choice)
+
+
+def _at_corners(edges: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the points where edges (n, 2, 2) end, and the values there, from those of the edges' middles."""
+    ends = edges.reshape(-1, 2)
+    near = 1e-9 * max(float(np.ptp(ends, axis=0).max()), 1e-300)
+    _, first, point = np.unique(np.round(ends / near).astype(np.int64), axis=0, return_index=True, return_inverse=True)
+    point = point.ravel()
+    length = np.repeat(np.linalg.norm(edges[:, 1] - edges[:, 0], axis=1), 2)
+    weight = 1.0 / length
+    total = np.bincount(point, weight)
+    found = np.bincount(point, weight * np.repeat(values, 2)) / total
+    count = np.bincount(point)
+    other = point.reshape(-1, 2)[:, ::-1].ravel()
+    end = (count[point] == 1) & (count[other] > 1)
+    found[point[end]] = 2.0 * np.repeat(values, 2)[end] - found[other[end]]
+    return ends[first], np.clip(found, values.min(), values.max())

@@ -9,10 +9,15 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ....medium import QuadMesh
-from .logical import logical_rectangle
-from .orientation import oriented, signed_area, turned, without_doubles
-from .polygon_cells import Polygons
+from aerokernels.flow.reading.planes.polygon_cells import (
+    Polygons,
+    logical_rectangle,
+    oriented,
+    signed_area,
+    turned,
+    without_doubles,
+)
+from aerokernels.medium import QuadMesh
 
 STRAIGHT = 1e-7  # sine of the turn at a corner; a smaller turn is a hanging node of a neighbour
 

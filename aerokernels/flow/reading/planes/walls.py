@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ....medium import Body, QuadMesh
+from aerokernels.medium import Body, QuadMesh
 
 CLOSE = 1e-9  # of the field's size: closer points are the same
 

@@ -10,13 +10,11 @@ from pathlib import Path
 
 import numpy as np
 
-from ..dataset import Patch
-from .cgns_nodes import Node, child, children, data_of, opened, text_of
+from aerokernels.flow.reading.dataset import Patch
+from aerokernels.flow.reading.readers.cgns_nodes import POINTS, Node, child, children, data_of, opened, text_of
 
 # Number of corners of CGNS edges, triangles and quadrilaterals; mid-edge points follow the corners.
 SURFACE = {3: 2, 4: 2, 5: 3, 6: 3, 7: 4, 8: 4, 9: 4}
-POINTS = {2: 1, 3: 2, 4: 3, 5: 3, 6: 6, 7: 4, 8: 8, 9: 9, 10: 4, 11: 10, 12: 5, 13: 14, 14: 6, 15: 15, 16: 18, 17: 8,
-          18: 20, 19: 27, 21: 13}  # fmt: skip
 MIXED, POLYGONS = 20, 22
 
 

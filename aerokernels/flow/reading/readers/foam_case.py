@@ -8,13 +8,14 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from ....process.own_files import own_file
-from ..dataset import POLYHEDRON, Block, Cells, Dataset, ReadError, chosen_time
-from .foam_file import FoamFile, find
-from .foam_mesh import FoamMesh, flat_block, plane_of, read_mesh, surface_patches
+from aerokernels.flow.reading.dataset import POLYHEDRON, Block, Cells, Dataset, ReadError, chosen_time
+from aerokernels.flow.reading.readers.foam_file import FoamFile, find
+from aerokernels.flow.reading.readers.foam_mesh import FoamMesh, flat_block, plane_of, read_mesh, surface_patches
+from aerokernels.process.foreign_files import own_file
 
 UNIVERSAL_GAS_CONSTANT = 8314.4626  # [J/(kmol K)]
 _INTERNAL = re.compile(rb"\binternalField\s+(uniform|nonuniform)\b")
@@ -126,11 +127,7 @@ def unit_in_words(exponents: str) -> str:
 
 
 def read_field(path: Path, cell_count: int) -> np.ndarray:
-    """Return the cell averages of a volScalarField or volVectorField.
-
-    Raises:
-        ReadError: No such field, or another number of entries than of cells.
-    """
+    """Return the cell averages of a volScalarField or volVectorField."""
     file = FoamFile(path)
     width = _WIDTH.get(file.header.get("class", ""))
     if width is None:
@@ -195,9 +192,6 @@ def case_times(folder: Path) -> list[FoamTime]:
     """Return the times of a case, ascending: those of the whole case, and others that only its processors have.
 
     The times of a whole case that has not been solved, its initial state, count only if it is not decomposed.
-
-    Raises:
-        ReadError: No mesh, no fields at any time, or fields in the collated format.
     """
     parts = sorted(folder.glob("processor[0-9]*"), key=lambda part: int(re.sub(r"\D", "", part.name) or 0))
     collated = next(folder.glob("processors*"), None)
@@ -218,16 +212,13 @@ def case_times(folder: Path) -> list[FoamTime]:
     return sorted([*serial, *more], key=lambda time: time.value)
 
 
-def read(path: Path, time: float | str | None = None, options: dict | None = None) -> Dataset:
+def read(path: Path, time: Any, options: Mapping[str, Any]) -> Dataset:
     """Read an OpenFOAM case.
 
     Args:
         path: The case's folder, a .foam file in it, or its controlDict.
         time: "latest" (None), "first", or the time itself.
-        options: None that this format knows.
-
-    Raises:
-        ReadError: No case, no such time, or a file that is missing or damaged.
+        options: None; as of all readers.
     """
     folder = case_folder(path)
     times = case_times(folder)
@@ -254,6 +245,17 @@ def read(path: Path, time: float | str | None = None, options: dict | None = Non
         units=getattr(blocks[0].cell_data, "units", {}),
         length=1.0,
     )
+
+
+def files(path: Path, options: Mapping[str, Any], time: float | None) -> list[Path]:
+    """Return the files and folders that `read` opens, at one time or at all: not results that are kept in the case."""
+    folder = case_folder(path)
+    times = [entry for entry in case_times(folder) if time is None or entry.value == time]
+    parts = dict.fromkeys([folder, *(part for entry in times for part in entry.parts)])
+    constant = [part / "constant" for part in parts if (part / "constant").is_dir()]
+    fixed = [file for one in constant for file in sorted(one.iterdir()) if file.is_file()]
+    meshes = [one / "polyMesh" for one in constant if (one / "polyMesh").is_dir()]
+    return [*fixed, *meshes, *(part / entry.name for entry in times for part in entry.parts)]
 
 
 def _part(folder: Path, time: str) -> tuple[Block, list, str, tuple[float, float, float] | None]:

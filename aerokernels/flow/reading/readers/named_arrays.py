@@ -1,65 +1,51 @@
-"""Read named arrays from NPZ and HDF5 files, with coordinates along axes or for every sample.
+"""Datasets of named arrays, with coordinates along axes or for every sample: of NPZ, HDF5 and NetCDF files.
 
 Coordinates are arrays called x, y, z or r, z (`variables` names others): one number for each index along an axis, or
-one for each sample. A field of r and z is axisymmetric. HDF5 files are read in the child process of fragile.py.
+one for each sample. A field of r and z is axisymmetric.
 
 Without coordinate arrays, the two ends of each axis define uniform cells, and the arrays are taken as averages over
 them. The ends are in `variables`, or in attributes of an HDF5 file called xmin and xmax, x_min and x_max, and so on.
 """
 
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ....inputs.listed import listed
-from ....process.room import NoRoomError, check_room
-from ..array_names import plain_name
-from ..array_units import length_of, unit_of_array
-from ..dataset import DAMAGED, HDF5_MAGIC, Block, Dataset, GridPoints, ReadError, chosen_time
-from .coordinates import COLUMNS, PLACE, axes_of
-from .hdf5_arrays import hdf5_arrays
+from aerokernels.flow.reading.arrays import COLUMNS, PLACE, axes_of, length_of, plain_name, unit_of_array
+from aerokernels.flow.reading.dataset import DAMAGED, Block, Dataset, GridPoints, ReadError, chosen_time
+from aerokernels.inputs.checks import listed
 
-PIECE = 1 << 24  # [bytes] read at once
-
-
-def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
-    """Read a file of named arrays.
-
-    Raises:
-        ReadError: A damaged file, or one without coordinates.
-    """
-    variables, order = dict((options or {}).get("variables") or {}), (options or {}).get("order")
-    with path.open("rb") as stream:
-        head = stream.read(8)
-    if path.suffix.lower() == ".npz":
-        return arrays_as_dataset(path, _npz(path), {}, {}, variables, "NumPy arrays", time, order)
-    if head == HDF5_MAGIC:
-        held = hdf5_arrays(path)
-        return arrays_as_dataset(
-            path, held.arrays, held.units, held.ends, variables, "HDF5", time, order, held.labelled
-        )
-    raise ReadError(path, "it does not begin like an HDF5 file", DAMAGED)
+NOTHING: Mapping[str, Any] = {}
 
 
 def arrays_as_dataset(
     path: Path,
     arrays: dict[str, np.ndarray],
-    units: dict[str, str],
-    ends: dict[str, tuple[float, float]],
-    variables: dict[str, Any],
     kind: str,
     time: Any,
-    order: str | None = None,
+    options: Mapping[str, Any],
+    *,
+    units: Mapping[str, str] = NOTHING,
+    ends: Mapping[str, tuple[float, float]] = NOTHING,
     labelled: Collection[str] = (),
 ) -> Dataset:
-    """Return the dataset of named arrays, their units and the ends of axes; `variables`, `order` are the caller's.
+    """Return the dataset of named arrays; `options` are the caller's `variables` and `order`.
 
-    The axes of `labelled` arrays are in a known order.
+    Args:
+        path: The file, for messages.
+        arrays: By name.
+        kind: Name of the format.
+        time: As in `flow.read`.
+        options: As in `flow.read`.
+        units: Unit of each array, where the file states it.
+        ends: The ends of axes, where the file states them.
+        labelled: Names of the arrays whose axes are in a known order.
     """
+    variables, order = dict(options.get("variables") or {}), options.get("order")
     given = {axis: value for axis, value in variables.items() if not isinstance(value, str)}
     if given:  # ends of axes that a caller gives replace the file's coordinates
         arrays = {n: own for n, own in arrays.items() if not any(plain_name(n, True) in COLUMNS[a] for a in COLUMNS)}
@@ -69,74 +55,6 @@ def arrays_as_dataset(
     named = {a: v for a, v in variables.items() if a not in given}
     found = dataset_of(path, arrays, units, named, kind, time, labelled, order)
     return replace(found, notes=[*found.notes, note] if note else found.notes, grouped=True)
-
-
-def _npz(path: Path) -> dict[str, np.ndarray]:
-    import zipfile
-    import zlib
-
-    arrays: dict[str, np.ndarray] = {}
-    objects = False
-    try:
-        # Not numpy.load, which looks through all names for each array.
-        with zipfile.ZipFile(path) as archive:
-            parts = archive.infolist()
-            check_room(float(sum(part.file_size for part in parts)), f"{path}: it")
-            for part in parts:
-                with archive.open(part) as stream:
-                    own = _array(part.filename, stream, part.file_size)
-                if own is not None and own.dtype.hasobject:
-                    objects = True
-                elif own is not None:
-                    arrays[part.filename.removesuffix(".npy")] = own
-    except NoRoomError:
-        raise
-    except (
-        zipfile.BadZipFile,
-        zlib.error,
-        ValueError,
-        KeyError,
-        OSError,
-        EOFError,
-        NotImplementedError,
-        SyntaxError,
-    ) as fault:
-        raise ReadError(path, f"it is not a complete NPZ file ({fault})", DAMAGED) from None
-    if not arrays and objects:
-        raise ReadError(
-            path,
-            "it contains only Python objects, which are never unpickled, because that would run code in them",
-            "save plain arrays: numpy.savez(path, x=..., y=..., density=...)",
-        )
-    return arrays
-
-
-def _array(name: str, stream, size: int) -> np.ndarray | None:
-    """Return an array of numbers of an NPZ file; None for other parts, an empty array for one of Python objects.
-
-    Objects are never unpickled. An array whose header announces more numbers than its part of the file holds is
-    rejected before it is allocated.
-    """
-    if not stream.peek(6).startswith(np.lib.format.MAGIC_PREFIX):
-        return None
-    version = np.lib.format.read_magic(stream)
-    if version not in ((1, 0), (2, 0)):
-        raise ValueError(f"{name} is of version {version} of NumPy's format")
-    read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
-    shape, fortran, kind = read(stream)
-    if kind.hasobject:
-        return np.empty(0, object)
-    if math.prod(shape) * kind.itemsize > size:
-        raise ValueError(f"{name} announces {math.prod(shape):.4g} numbers in {size} bytes")
-    if kind.kind not in "iufb":
-        return None
-    room = np.empty(math.prod(shape) * kind.itemsize, np.uint8)
-    for first in range(0, len(room), PIECE):
-        piece = room[first : first + PIECE]
-        if stream.readinto(piece) != len(piece):
-            raise EOFError(f"{name} ends early")
-    values = room.view(kind)
-    return values.reshape(shape[::-1]).T if fortran else values.reshape(shape)
 
 
 def _with_even_cells(path, arrays, variables, ends, order) -> tuple[dict[str, np.ndarray], str]:
@@ -250,7 +168,7 @@ def _block(path, axes, coordinates, arrays, either: bool) -> tuple[Block, list[s
             )
         counts = shapes.pop()
         if len(counts) == 1:
-            from .point_table import joined
+            from aerokernels.flow.reading.readers.point_table import joined
 
             points = np.zeros((counts[0], 3))
             for axis, own in zip(axes, coordinates, strict=True):

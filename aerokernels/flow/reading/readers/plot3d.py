@@ -11,16 +11,16 @@ that fits none is damaged.
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import product
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ....process.own_files import own_file
-from ..dataset import Block, Dataset, ReadError
-from .text_tables import fortran_numbers
+from aerokernels.flow.reading.dataset import Block, Dataset, ReadError
+from aerokernels.flow.reading.readers.point_table import fortran_numbers
+from aerokernels.process.foreign_files import own_file
 
 DAMAGED = "the file is damaged, or no file of Plot3D: write it again"
 GRID_ENDS = (".xyz", ".x", ".g", ".p3d", ".grd", ".p2d")
@@ -80,13 +80,9 @@ class _Stream:
         return not len(rest) if not self.order else len(rest) < PADDING and not any(rest)
 
 
-def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
-    """Read a grid with its solution; either may be named, the other is in the same folder or given as an option.
-
-    Raises:
-        ReadError: A file that fits no form, or a solution that does not fit the grid.
-    """
-    grid_path, solution_path = grid_and_solution(path, (options or {}).get("solution"))
+def read(path: Path, time: Any, options: Mapping[str, Any]) -> Dataset:
+    """Read a grid with its solution; either may be named, the other is in the same folder or given as an option."""
+    grid_path, solution_path = grid_and_solution(path, options.get("solution"))
     blocks, form = _read_grid(grid_path)
     arrays = _read_solution(solution_path, [block.shape for block in blocks if block.shape])
     whole = [
@@ -95,6 +91,11 @@ def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
     ]
     scaled = RELATIVE if any("momentum_x" in own for own in arrays) else ""
     return Dataset(whole, f"Plot3D, {form}", notes=[scaled] if scaled else [], scaled=scaled)
+
+
+def files(path: Path, options: Mapping[str, Any], time: float | None) -> list[Path]:
+    """Return the grid and the solution that `read` opens."""
+    return list(grid_and_solution(path, options.get("solution")))
 
 
 def grid_and_solution(path: Path, solution) -> tuple[Path, Path]:

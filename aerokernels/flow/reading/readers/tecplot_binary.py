@@ -6,14 +6,24 @@ the last.
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ..dataset import HEXAHEDRON, QUAD, TETRAHEDRON, TRIANGLE, UNFINISHED, Cells, Dataset, ReadError
-from .tecplot_text import assembled, at_time, element_cells, without_static
+from aerokernels.flow.reading.dataset import (
+    HEXAHEDRON,
+    QUAD,
+    TETRAHEDRON,
+    TRIANGLE,
+    UNFINISHED,
+    Cells,
+    Dataset,
+    ReadError,
+)
+from aerokernels.flow.reading.readers.tecplot_text import assembled, at_time, element_cells, without_static
 
 ZONE, END_OF_HEADER = 299.0, 357.0
 # Other records of the header: of geometry and text, which are not read, and of words, which are passed over.
@@ -73,12 +83,8 @@ class _Bytes:
         return "".join(letters)
 
 
-def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
-    """Read a Tecplot binary file.
-
-    Raises:
-        ReadError: Another version, or a file that does not contain what it announces.
-    """
+def read(path: Path, time: Any, options: Mapping[str, Any]) -> Dataset:
+    """Read a Tecplot binary file."""
     data = path.read_bytes()
     if not data.startswith(b"#!TDV") or not data[5:8].isdigit():
         raise ReadError(path, "it does not begin with #!TDV", "give a .plt of Tecplot 360, or its ASCII form")

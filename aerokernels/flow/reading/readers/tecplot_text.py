@@ -5,14 +5,14 @@ VTK's reader returns single precision; this one keeps all digits.
 
 import math
 import re
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ..array_names import plain_name
-from ..array_units import length_of
-from ..dataset import (
+from aerokernels.flow.reading.arrays import COLUMNS, PLACE, axes_of, length_of, plain_name
+from aerokernels.flow.reading.dataset import (
     HEXAHEDRON,
     LINE,
     QUAD,
@@ -26,8 +26,7 @@ from ..dataset import (
     chosen_time,
     whole_number,
 )
-from .coordinates import COLUMNS, PLACE, axes_of
-from .text_tables import fortran_numbers
+from aerokernels.flow.reading.readers.point_table import fortran_numbers
 
 ELEMENTS = {
     "TRIANGLE": (TRIANGLE, 3),
@@ -43,12 +42,8 @@ MOST_REPEATED = 1000  # greatest ratio of a zone's numbers to written ones: a co
 _REPEAT = re.compile(r"(\d+)\*(\S+)")
 
 
-def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
-    """Read a Tecplot ASCII file.
-
-    Raises:
-        ReadError: Not a Tecplot file, or zones that do not contain what they announce.
-    """
+def read(path: Path, time: Any, options: Mapping[str, Any]) -> Dataset:
+    """Read a Tecplot ASCII file."""
     data = path.read_bytes()
     if b"\0" in data:
         raise ReadError(path, "it is not a text: it contains zero bytes", UNFINISHED)
@@ -222,11 +217,7 @@ def _earlier(path: Path, name: str, word: str, held: list) -> tuple[list[np.ndar
 
 
 def _packing(path: Path, name: str, head: dict[str, str], text: str, variable_count: int, in_cells: bool) -> str:
-    """Return "POINT" or "BLOCK", as stated in the zone's header; programs differ in what they mean by neither.
-
-    Raises:
-        ReadError: Neither is stated, and the first line of numbers is not that of a point.
-    """
+    """Return "POINT" or "BLOCK", as stated in the zone's header; programs differ in what they mean by neither."""
     if stated := head.get("DATAPACKING") or head.get("F"):
         return stated.upper().removeprefix("FE")
     if in_cells:

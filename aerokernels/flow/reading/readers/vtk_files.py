@@ -4,14 +4,14 @@ VTK prints an error and returns what it has read so far. Here every printed erro
 compared with those that the file announces. Runs in the child process of fragile.py.
 """
 
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ....process.own_files import check_own_files
-from ..dataset import (  # fmt: skip
+from aerokernels.flow.reading.dataset import (  # fmt: skip
     CORNERS,
     FLAT,
     LINE,
@@ -26,10 +26,11 @@ from ..dataset import (  # fmt: skip
     ReadError,
     chosen_time,
 )
-from ..volumes.solids import FACES
-from .high_order import BY_CORNERS, joined, linear_cells
-from .vtk_collections import SUFFIXES, collection
-from .vtk_running import DAMAGED, text_of, vtk_output
+from aerokernels.flow.reading.readers.high_order import BY_CORNERS, joined, linear_cells
+from aerokernels.flow.reading.readers.vtk_collections import SUFFIXES, collection
+from aerokernels.flow.reading.readers.vtk_running import DAMAGED, text_of, vtk_output
+from aerokernels.flow.reading.volumes.solids import FACES
+from aerokernels.process.foreign_files import check_own_files, pieces
 
 NO_OWN_FLOW = 1 | 8 | 32  # flags of cells that vtkDataSetAttributes calls duplicate, refined and hidden
 STRUCTURED_ORDER = {11: [0, 1, 3, 2, 4, 5, 7, 6], 8: [0, 1, 3, 2]}  # voxel and pixel corners in hexahedron, quad order
@@ -41,18 +42,27 @@ QUADRATIC = {21: 3, 35: 3, 22: 5, 34: 5, 23: 9, 28: 9, 30: 9, 24: 10, 25: 12, 29
 NO_FLOW = (0, 1, 2, 3, 4, 51, 60, 68, 75)  # empty cells, points, lines and curves
 
 
-def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
-    """Read a file of VTK's family.
-
-    Raises:
-        ReadError: An error that VTK reports, or a file that does not contain what it announces.
-    """
+def read(path: Path, time: Any, options: Mapping[str, Any]) -> Dataset:
+    """Read a file of VTK's family."""
     suffix = path.suffix.lower()
     if suffix in SUFFIXES:
         return _series(path, time)
     name = {".vtk": "legacy VTK file"}.get(suffix, f"VTK file ({suffix})")
     data, times, chosen = vtk_output(path, suffix, time)
     return replace(vtk_dataset(path, data, name), times=times, time=chosen)
+
+
+def files(path: Path, options: Mapping[str, Any], time: float | None) -> list[Path]:
+    """Return the files that `read` opens, at one time or at all: those of a list, and the pieces that they name."""
+    waiting = [path]
+    if path.suffix.lower() in SUFFIXES:
+        waiting += [entry.file for entry in collection(path) if time is None or entry.time == time]
+    opened = dict.fromkeys(waiting)
+    while waiting:
+        named = [file for file in pieces(waiting.pop(0)) if file not in opened]
+        waiting += named
+        opened |= dict.fromkeys(named)
+    return list(opened)
 
 
 def vtk_dataset(path: Path | str, data, name: str) -> Dataset:
@@ -91,7 +101,7 @@ def _series(path: Path, time) -> Dataset:
     files = [entry.file for entry in entries if entry.time == chosen]
     for file in files:  # before any is opened: the process that calls this has checked the list
         check_own_files(file)
-    parts = [read(file) for file in files]
+    parts = [read(file, None, {}) for file in files]
     blocks, patches = _boundaries([block for part in parts for block in part.blocks])
     patches = [*patches, *(patch for part in parts for patch in part.patches)]
     said = f"VTK series of {len(times)} times"

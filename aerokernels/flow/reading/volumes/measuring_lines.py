@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .raster import NodeGrid
-from .reconstruction import Linear, Reconstruction, SomeCells
+from aerokernels.flow.reading.volumes.reconstruction import Linear, Reconstruction, SomeCells
+from aerokernels.flow.reading.volumes.solids import NodeGrid
 
 LINES = 12  # measuring lines along x and along y
 GREATEST = 3.0  # budgets report three times the rms error: the greatest error of a line counts where it is more

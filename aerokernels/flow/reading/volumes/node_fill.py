@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..dataset import Block
-from .point_values import LEAST_SHARE
-from .raster import CellFacts, NodeGrid
+from aerokernels.flow.reading.dataset import Block
+from aerokernels.flow.reading.volumes.point_values import LEAST_SHARE
+from aerokernels.flow.reading.volumes.solids import CellFacts, NodeGrid
 
 LEAST_AVERAGED = 4  # cells around a node: from this number on their average replaces the cell that contains it
 CARRIED_ON = 8  # layers of nodes into which the density is extrapolated, in a body and beyond the mesh
@@ -131,8 +131,8 @@ class EmptyNodes:
 
     def fill(self, density: np.ndarray, ambient: float) -> None:
         """Set the densities of these nodes."""
-        from .mesh_kernels import launch
-        from .point_kernels import carry_on
+        from aerokernels.flow.reading.volumes.mesh_kernels import launch
+        from aerokernels.flow.reading.volumes.point_kernels import carry_on
 
         density[self._deep] = ambient
         for own in self._layers:

@@ -2,7 +2,7 @@
 
 import warp as wp
 
-from .mesh_kernels import Indices, Numbers, Starts, Vectors
+from aerokernels.flow.reading.volumes.mesh_kernels import Indices, Numbers, Starts, Vectors
 
 NEWTON_STEPS = wp.constant(40)
 STEEPEST = wp.constant(wp.float64(1e11))  # ratio of the squares of two widths, above which a set of points is flat

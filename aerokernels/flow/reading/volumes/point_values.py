@@ -11,10 +11,11 @@ out. It is at most the range of those cells, and the value stays above a tenth o
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from .rows import Rows
+from aerokernels.flow.reading.volumes.rows import Rows
 
 LEAST_SHARE = 0.1  # of the least average around a point on the rim: lower bound of its value
 FLAT = 1e-11  # of the greatest eigenvalue: directions with less spread of the places get no slope
@@ -56,8 +57,8 @@ class PointValues:
             points: [m], shape (point_count, 3).
             blank: Which cells have no flow, shape (cell_count,); None where all have.
         """
-        from .mesh_kernels import launch
-        from .point_kernels import convex_weights
+        from aerokernels.flow.reading.volumes.mesh_kernels import launch
+        from aerokernels.flow.reading.volumes.point_kernels import convex_weights
 
         cells = _turned(corners, len(points), blank)
         weight, inside = np.empty(len(cells.column)), np.zeros(len(points), np.int32)
@@ -75,8 +76,8 @@ class PointValues:
 
     def values(self, average: np.ndarray) -> np.ndarray:
         """Return values at the points, shape (point_count,); 0 where no cell has flow."""
-        from .mesh_kernels import launch
-        from .point_kernels import carry_to_rim, weighted_means
+        from aerokernels.flow.reading.volumes.mesh_kernels import launch
+        from aerokernels.flow.reading.volumes.point_kernels import carry_to_rim, weighted_means
 
         cells, value = self.cells, np.empty(len(self.cells.start) - 1)
         launch(weighted_means, len(value), cells.start, cells.column, self.weight, average, value)
@@ -191,3 +192,70 @@ def _together(parts: list[tuple]) -> tuple:
     start = np.concatenate([[0], *(np.diff(rows.start) for rows, *_ in parts)]).cumsum()
     column = np.concatenate([rows.column for rows, *_ in parts])
     return Rows(start, column), *(np.concatenate(each) for each in list(zip(*parts, strict=True))[1:])
+
+
+@dataclass(frozen=True, eq=False)
+class PointDeficits:
+    """The geometry for estimating the deficit of some cells.
+
+    Attributes:
+        around: Points of the cells around the corners of these cells, one row for each such cell.
+        weight: Weights of those points in the slope of their cell, shape (entry_count, 3).
+        middle: Mean of the points of each cell of `around` [m].
+        own: Row in `around` of each estimated cell.
+        to_points: The mean over the cells around each corner, a sparse matrix.
+        corners: The corners of each estimated cell, as rows of `to_points`.
+        step: From each corner to the mean of the corners [m], shape (entry_count, 3).
+    """
+
+    around: Rows
+    weight: np.ndarray
+    middle: np.ndarray
+    own: np.ndarray
+    to_points: Any
+    corners: Rows
+    step: np.ndarray
+
+    @classmethod
+    def of(cls, rows: Rows, weight: np.ndarray, centre: np.ndarray, points: np.ndarray, cell: np.ndarray):
+        """Prepare the estimate for some cells of a block.
+
+        Args:
+            rows: The points of every cell.
+            weight: Their weights in the slope of the cell, shape (entry_count, 3).
+            centre: The mean of the points of every cell [m].
+            points: [m], shape (point_count, 3).
+            cell: Numbers of the cells to estimate.
+        """
+        from scipy.sparse import csr_array
+
+        own, _ = rows.select(cell)
+        corner, local = np.unique(own.column, return_inverse=True)
+        number = np.full(len(points), -1, np.int32)
+        number[corner] = np.arange(len(corner))
+        entry = np.flatnonzero(number[rows.column] >= 0)
+        near = np.unique(np.searchsorted(rows.start, entry, "right") - 1)
+        around, entry = rows.select(near)
+        some = number[around.column] >= 0
+        of = np.repeat(np.arange(len(near)), np.diff(around.start))[some]
+        at = number[around.column[some]]
+        share = 1.0 / np.bincount(at, minlength=len(corner))
+        mean = csr_array((share[at], (at, of)), shape=(len(corner), len(near)))
+        step = np.repeat(centre[cell], np.diff(own.start), axis=0) - points[own.column]
+        corners = Rows(own.start, local.astype(np.int32))
+        return cls(around, weight[entry], centre[near], np.searchsorted(near, cell), mean, corners, step)
+
+    def deficit(self, value: np.ndarray) -> np.ndarray:
+        """Return twice the deficit of each cell's function at the mean of its corners, from values at all points."""
+        from aerokernels.flow.reading.volumes.mesh_kernels import launch, linear_functions
+
+        count = len(self.middle)
+        function = np.empty((count, 6))
+        launch(
+            linear_functions, count, self.around.start, self.around.column, self.weight, value,
+            self.around.means(value), self.middle, (0.0, 0.0, 0.0), function,
+        )  # fmt: skip
+        slope = function[:, 1:4]
+        own = np.repeat(slope[self.own], np.diff(self.corners.start), axis=0)
+        differ = own - (self.to_points @ slope)[self.corners.column]
+        return self.corners.signed_rms(np.einsum("nk,nk->n", differ, self.step))

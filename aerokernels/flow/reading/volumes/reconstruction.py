@@ -9,12 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..dataset import POLYHEDRON, Block, Faces
-from .point_deficits import PointDeficits
-from .point_values import PointValues
-from .raster import CellFacts
-from .rows import Rows
-from .solids import corner_chunks, corner_counts
+from aerokernels.flow.reading.dataset import POLYHEDRON, Block, Faces
+from aerokernels.flow.reading.volumes.point_values import PointDeficits, PointValues
+from aerokernels.flow.reading.volumes.rows import Rows
+from aerokernels.flow.reading.volumes.solids import CellFacts, corner_chunks, corner_counts
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,7 +108,7 @@ class SomeCells:
 
     def linear(self, value: np.ndarray, near: np.ndarray, origin) -> Linear:
         """Return their linear functions from the result of `Reconstruction.values`, relative to `origin` [m]."""
-        from .mesh_kernels import launch, linear_functions
+        from aerokernels.flow.reading.volumes.mesh_kernels import launch, linear_functions
 
         own, function, origin = value[self.cell], np.empty((len(self.cell), 6)), tuple(float(x) for x in origin)
         launch(
@@ -162,10 +160,67 @@ def _points_of_faces(faces: Faces, cell_count: int, point_count: int) -> Rows:
 
 def _fitted(rows: Rows, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return corner weights in the least-squares slope, shape (entry_count, 3), and the means of the corners."""
-    from .mesh_kernels import launch
-    from .point_kernels import slope_weights
+    from aerokernels.flow.reading.volumes.mesh_kernels import launch
+    from aerokernels.flow.reading.volumes.point_kernels import slope_weights
 
     count = len(rows.start) - 1
     weight, centre = np.empty((len(rows.column), 3)), np.zeros((count, 3))
     launch(slope_weights, count, rows.start, rows.column, np.ascontiguousarray(points), weight, centre)
     return weight, centre
+
+
+@dataclass(frozen=True, eq=False)
+class CellNodes:
+    """The nodes inside the cells of a block, and the weights of the linear function of each of these cells.
+
+    Attributes:
+        cell: Numbers of the cells in their block, shape (n,).
+        nodes: The nodes inside each cell, ascending.
+        rows: The values from which the slope of each cell is computed.
+        weight: Weights of these values, shape (entry_count, 3).
+        middle: Centroids to which the averages belong, shape (n, 3).
+    """
+
+    cell: np.ndarray
+    nodes: Rows
+    rows: Rows
+    weight: np.ndarray
+    middle: np.ndarray
+
+    @classmethod
+    def of(cls, part: Reconstruction, number: np.ndarray, first_cell: int, cell_count: int) -> "CellNodes":
+        """Return the nodes of a block from `number`, the cell of each node or -1; its cells begin at `first_cell`."""
+        every = nodes_by_cell(number, first_cell, cell_count)
+        some = np.flatnonzero(np.diff(every.start))
+        cell = some[np.argsort(every.column[every.start[some]], kind="stable")].astype(np.int32)
+        nodes, _ = every.select(cell)
+        rows, entry = part.rows.select(cell)
+        return cls(cell, nodes, rows, part.weight[entry], part.middle[cell])
+
+    def set_densities(self, value, near, origin, shape, spacing, density: np.ndarray) -> None:
+        """Set the densities of these nodes.
+
+        Args:
+            value: Average of every cell of the block.
+            near: The values that `rows` lists by number.
+            origin: The first node of the grid [m].
+            shape: Nodes of the grid along x, y and z.
+            spacing: Of the nodes [m].
+            density: Of all nodes of the grid, shape (node_count,): changed in place.
+        """
+        from aerokernels.flow.reading.volumes.mesh_kernels import densities_at_nodes, launch
+
+        launch(
+            densities_at_nodes, len(self.cell), self.cell, self.rows.start, self.rows.column, self.weight, near, value,
+            self.middle, tuple(float(x) for x in origin), self.nodes.start, self.nodes.column, shape[2], shape[1],
+            tuple(float(x) for x in spacing), density,
+        )  # fmt: skip
+
+
+def nodes_by_cell(number: np.ndarray, first_cell: int, cell_count: int) -> Rows:
+    """Return the nodes of each cell, ascending, from the cell of each node; nodes of other blocks are left out."""
+    own = (number >= first_cell) & (number < first_cell + cell_count)
+    start = np.zeros(len(number) + 1, np.int32)
+    np.cumsum(own, out=start[1:])
+    column = (number if own.all() else number[own]) - np.int32(first_cell)
+    return Rows(start, column).transposed(cell_count)

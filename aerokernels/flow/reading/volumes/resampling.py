@@ -10,16 +10,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ...sampled_density import GridDensity
-from ...species import Composition
-from ..dataset import Block, ReadError
-from .cell_nodes import CellNodes
-from .grid_choice import check_solids, choose_grid
-from .measuring_lines import MeasuringLines, VolumeResampling
-from .node_fill import EmptyNodes, SmallCells, foremost
-from .raster import CellFacts, NodeGrid, rasterise
-from .reconstruction import Reconstruction
-from .solid_walls import solid_body
+from aerokernels.flow.reading.dataset import SOLID, Block, ReadError
+from aerokernels.flow.reading.volumes.measuring_lines import MeasuringLines, VolumeResampling
+from aerokernels.flow.reading.volumes.node_fill import EmptyNodes, SmallCells, foremost
+from aerokernels.flow.reading.volumes.reconstruction import CellNodes, Reconstruction
+from aerokernels.flow.reading.volumes.solid_walls import solid_body
+from aerokernels.flow.reading.volumes.solids import CellFacts, NodeGrid, rasterise
+from aerokernels.flow.sampled_density import GridDensity
+from aerokernels.flow.species import Composition
 
 OUTSIDE = "are in a body or beyond the mesh: the density is extrapolated there"
 
@@ -38,25 +36,21 @@ class Resampling:
         body: The solid body in the flow, or None.
     """
 
-    def __init__(self, reading, moved: Sequence[np.ndarray], spacing=None, region=None, walls=None):
+    def __init__(self, reading, moved: Sequence[np.ndarray]):
         """Rasterise the cells of a file that was read into a grid.
 
         Args:
             reading: The file that was read.
             moved: The points of its blocks in the optical frame [m], each (n, 3).
-            spacing: Greatest node spacing [m]; None follows from the cells.
-            region: Lowest and highest corner of the grid [m]; None takes the whole volume.
-            walls: Names of the patches that bound the body; None takes the file's walls, else holes of the mesh.
 
         Raises:
             ReadError: Cells inside out, duplicate points, no node in a cell.
             ValueError: A spacing or a region that does not give a grid.
         """
         path, blocks = reading.path, list(reading.dataset.blocks)
-        low, step, shape = choose_grid(path, blocks, moved, spacing, region)
+        low, step, shape = choose_grid(path, blocks, moved, reading.options["spacing"], reading.options["region"])
         self.origin, self.spacing, self.shape = low, step, shape
-        self._asked = _plain(spacing), _plain(region), walls
-        self._frame, self._meshes = (reading.frame, reading.scale), [_mesh_of(block) for block in blocks]
+        self._asked, self._meshes = _asked(reading), [_mesh_of(block) for block in blocks]
         self._where = [where for _, where in reading.densities]
         grid, lines = NodeGrid(low, step, shape), MeasuringLines(low, step, shape)
         self._parts: list[Reconstruction] = []
@@ -72,7 +66,7 @@ class Resampling:
             raise ReadError(
                 path, "no node of the grid is in one of its cells", "repair the mesh, or give a smaller spacing"
             )
-        self.body = solid_body(path, reading.dataset, blocks, moved, reading.moved, grid, walls)
+        self.body = solid_body(path, reading.dataset, blocks, moved, reading.moved, grid, reading.options["walls"])
         averages = all(where == "cell" for where in self._where)
         self._small = SmallCells(grid, facts, blocks, held) if averages else None
         self.front = foremost(held, shape)
@@ -85,9 +79,9 @@ class Resampling:
             self._cell_nodes.append(CellNodes.of(part, grid.cell, first, count))
             part.forget_slopes()  # CellNodes keeps those of cells that contain a node
 
-    def fits(self, reading, spacing=None, region=None, walls=None) -> bool:
+    def fits(self, reading) -> bool:
         """Return whether another file has this mesh, in the same frame, and is to be read onto the same grid."""
-        if self._asked != (_plain(spacing), _plain(region), walls) or self._frame != (reading.frame, reading.scale):
+        if self._asked != _asked(reading):
             return False
         blocks = reading.dataset.blocks
         if [where for _, where in reading.densities] != self._where or len(blocks) != len(self._meshes):
@@ -170,9 +164,7 @@ class Resampling:
 
     def field(self, reading) -> GridDensity:
         """Return the density field of a file on this mesh; its provenance states the changes due to resampling."""
-        found = self.apply(
-            [own for own, _ in reading.densities], ambient_density=reading.ambient or reading.dataset.ambient
-        )
+        found = self.apply([own for own, _ in reading.densities], ambient_density=reading.ambient)
         measured = found.resampling
         assert isinstance(measured, VolumeResampling)
         said = [
@@ -233,5 +225,93 @@ def _same(one, other) -> bool:
     return one is other or (not isinstance(one, np.ndarray) and not isinstance(other, np.ndarray) and one == other)
 
 
-def _plain(asked):
-    return None if asked is None else np.asarray(asked, dtype=np.float64).tolist()
+def _asked(reading) -> tuple:
+    """Return what a caller asks of the grid and of the frame, in a form that compares."""
+    grid = [np.asarray(own, np.float64).tolist() if (own := reading.options[name]) is not None else None
+            for name in ("spacing", "region")]  # fmt: skip
+    return grid, reading.options["walls"], reading.frame, reading.scale
+
+
+DEFAULT_NODES = 8_000_000  # of a grid whose spacing the caller did not choose
+NODE_LIMIT = 200_000_000
+LEAST_NODES = 5
+
+
+def choose_grid(path, blocks, moved, spacing, region):
+    """Return first node [m], spacing [m] and shape of the grid for blocks with points `moved` to the optical frame [m].
+
+    Raises:
+        ValueError: A spacing or a region that does not give a grid.
+    """
+    low = np.min([points.min(axis=0) for points in moved], axis=0)
+    high = np.max([points.max(axis=0) for points in moved], axis=0)
+    if region is not None:
+        first, last = _metres(
+            region, "region must be the lowest and the highest corner [m], three numbers each", (2, 3)
+        )
+        if not (np.maximum(first, low) < np.minimum(last, high)).all():
+            raise ValueError(f"region {region!r} is outside the flow of {path}, {low.tolist()} to {high.tolist()} m")
+        low, high = np.maximum(first, low), np.minimum(last, high)
+    extent = high - low
+    if spacing is None:
+        cells = max(sum(block.cell_count for block in blocks), 1)
+        size = float((np.prod([np.ptp(np.concatenate(moved)[:, k]) for k in range(3)]) / cells) ** (1.0 / 3.0))
+        step = max(size, float((extent.prod() / DEFAULT_NODES) ** (1.0 / 3.0)))
+        # An axis along which the mesh is thinner still gets LEAST_NODES nodes; the other axes get fewer in return.
+        thin = extent < step * (LEAST_NODES - 1)
+        if thin.any() and not thin.all():
+            long = extent[~thin]
+            step = max(step, float((long.prod() * LEAST_NODES ** thin.sum() / DEFAULT_NODES) ** (1.0 / len(long))))
+        wanted = np.full(3, step)
+    else:
+        form = "spacing must be positive: metres along every axis, or three numbers"
+        wanted = np.broadcast_to(_metres(spacing, form, (), (3,)), (3,))
+        if not (np.isfinite(wanted).all() and (wanted > 0.0).all()):
+            raise ValueError(f"spacing must be positive, got {spacing!r}")
+    nodes = np.maximum(np.ceil(extent / wanted * (1.0 - 1e-9)) + 1.0, LEAST_NODES)
+    if nodes.prod() > NODE_LIMIT:
+        raise ValueError(
+            f"spacing {spacing!r} m asks for {nodes.prod():.3g} nodes, more than {NODE_LIMIT:.1g}: take a wider one"
+        )
+    shape = tuple(int(n) for n in nodes)
+    return low, extent / (nodes - 1.0), shape
+
+
+def _metres(given, form: str, *shapes: tuple[int, ...]) -> np.ndarray:
+    """Return numbers of one of the shapes; raise ValueError with the expected form otherwise."""
+    try:
+        found = np.asarray(given, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise ValueError(f"{form}, got {given!r}") from None
+    if found.shape not in shapes:
+        raise ValueError(f"{form}, got {given!r}")
+    return found
+
+
+def check_solids(path, block: Block, points: np.ndarray, facts: CellFacts) -> None:
+    """Reject cells that are inside out against the majority, cells of zero volume, and duplicate points."""
+    solid = np.ones(block.cell_count, bool) if block.shape is not None else np.isin(block.cells.types, SOLID)  # type: ignore[union-attr]
+    volume = facts.volume[solid]
+    inverted = volume < 0.0
+    if inverted.any() and not inverted.all():
+        wrong = np.flatnonzero(solid)[inverted if inverted.mean() <= 0.5 else ~inverted]
+        raise ReadError(
+            path,
+            f"{len(wrong)} of {len(volume)} cells are inside out, the first is cell {wrong[0]} at "
+            f"{facts.middle[wrong[0]].tolist()} m",
+            "order the corners of every cell the same way round",
+        )
+    if (volume == 0.0).any() and block.shape is None:
+        wrong = np.flatnonzero(solid)[volume == 0.0]
+        raise ReadError(path, f"{len(wrong)} cells have no volume, the first is cell {wrong[0]}", "repair the mesh")
+    if block.shape is None and (pair := _double_points(points)) is not None:
+        raise ReadError(
+            path, f"points {pair[0]} and {pair[1]} lie in the same place", "merge duplicate nodes of the mesh"
+        )
+
+
+def _double_points(points: np.ndarray) -> tuple[int, int] | None:
+    key = points @ np.array([1.0, math.pi, math.e])
+    order = np.argsort(key, kind="stable")
+    same = np.flatnonzero((points[order[1:]] == points[order[:-1]]).all(axis=1))
+    return (int(order[same[0]]), int(order[same[0] + 1])) if len(same) else None

@@ -54,7 +54,7 @@ class Rows:
 
     def means(self, values: np.ndarray) -> np.ndarray:
         """Return the mean of the values that each row lists, 0 for an empty row."""
-        from .mesh_kernels import launch, mean_of_listed
+        from aerokernels.flow.reading.volumes.mesh_kernels import launch, mean_of_listed
 
         result = np.empty(len(self.start) - 1)
         launch(mean_of_listed, len(result), self.start, self.column, np.ascontiguousarray(values), result)

@@ -7,10 +7,9 @@ flow inside, such as a tunnel's walls or the outer edge of a mesh, bounds none.
 
 import numpy as np
 
-from ....medium import SolidBody
-from ..dataset import Block, Dataset, Polygons, ReadError, wall_patches
-from .raster import NodeGrid
-from .solids import FACES, corner_chunks
+from aerokernels.flow.reading.dataset import Block, Dataset, Polygons, ReadError, wall_patches
+from aerokernels.flow.reading.volumes.solids import FACES, NodeGrid, corner_chunks
+from aerokernels.medium import SolidBody
 
 CLOSE = 1e-9  # of the field's size: closer points are the same
 LEAST_VOLUME = 1e-9  # of the field's size cubed: a smaller volume bounds no body
@@ -27,9 +26,6 @@ def solid_body(path, dataset: Dataset, blocks: list[Block], moved, move, grid: N
         move: Function that moves points of the file into the optical frame.
         grid: The grid that the cells were rasterised into.
         names: Patches that bound the body; None takes the file's walls, and without such the holes of the mesh.
-
-    Raises:
-        ReadError: No such patch, or one whose faces do not form a surface.
     """
     known = [patch for patch in dataset.patches if patch.polygons is not None]
     walls = [patch.polygons for patch in wall_patches(path, known, names) if patch.polygons is not None]

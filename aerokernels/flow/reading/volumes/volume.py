@@ -4,35 +4,31 @@ from dataclasses import replace
 
 import numpy as np
 
-from ....medium.labelled_grid import unevenness
-from ...sampled_density import GridDensity
-from ..dataset import SOLID, Block, ReadError, grid_of, with_all_points
-from .even_averages import at_corners
-from .even_errors import estimated_error
-from .resampling import Resampling
-from .solids import corner_chunks
+from aerokernels.flow.reading.dataset import SOLID, Block, ReadError, grid_of, with_all_points
+from aerokernels.flow.reading.volumes.even_averages import at_corners, estimated_error
+from aerokernels.flow.reading.volumes.resampling import Resampling
+from aerokernels.flow.reading.volumes.solids import corner_chunks
+from aerokernels.flow.sampled_density import GridDensity
+from aerokernels.medium.labelled_grid import unevenness
 
 
-def volume_field(reading, spacing=None, region=None, walls=None, shared=None) -> GridDensity:
+def volume_field(reading, shared=None) -> GridDensity:
     """Return the density of a volume on a uniform grid.
 
     Args:
         reading: The file that was read.
-        spacing: Greatest node spacing [m], or None.
-        region: Lowest and highest corner [m], or None.
-        walls: Names of the patches that bound the body; None takes the file's walls, else holes of the mesh.
-        shared: Shares the map from the mesh to the grid between files; or None.
+        shared: A `Reader`, which keeps the map from the mesh to the grid for further files; or None.
 
     Raises:
         ReadError: A mesh without solid cells, with cells inside out or duplicate points.
         ValueError: A spacing or a region that does not give a grid.
     """
     dataset, path = reading.dataset, reading.path
-    if len(dataset.blocks) == 1 and spacing is None and region is None:
+    if len(dataset.blocks) == 1 and reading.options["spacing"] is None and reading.options["region"] is None:
         grid = uniform_grid(reading, *reading.densities[0])
         if grid is not None:
             density, low, step, told = grid
-            ambient = reading.ambient or dataset.ambient or float(np.median(density[:, :, -1]))
+            ambient = reading.ambient or float(np.median(density[:, :, -1]))
             described = [*reading.described(), f"ambient {ambient:.6g} kg/m3"]
             composition = None
             if (fractions := reading.fractions) is not None:
@@ -64,8 +60,8 @@ def volume_field(reading, spacing=None, region=None, walls=None, shared=None) ->
     blanked = [cells_blanked(block) for block in dataset.blocks]
     if any(one is not other for one, other in zip(blanked, dataset.blocks, strict=True)):
         reading = replace(reading, dataset=replace(dataset, blocks=blanked))
-    if shared is None or shared.resampling is None or not shared.resampling.fits(reading, spacing, region, walls):
-        found = Resampling(reading, moved, spacing, region, walls)
+    if shared is None or shared.resampling is None or not shared.resampling.fits(reading):
+        found = Resampling(reading, moved)
         if shared is not None:
             shared.resampling = found
     else:

@@ -14,9 +14,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from aerokernels.process.kernel_cache import NoCacheError, why_untrusted, why_unusable
+
 from ....process.machine import patient_threads
 from ....process.opened import OPENED
-from ....process.spare_cache import NoCacheError, why_untrusted, why_unusable
 from ..info import BackendInfo, absent
 from .drivers import broken_drivers
 from .linker import linker_trouble

@@ -7,8 +7,9 @@ import subprocess
 import tempfile
 from typing import Any
 
+from aerokernels.process.kernel_cache import LEAST_SPACE
+
 from ....process.machine import python_child
-from ....process.spare_cache import LEAST_SPACE
 from .pocl_cache import cache_folder
 
 _TRIAL = """

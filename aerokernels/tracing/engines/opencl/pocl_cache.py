@@ -21,8 +21,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import BinaryIO
 
-from ....process.compiled_files import is_whole
-from ....process.spare_cache import spare_cache, why_untrusted, why_unusable
+from aerokernels.process.kernel_cache import is_whole, spare_cache, why_untrusted, why_unusable
 
 VARIABLE = "POCL_CACHE_DIR"
 RECORD = "aerokernels-checked.json"  # beside PoCL's folders, which have names of two letters

@@ -1,0 +1,178 @@
+"""What the names of a file's arrays mean: without units, brackets, punctuation and the words of a mean."""
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, TypeVar
+
+import numpy as np
+
+from aerokernels.flow.reading.dataset import ReadError
+from aerokernels.inputs.units import WrittenUnit, in_brackets, is_no_unit, quantity, unit_in_name, unit_of, written_unit
+
+# Words in brackets that leave a quantity what it is; others, such as "total" and "gauge", make another one of it.
+SAME_QUANTITY = ("static", "absolute", "abs", "thermodynamic", "mean", "average", "averaged", "avg", "si", "gas", "air",
+                 "mixture", "fluid")  # fmt: skip
+_MEAN = r"(?:time)?(?:mean|averaged?|avg|ave)"
+
+
+def plain_name(name: str, grouped: bool = False) -> str:
+    """Return a name in lower case, without blanks, punctuation and units; without groups if it is `grouped`.
+
+    Elsewhere than in grouped names a slash is a quotient: "p/rho" is not a density.
+    """
+    plain = re.sub(r"[\[(<{].*", "", _without_comma(name).lower().replace("ρ", "rho"))
+    return re.sub(r"[^a-z0-9]", "", plain.rsplit("/", 1)[-1] if grouped else plain)
+
+
+def quantity_name(name: str, grouped: bool = False) -> str:
+    """Return the plain name of the quantity that an array has; words in brackets count unless they are units.
+
+    "Pressure (total)" is "pressuretotal" and no pressure, "T [K]" is "t", "<rho>" is "rho".
+    """
+    if (whole := re.fullmatch(r"\s*<([^<>]*)>\s*", name)) is not None:
+        name = whole[1]
+    rest = _without_comma(name)
+    while inside := in_brackets(rest):
+        if not (is_no_unit(inside) or written_unit(inside) is not None or inside.lower() in SAME_QUANTITY):
+            return re.sub(r"[^a-z0-9]", "", name.lower())
+        rest = rest[: rest.rfind(inside)].rstrip(" \t[(<{")
+    return plain_name(rest, grouped)
+
+
+def known_names(names: Iterable[str], known: Sequence[str], grouped: bool = False) -> list[str]:
+    """Return those of `names` that are the first of the `known` quantities; means over time count after all others."""
+    quantities = [(name, quantity_name(name, grouped)) for name in names]
+    for is_it in (str.__eq__, _is_mean_of):
+        for one in known:
+            if found := [name for name, own in quantities if is_it(own, one)]:
+                return found
+    return []
+
+
+def _is_mean_of(plain: str, quantity: str) -> bool:
+    return re.fullmatch(rf"{_MEAN}(?:of)?{quantity}|{quantity}{_MEAN}", plain) is not None
+
+
+def _without_comma(name: str) -> str:
+    """Return a name without a unit that follows a comma, as in "Density, kg/m3"."""
+    before, comma, unit = name.rpartition(",")
+    return before if comma and written_unit(unit) is not None else name
+
+
+def stated_unit(attributes: Mapping[str, Any]) -> str:
+    """Return the unit of an array's attribute `units` or `unit`, in whatever case; empty if it has none."""
+    for name in ("units", "unit"):
+        for key in sorted(attributes, key=lambda key: key != name):
+            if str(key).lower() == name and (text := _text(attributes[key])):
+                return text
+    return ""
+
+
+def _text(value: Any) -> str:
+    """Return an attribute's text: some programs write it as an array of one entry, or as bytes."""
+    if isinstance(value, np.ndarray) and value.size == 1:
+        value = value.reshape(-1)[0]
+    if isinstance(value, bytes):
+        return value.decode("utf-8", "replace")
+    return str(value) if isinstance(value, (str, int, float, np.number)) else ""
+
+
+def in_si_units(path, values: np.ndarray, name: str, stated: str, dimension: str) -> np.ndarray:
+    """Return values in SI, converted from the unit that the file states or that the array's name contains."""
+    unit = unit_of_array(path, name, stated, dimension)
+    if (unit.factor, unit.offset) == (1.0, 0.0):
+        return values
+    return np.asarray(values * unit.factor + unit.offset)
+
+
+def unit_of_array(path, name: str, stated: str, dimension: str) -> WrittenUnit:
+    """Return the unit of an array; arguments and errors as in `in_si_units`."""
+    if is_no_unit(stated):
+        stated = unit_in_name(name)  # brackets may contain any text: "x (axial)"
+    try:
+        return unit_of(stated, dimension)
+    except ValueError as fault:
+        remedy = "write it in SI, or say what 1 of it is: "
+        remedy += "length_unit" if dimension == "length" else f"reference = {{{dimension} = ...}}"
+        raise ReadError(path, f"the unit of {name!r}: {fault}", remedy) from None
+
+
+def length_of(path, axes: Mapping[str, str]) -> tuple[float | None, list[float]]:
+    """Return the unit of length [m] of coordinates, None if no unit is stated, and a factor for each coordinate.
+
+    The factors are 1 unless the units of the coordinates differ; then the factors convert all coordinates to metres. A
+    coordinate without a unit takes that of the others.
+
+    Args:
+        path: The file, for messages.
+        axes: Names of the coordinates, and the unit that the file states for each, or "".
+    """
+    factors = {}
+    for name, stated in axes.items():
+        if not is_no_unit(stated) or unit_in_name(name):
+            factors[name] = unit_of_array(path, name, stated, "length").factor
+    units = set(factors.values())
+    if len(units) <= 1:
+        return (units.pop() if units else None), [1.0] * len(axes)
+    return 1.0, [factors.get(name, 1.0) for name in axes]
+
+
+def ambient_attribute(path, stated, factor: float, values: np.ndarray) -> float | None:
+    """Return the ambient density [kg/m3] of an array's attribute `ambient_density`, None if there is none.
+
+    Args:
+        path: The file, for messages.
+        stated: The attribute: a number of kg/m3, or a text with a unit.
+        factor: The unit of the array [kg/m3].
+        values: Densities of the array, in its own unit.
+    """
+    if stated is None:
+        return None
+    if not isinstance(stated, str):
+        number = np.asarray(stated)
+        if number.size != 1 or number.dtype.kind not in "iuf":
+            what = f"its attribute ambient_density is {str(stated)[:40]!r}, which is not a number"
+            raise ReadError(path, what, "write kg/m3, as in '1.2 kg/m3'")
+        stated = float(number.reshape(()))
+    try:
+        ambient = quantity(stated, "density")
+    except (TypeError, ValueError) as fault:
+        raise ReadError(path, f"its attribute ambient_density: {fault}", "write kg/m3, as in '1.2 kg/m3'") from None
+    if isinstance(stated, str) or factor == 1.0 or not ambient > 0.0:
+        return ambient
+    good = values[np.isfinite(values) & (values > 0.0)]
+    typical = float(np.median(good)) if good.size else 0.0
+    if typical > 0.0 and abs(np.log(ambient / typical)) < abs(np.log(ambient / (factor * typical))):
+        raise ReadError(
+            path,
+            f"its attribute ambient_density = {ambient:g} is in kg/m3, and the array's densities are near "
+            f"{factor * typical:.3g} kg/m3",
+            f"write {factor * ambient:.6g} if it is in the array's own unit, or its unit beside it",
+        )
+    return ambient
+
+
+Own = TypeVar("Own")
+
+# In lower case, without blanks, punctuation and units.
+COLUMNS = {
+    "x": ("x", "points0", "coordinatex", "centersx", "ccx", "xcoordinate", "posx", "positionx"),
+    "y": ("y", "points1", "coordinatey", "centersy", "ccy", "ycoordinate", "posy", "positiony"),
+    "z": ("z", "points2", "coordinatez", "centersz", "ccz", "zcoordinate", "posz", "positionz"),
+    "r": ("r", "radius"),
+}
+PLACE = {"x": 0, "y": 1, "z": 2, "r": 1}
+# Directions of the axis of symmetry of a flow over r and z (the optical frame, z points upstream), or over r and x.
+SYMMETRY = {"z": (0.0, 0.0, -1.0), "x": (1.0, 0.0, 0.0)}
+
+
+def axes_of(known: Mapping[str, Own]) -> tuple[tuple[str, ...], tuple[float, float, float] | None]:
+    """Return the coordinates of a flow in the order of its axes, and the axis of symmetry of one over r and z or x.
+
+    Args:
+        known: The coordinates that there are, by "x", "y", "z" and "r".
+    """
+    along = next((axis for axis in "zx" if axis in known), None)
+    if "r" in known and "y" not in known and along is not None:
+        return ("r", along), SYMMETRY[along]
+    return tuple(axis for axis in "xyz" if axis in known), None
