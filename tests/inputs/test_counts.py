@@ -20,9 +20,8 @@ from aerokernels import (
     wavefront,
     zernike,
 )
-from aerokernels.echo.chain import DetectorChain
+from aerokernels.echo.chain import DetectorChain, Digitiser
 from aerokernels.echo.detector import low_pass_gain
-from aerokernels.echo.digitiser import Digitiser
 from aerokernels.inputs.checks import check_count
 from aerokernels.medium import Body
 from aerokernels.schlieren import Bench

@@ -19,10 +19,9 @@ from aerokernels import (
     strehl,
     strehl_marechal,
 )
-from aerokernels.echo.pulses import as_pulse
+from aerokernels.echo.pulses import as_pulse, sum_of_pulses
 from aerokernels.echo.range_error import summarise_ranges
 from aerokernels.echo.ranging import _checked_samples
-from aerokernels.echo.waveform import sum_of_pulses
 from aerokernels.flow import open_series
 from aerokernels.flow.gas import check_density, isentropic, tunnel_conditions
 from aerokernels.flow.refractivity import index_contrast
