@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from ...process.large_arrays import copy_over
+from ...process.threads import copy_over
 
 
 class Sent:

@@ -93,14 +93,6 @@ def test_a_program_that_another_process_is_writing_is_left_to_it(filled, tmp_pat
     assert path.read_bytes() == content
 
 
-@pytest.mark.parametrize("record", [b"", b"[]", b'{"../../etc/x.so": [1, 2, 3]}', b'{"AA": 1}', b"\xff"])
-def test_a_damaged_record_is_no_record(filled, tmp_path, record):
-    cache = tmp_path / "pocl"
-    shutil.copytree(filled / "pocl", cache)
-    (cache / RECORD).write_bytes(record)
-    assert len(remove_damaged(cache)) == 2 and (cache / RECORD).read_bytes() == b"{}"
-
-
 def test_without_a_record_programs_are_built_again(filled, tmp_path):
     """Changed bits in the middle of whole files, and no record: the process was ended at every start.
 

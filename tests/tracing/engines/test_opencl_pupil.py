@@ -199,21 +199,6 @@ def test_moments_are_sums_over_each_group(device: Device, count: int, replicates
         assert found[group, 11] == rows["evaluation_count"].sum()
 
 
-def test_groups_can_be_summed_in_parts(device: Device):
-    """From the second group on: the first row stays as it was."""
-    given = rays(3 * GROUP)
-    out = device.put(np.full((3, SUM_COUNT), 5.0))
-    names = ("pupil", "opd", "step_error", "evaluation_count", "status")
-    ends = np.int32(3 * GROUP), np.int32(1), np.int32(3), np.int32(1)
-    surface, one = (np.float64(7e6), double3([0.0, 0.0, 0.0]), np.float64(0.0)), device.put(np.ones(1))
-    device.run("sum_rays", 64 * 2, *surface, *ends, one, *(device.put(given[name]) for name in names), out)
-    found, good = device.get(out), given["status"] == RayStatus.OK
-    phasor = np.where(good, np.exp(7e6j * given["opd"]), 0.0).reshape(3, GROUP).sum(axis=1)
-    assert (found[0] == 5.0).all()
-    assert (found[1:, 0] == good.reshape(3, GROUP).sum(axis=1)[1:]).all()
-    assert np.abs(found[1:, MOMENT_COUNT:] @ [1.0, 1.0j] - phasor[1:]).max() < GROUP * 1e-15
-
-
 @pytest.mark.parametrize("rows", [1, REDUCTION_WIDTH, REDUCTION_WIDTH + 1, 3 * REDUCTION_WIDTH - 2])
 def test_rows_are_joined_by_replicate(device: Device, rows: int):
     """Sums of some rows each in their order, but for the greatest error; what lies beyond is left alone."""

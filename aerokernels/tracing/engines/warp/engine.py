@@ -14,11 +14,10 @@ from ....device_arrays.launching import launch, load_module
 from ....device_arrays.pinned import as_kind, bring, pinned_memory, to_host
 from ....device_arrays.pinned_memory import LEAST
 from ....process.clock import stage
-from ....process.large_arrays import thread_count
 from ....process.machine import core_count, host_memory
 from ....process.opened import OPENED
 from ....process.quiet_warp import open_device
-from ....process.threads import in_threads
+from ....process.threads import in_threads, thread_count
 from ...scheme import GROUP
 from ..field_data import FieldData
 from ..interface import GRID_TABLES, Prepared

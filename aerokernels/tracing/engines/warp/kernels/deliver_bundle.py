@@ -306,7 +306,7 @@ def build_in_patch(scene: Scene):
 
 @built_once("channels")
 def build_bundle_kernel(scene: Scene):
-    """Build the kernel for patches with 1, 4 or 8 channels (bundle/nodes.py)."""
+    """Build the kernel for patches with 1, 4 or 8 channels (bundle/table.py)."""
     t, channel_count = scene.types, scene.channels
     real, Arrival = t.real, t.Arrival
     in_patch, write_outputs = build_in_patch(scene), build_write_outputs(scene)
