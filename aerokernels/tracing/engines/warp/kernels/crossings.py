@@ -8,8 +8,7 @@ from types import SimpleNamespace
 
 import warp as wp
 
-from .....medium.bodies.crossings import PARALLEL
-from .....medium.bodies.triangle_crossings import LEAST_SIDE
+from .....medium.bodies.crossings import LEAST_SIDE, PARALLEL
 from ....scheme import GRAZING_SQUARE
 from ..library import TYPES, Scene, built_once
 
