@@ -15,6 +15,9 @@ from typing import Any
 import numpy as np
 
 from aerokernels.inputs.kinds import refuse_half_precision
+from aerokernels.series.bending import bending
+from aerokernels.series.line_integrals import MeshIntegrals
+from aerokernels.series.map_errors import MapNumbers, map_errors, straight_variants
 
 from ..device_arrays import host_array
 from ..flow import DensityField, Series, refractivity_model
@@ -30,14 +33,9 @@ from ..tracing.trace import trace
 from ..tracing.variants.causes import Variants, few_rows, sample_size
 from ..tracing.variants.rays import Rays
 from ..wavefront import remove_terms
-from .bending import bending
-from .device_copies import DeviceSamples
 from .line_integrals import LineIntegrals, NotLinearError
-from .map_numbers import MapNumbers, map_errors
-from .mesh_integrals import MeshIntegrals
 from .plane_values import nodes_along
 from .pupil_grid import PupilGrid
-from .straight_variants import straight_variants
 
 METHODS = ("auto", "linear", "trace")
 GROWN = 1.5  # growth of the squared slopes after which the bending is measured again
@@ -171,24 +169,29 @@ class Snapshots:
         if np.isfinite(probe):
             self._measured_slope, self._measured = slope, probe
 
-    def read(self, number: int) -> tuple[Any, DeviceSamples | None]:
+    def read(self, number: int) -> tuple[Any, Any]:
         """Read a snapshot, and start copying its samples to the device that sums them, if there is one."""
         stored = self.series.read(number, self.device is not None)
-        if self.device is None or not isinstance(self.lines, LineIntegrals) or self.model.form != "gladstone-dale":
+        lines = self.lines
+        on_device = isinstance(lines, LineIntegrals) and lines.runs_on_device and self.model.form == "gladstone-dale"
+        if self.device is None or not on_device:
             return stored, None
-        if not isinstance(stored, DensityField):
-            return stored, self.lines.to_device(stored, self.device)
-        samples = getattr(stored, "density", None)
-        if not isinstance(samples, np.ndarray) or samples.dtype not in (np.float32, np.float64):
-            return stored, None
-        return stored, self.lines.to_device(samples, self.device) if self.series.lies_here(stored) else None
+        samples = stored
+        if isinstance(stored, DensityField):
+            samples = getattr(stored, "density", None)
+            known = isinstance(samples, np.ndarray) and samples.dtype in (np.float32, np.float64)
+            if not known or not self.series.lies_here(stored):
+                return stored, None
+        from .sheared_device import to_device
+
+        return stored, to_device(samples, self.device)
 
     def air(self, pupil: Pupil, number: int, stored: Any) -> PupilAir:
         """Return what the pupil misses of a snapshot."""
         field = self.settings.index_field(self.series.field(stored, number))
         return pupil_air(field, pupil, self.settings.direction, self.settings.tolerance * self.settings.wavelength)
 
-    def __call__(self, number: int, read: tuple[Any, DeviceSamples | None] | None = None) -> SnapshotResult:
+    def __call__(self, number: int, read: tuple[Any, Any] | None = None) -> SnapshotResult:
         """Return the optical path differences of a snapshot, which `read` may have read already."""
         stored, there = self.read(number) if read is None else read
         flow = stored if isinstance(stored, DensityField) else None

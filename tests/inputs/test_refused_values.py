@@ -32,7 +32,7 @@ from aerokernels.inputs.checks import as_finite_array, as_waveform
 from aerokernels.medium.bodies.section import outlines
 from aerokernels.schlieren.bench import Bench
 from aerokernels.schlieren.picture import Picture
-from aerokernels.series.spectra import sample_rate, welch
+from aerokernels.series.modes import sample_rate, welch
 from aerokernels.series.time_statistics import statistics
 from aerokernels.series.uncertainty import mean_of, trend_of
 
@@ -216,14 +216,6 @@ def test_statistics_of_few_numbers_say_that_they_are_not_known():
 def test_a_picture_is_a_plane_of_brightness(picture):
     with pytest.raises(ValueError, match="a picture must be a two-axis array of finite"):
         Picture(picture, np.arange(2.0), np.arange(2.0))
-
-
-def test_columns_of_pandas_in_different_orders_are_refused():
-    pandas = pytest.importorskip("pandas")
-    table = pandas.DataFrame({"opd": [0.0, 1e-7, 3e-7], "weight": [1.0, 2.0, 3.0]}, index=[7, 8, 9])
-    assert strehl(table.opd, 1e-6, table.weight) == strehl(table.opd.to_numpy(), 1e-6, table.weight.to_numpy())
-    with pytest.raises(ValueError, match="opd and weights have the same labels in different orders"):
-        strehl(table.opd, 1e-6, table.weight[::-1])
 
 
 @pytest.mark.parametrize("given", [b"a.nc", 3, "a\0.nc"])

@@ -54,14 +54,14 @@ def test_sums_over_a_sheared_lattice_are_the_integrals(direction, monkeypatch: p
     rms = np.sqrt(np.mean(truth[good] ** 2))
     assert np.abs(found - truth)[good].max() < 5e-4 * rms
     assert (found[~good] == 0.0).all()
-    np.testing.assert_allclose(lines.lattice.on_gpu(samples, "cpu"), found, rtol=0.0, atol=5e-6 * rms)
+    np.testing.assert_allclose(lines.lattice.on_device(samples, "cpu"), found, rtol=0.0, atol=5e-6 * rms)
     # And that of lines that leave through the sides, where samples go on beyond the edges.
     mesh = GridMesh("volume", ORIGIN, [SPACING] * 3, (33, 12, 29))
     rng = np.random.default_rng(5)
     draw, wide = rng.normal(size=mesh.shape), start + rng.uniform(-0.03, 0.03, start.shape)
     lattice = LineIntegrals(mesh, wide, along).lattice
     assert lattice is not None
-    np.testing.assert_allclose(lattice.on_gpu(draw, "cpu", 0.2), lattice(draw, 0.2), rtol=0.0, atol=1e-12)
+    np.testing.assert_allclose(lattice.on_device(draw, "cpu", 0.2), lattice(draw, 0.2), rtol=0.0, atol=1e-12)
 
 
 @pytest.mark.parametrize("direction", [(0, 0, 1), (0, 0.2, 1), (1, 0.1, 0.2), (0.1, -1, 0)])
@@ -142,31 +142,6 @@ def test_snapshots_on_a_device_stay_there(device: str, direction, monkeypatch: p
     monkeypatch.setattr(warp.array, "numpy", _small_only(warp.array.numpy))
     found = optical_series(there, pupil, **view)
     np.testing.assert_allclose(found.opd, host.opd, atol=3e-4 * float(np.abs(host.opd).max()))
-
-
-@pytest.mark.parametrize("device", ["cpu", pytest.param("cuda:0", marks=pytest.mark.gpu)])
-def test_copies_to_a_device_are_the_samples(device: str, monkeypatch: pytest.MonkeyPatch):
-    """More pieces than slots, of arrays that lie in order, backwards or by columns; the copy before stays as it is."""
-    import warp
-
-    from aerokernels.series import device_copies
-
-    if device == "cuda:0" and not warp.is_cuda_available():
-        pytest.skip("no GPU")
-    monkeypatch.setattr(device_copies, "PIECE", 100)
-    draw = np.random.default_rng(6).normal(size=(61, 3, 2))
-    copies = device_copies.Copies(device)
-    before = copies(draw)
-    given = [draw[::-1], np.asfortranarray(draw), draw.astype(np.float32), draw[:7], draw]
-    if device == "cuda:0":
-        given.append(warp.array(draw, dtype=warp.float64, device="cpu", pinned=True))
-    for one in given:
-        sent = copies(one)
-        expected = np.asarray(one if isinstance(one, np.ndarray) else one.numpy())
-        assert sent.precision == expected.dtype.name
-        np.testing.assert_array_equal(sent.ready().numpy(), expected.ravel())
-        if one is given[0]:
-            np.testing.assert_array_equal(before.ready().numpy(), draw.ravel())
 
 
 def _small_only(numpy):

@@ -5,8 +5,8 @@ import pytest
 import xarray
 
 from aerokernels import Disc, QuadMesh, statistics
+from aerokernels.series.line_integrals import MeshIntegrals
 from aerokernels.series.linking import _linked_and_path
-from aerokernels.series.mesh_integrals import MeshIntegrals
 from aerokernels.series.plane_values import PlaneValues
 from aerokernels.series.pupil_grid import pupil_grid
 

@@ -5,9 +5,8 @@ import pytest
 import xarray
 
 from aerokernels import Annulus, Disc, Rectangle, flow, optical_series, statistics
-from aerokernels.series.finer_pixels import FinerPixels
-from aerokernels.series.nearest_errors import LEAST_STEP, MOST, MOST_MORE, Chosen, nearest_in_time
-from aerokernels.series.pupil_grid import pupil_grid
+from aerokernels.series.map_errors import LEAST_STEP, MOST_MORE, MOST_PLACES, Chosen, nearest_in_time
+from aerokernels.series.pupil_grid import FinerPixels, pupil_grid
 
 from .fourier import WAVELENGTH, Fourier
 
@@ -54,15 +53,15 @@ def test_each_snapshot_has_the_errors_of_the_nearest():
 
 
 def test_places_of_a_series_that_has_grown_are_among_those_of_the_shorter_one():
-    for total in (1, 5, LEAST_STEP * MOST, LEAST_STEP * MOST + 1, 1000, 5000):
+    for total in (1, 5, LEAST_STEP * MOST_PLACES, LEAST_STEP * MOST_PLACES + 1, 1000, 5000):
         chosen = Chosen(total)
         rows = np.flatnonzero([chosen(1.0) for _ in range(total)])
-        assert rows[0] == 0 and 1 <= len(rows) <= MOST and len(set(np.diff(rows))) <= 1
+        assert rows[0] == 0 and 1 <= len(rows) <= MOST_PLACES and len(set(np.diff(rows))) <= 1
         shorter = Chosen(max(total // 3, 1))
         earlier = np.flatnonzero([shorter(1.0) for _ in range(max(total // 3, 1))])
         assert set(rows[rows < max(total // 3, 1)]) <= set(earlier)
     alternating = Chosen(1000)
-    assert sum(alternating(10.0 ** (k % 2)) for k in range(1000)) <= MOST + MOST_MORE
+    assert sum(alternating(10.0 ** (k % 2)) for k in range(1000)) <= MOST_PLACES + MOST_MORE
     errors, step = np.full(400, np.nan), LEAST_STEP
     errors[[0, step, 2 * step, 3 * step]] = 1.0, 2.0, 3.0, 4.0
     told = nearest_in_time(errors, np.ones(400), 400)

@@ -8,10 +8,9 @@ import pytest
 from aerokernels import Disc, IndexField, QuadMesh, RayBundle, Rectangle, flow, trace
 from aerokernels.pupils import direction_of
 from aerokernels.series.bending import bending
-from aerokernels.series.line_integrals import LineIntegrals, NotLinearError
+from aerokernels.series.line_integrals import LineIntegrals, MeshIntegrals, NotLinearError
 from aerokernels.series.look import _about_the_axis, _angles
-from aerokernels.series.look_batch import _known, can_batch, side_by_side
-from aerokernels.series.mesh_integrals import MeshIntegrals
+from aerokernels.series.look_batch import _known, can_batch
 from aerokernels.series.pupil_grid import pupil_grid
 from aerokernels.series.snapshot import Snapshots, SnapshotSettings
 from aerokernels.tracing.beyond import plane_beyond
@@ -166,17 +165,6 @@ def test_what_cannot_be_summed_along_straight_lines():
     assert "not linear" in snapshots(interpolation="monotone").reason
     with pytest.raises(ValueError, match="method 'linear' cannot be had"):
         snapshots(interpolation="monotone", method="linear")
-
-
-def test_points_side_by_side_follow_a_z_order_curve():
-    """A 4 by 4 lattice: x's bits and y's in turn, x's the lower."""
-    x, y = (axis.ravel() for axis in np.meshgrid(np.arange(4.0), np.arange(4.0)))
-    draw = np.random.default_rng(1).permutation(16)
-    found = side_by_side(np.stack([x, y], axis=1)[draw])
-    key = lambda p: sum((int(p[a]) >> b & 1) << (2 * b + a) for a in range(2) for b in range(2))  # noqa: E731
-    assert [key(one) for one in found] == list(range(16))
-    same = np.full((3, 2), 0.7)
-    np.testing.assert_array_equal(side_by_side(same), same)
 
 
 def test_which_maps_are_traced_together():

@@ -14,11 +14,13 @@ from aerokernels.series.modes import (
     about_mean,
     first_zero_weights,
     integral_length,
+    mean_spectrum,
     orthogonal_modes,
+    sample_rate,
     two_point_correlation,
+    welch,
 )
 from aerokernels.series.pupil_grid import MapReader, pupil_grid
-from aerokernels.series.spectra import COLUMNS, mean_spectrum, sample_rate, welch
 from aerokernels.series.statistic_parts import (
     Table,
     _mixing,
@@ -27,6 +29,7 @@ from aerokernels.series.statistic_parts import (
     add_spectra,
 )
 from aerokernels.series.uncertainty import (
+    COLUMNS,
     Mean,
     mean_of,
     root_of,
