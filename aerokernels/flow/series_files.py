@@ -13,10 +13,9 @@ from aerokernels.flow.reading.density import DENSITY_NAMES
 from aerokernels.flow.reading.formats import files_behind, stamp
 from aerokernels.inputs.checks import listed
 from aerokernels.inputs.units import unit_of
-from aerokernels.process.foreign_files import FileFault, check_file, check_room, fault_text
+from aerokernels.process.foreign_files import FileFault, check_file, check_folder, check_room, fault_text
 
 from ..files.netcdf_reading import open_netcdf
-from ..files.zarr_codecs import check_codecs
 from ..inputs.arguments import seconds
 from ..medium.labelled_grid import GEOMETRIES
 from .series import GridMesh, Series
@@ -52,7 +51,7 @@ def _zarr(path: Path, what: str, most_axes: float) -> Any:
         raise ImportError(f"{path}: a Zarr store needs zarr: pip install 'aerokernels[dask]'") from None
     import xarray
 
-    check_codecs(path)
+    check_folder(path)
     check_file(path, what, most_axes)
     try:
         with warnings.catch_warnings():

@@ -189,10 +189,6 @@ class LineIntegrals:
             columns.append(rows @ np.asarray(moved[plane], np.float64).ravel())
         return np.stack(columns, axis=1)
 
-    def crossings(self) -> np.ndarray:
-        """Return where each ray crosses each plane, in cells from the first node, shape (n, plane_count, 1 or 2)."""
-        return np.stack([self._cells(self._crossing(k)) for k in range(self.mesh.shape[self.axis])], axis=1)
-
     def path_weights(self) -> np.ndarray:
         """Return the length of each ray that each plane represents [m], shape (n, plane_count)."""
         return np.asarray(self._weights[self._which])

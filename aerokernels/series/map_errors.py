@@ -23,7 +23,7 @@ from aerokernels.tracing.plan import TracePlan
 from aerokernels.tracing.planning import backend_for
 from aerokernels.tracing.stop import stop_distance
 from aerokernels.tracing.trace import rerun
-from aerokernels.tracing.variants.causes import Run, Variants, variants
+from aerokernels.tracing.variants.causes import Variants, variants
 from aerokernels.tracing.variants.rays import Rays
 from aerokernels.tracing.variants.spread import errors, of_a_ray
 from aerokernels.wavefront.pupil_numbers import PupilNumbers
@@ -122,7 +122,6 @@ def straight_variants(
     wavelength: float,
     tolerance: float,
     options: Mapping[str, Any],
-    run: Run | None = None,
 ) -> Variants:
     """Return how the rays change by cause; the part of "step" is what rays traced in full bring besides `opd`.
 
@@ -134,7 +133,6 @@ def straight_variants(
         wavelength: Vacuum wavelength [m].
         tolerance: Requested OPD error [waves].
         options: backend and device of rays that are traced.
-        run: Traces rays in full; None takes the package's own tracer.
     """
     backend = backend_for(field, options.get("backend") or "auto")
     backend, device, _ = choose_backend(backend, options.get("device"))
@@ -144,5 +142,5 @@ def straight_variants(
     base = Rays(np.asarray(opd, np.float64), rays.direction, rays.position + way[:, None] * rays.direction)
     weight = np.broadcast_to(np.asarray(rays.weight, np.float64), way.shape)
     beyond = lost(field, rays, until)
-    run = rerun(until, wavelength) if run is None else run
+    run = rerun(until, wavelength)
     return variants(field, rays, base, plan, until, run, weight=weight / weight.sum(), lost=beyond)

@@ -20,8 +20,7 @@ import numpy as np
 
 from aerokernels.display.plain_text import cut
 from aerokernels.files.writing import FULL, draft_of, in_room, only_writer
-from aerokernels.files.zarr_codecs import check_codecs
-from aerokernels.process.foreign_files import FileFault, fault_text
+from aerokernels.process.foreign_files import fault_text
 from aerokernels.series.map_errors import nearest_in_time
 
 if TYPE_CHECKING:
@@ -186,7 +185,6 @@ class ZarrStore:
         import zarr
 
         with self._in_words():
-            check_codecs(self.path)
             group = zarr.open_group(str(self.path), mode="r")
             if text := group.attrs.get("definition"):
                 earlier, rows = json.loads(text), np.asarray(group["done"][:], np.float64)
@@ -218,8 +216,7 @@ class ZarrStore:
         except Exception as fault:
             if isinstance(fault, OSError) and fault.errno in FULL:
                 raise
-            what = str(fault) if isinstance(fault, FileFault) else fault_text(fault)
-            raise self._damaged(f"the store is damaged ({what})") from fault
+            raise self._damaged(f"the store is damaged ({fault_text(fault)})") from fault
 
     @property
     def is_finished(self) -> bool:

@@ -3,14 +3,13 @@
 import numpy as np
 import pytest
 
-from aerokernels import Disc, IndexField, Plane, RayBundle, flow, optical_series, trace
+from aerokernels import Disc, flow, optical_series
 from aerokernels.flow import GridMesh
 from aerokernels.medium.averages.cell_averages import node_values
 from aerokernels.series import line_integrals
-from aerokernels.series.bending import bending
 from aerokernels.series.line_integrals import LineIntegrals
 
-from .fourier import CONSTANT, WAVELENGTH, Fourier
+from .fourier import CONSTANT, Fourier
 
 SPACING, ORIGIN = 2.5e-3, np.array([-0.05, -0.05, 0.0])
 X, Y = (one.ravel() for one in np.meshgrid(np.linspace(-0.02, 0.02, 12), np.linspace(-0.018, 0.021, 13)))
@@ -78,36 +77,6 @@ def test_averages_over_cells_are_made_values_at_the_nodes(geometry: str, directi
     both = [LineIntegrals(mesh, start, along) for mesh in meshes]
     nodes = node_values(samples, "cubic", geometry == "axisymmetric")
     np.testing.assert_allclose(both[0](samples), both[1](nodes), atol=1e-12)
-
-
-@pytest.mark.parametrize("direction", [(0.0, 0.0, 1.0), (0.15, 0.1, -1.0)])
-def test_bending_of_second_order_is_that_of_traced_rays(direction):
-    """Set-up: a dense random volume; expected: the difference of rays traced in full and straight ones, to 5 %.
-
-    What is left out is of third order: less by m'' L^2, 0.01 here.
-    """
-    field = Fourier.random(3, amplitude=0.1)
-    field.mean = 1.0
-    mesh, start, along = slanted((41, 41, 31), direction)
-    samples = field.on_grid(ORIGIN, SPACING, mesh.shape, 0.0)
-    index = IndexField.from_samples(
-        CONSTANT * (samples - 0.7), origin=mesh.origin, spacing=mesh.spacing, geometry="volume", wavelength=WAVELENGTH
-    )
-    lines = LineIntegrals(mesh, start, along)
-    stop = Plane(0.2 * along, along)
-    face = mesh.box[1 if along[2] > 0.0 else 0][2]
-    leave = start + ((face - start[:, 2]) / along[2])[:, None] * along
-
-    def contrast(values: np.ndarray) -> np.ndarray:
-        return CONSTANT * (values - 0.7)
-
-    found, straight = bending(lines, samples, contrast, stop.point @ along - leave @ along)
-    traced = trace(index, RayBundle(start, along[None]), until=stop, tolerance=1e-4, precision="float64")
-    good = lines.inside & traced.ok
-    np.testing.assert_allclose(straight[good], lines(contrast(samples))[good], atol=1e-5 * np.abs(straight).max())
-    difference = (traced.opd - lines(contrast(samples)))[good]
-    assert good.sum() > 100 and np.abs(difference).max() > 1e-9
-    assert np.sqrt(np.mean((found[good] - difference) ** 2)) < 0.05 * np.sqrt(np.mean(difference**2))
 
 
 @pytest.mark.parametrize(
