@@ -1,8 +1,8 @@
 """The command line: load the commands, run one, and turn a failure into one line of text and an exit status.
 
 Exit status: 0 done; 1 failed; 2 bad input (the line names the file, the key and the remedy); 3 all files are
-written, but the answer is not meaningful (display/verdict.py); 130 interrupted (143 by SIGTERM, 129 by a terminal that
-closed). `--debug`, anywhere on the line, also shows the traceback; `--json` prints results as JSON, and `--quiet`
+written, but the answer is not meaningful (display/quantities.py); 130 interrupted (143 by SIGTERM, 129 by a terminal
+that closed). `--debug`, anywhere on the line, also shows the traceback; `--json` prints results as JSON, and `--quiet`
 silences notes and progress. Results go to stdout, everything else to stderr.
 """
 

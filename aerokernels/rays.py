@@ -25,9 +25,8 @@ from .pupils import (
     transverse_axes,
     unit_disc_samples,
 )
-from .pupils.base import SAMPLINGS
+from .pupils.base import SAMPLINGS, lengths
 from .pupils.square_map import RING, SquareMap
-from .pupils.vectors import lengths
 from .read_only import ReadOnly
 
 __all__ = [

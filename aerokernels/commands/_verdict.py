@@ -3,7 +3,7 @@
 import typer
 
 from aerokernels.commands._output import warn
-from aerokernels.display.verdict import Verdict
+from aerokernels.display.quantities import Verdict
 
 WORTHLESS_ANSWER = 3  # beside 1, failed, and 2, bad input (cli.py)
 

@@ -32,7 +32,7 @@ def bench(
     Report rays per second, CPU seconds and the share of the hardware's peak performance.
     """
     from aerokernels.benchmark import Settings, run_bench
-    from aerokernels.benchmark.table import COLUMNS, table_rows
+    from aerokernels.benchmark.measuring import COLUMNS, table_rows
     from aerokernels.commands._output import note
     from aerokernels.commands._table import print_table
     from aerokernels.files.writing import replacing

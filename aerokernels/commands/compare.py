@@ -45,8 +45,7 @@ def compare(
     from aerokernels.commands._progress import shown_progress
     from aerokernels.commands._table import print_table
     from aerokernels.inputs.units import quantity
-    from aerokernels.jobs.comparison import compare_recording
-    from aerokernels.jobs.comparison_options import CompareOptions
+    from aerokernels.jobs.comparison import CompareOptions, compare_recording
     from aerokernels.jobs.comparison_report import TABLES, write_comparison
     from aerokernels.jobs.recorded import label_text
     from aerokernels.jobs.run_folder import read_run

@@ -25,10 +25,9 @@ def series(
     from aerokernels.commands._progress import every_tenth, shown_progress
     from aerokernels.commands._table import print_table
     from aerokernels.commands._verdict import leave_with
-    from aerokernels.display.verdict import judge
-    from aerokernels.jobs.report import quantity_of
-    from aerokernels.jobs.series_job import run_series
-    from aerokernels.jobs.series_report import headline_rows
+    from aerokernels.display.quantities import judge
+    from aerokernels.jobs.numbers import quantity_of
+    from aerokernels.jobs.series_job import headline_rows, run_series
 
     loaded = load_scene(scene, backend, device, precision, None, settings)
     with shown_progress(loaded.name) as progress, naming_scene(scene):

@@ -72,7 +72,7 @@ def _finish(total: int, out: Path) -> None:
     """
     from aerokernels.commands._output import result, warn
     from aerokernels.commands._verdict import leave_with
-    from aerokernels.display.verdict import WARNING, WORTHLESS, Verdict
+    from aerokernels.display.quantities import WARNING, WORTHLESS, Verdict
     from aerokernels.jobs.sweeps.dataset import failure_of
     from aerokernels.jobs.sweeps.records import DATASET_FILE, Records
 

@@ -25,17 +25,15 @@ from functools import cached_property
 
 import numpy as np
 
-from ..display.error_budget import ErrorBudget, combine, unknown
-from ..display.quantities import root_sum_square
+from ..display.quantities import ErrorBudget, combine, root_sum_square, unknown
 from ..medium import IndexField
-from ..pupils.vectors import lengths
+from ..pupils.base import lengths
 from ..scene import Scene
 from ..strehl import StrehlEstimate
 from ..strehl.budget import StrehlVariants
 from ..strehl.estimate import PreparedStrehl
-from ..tracing.variants.causes import Variants
-from ..tracing.variants.rays import Rays
-from ..tracing.variants.spread import FACTOR, errors
+from ..tracing.variants.causes import FACTOR, Variants, errors
+from ..tracing.variants.paths import Rays
 from ..wavefront import mean_phasor
 from .paths import air_error, trace_options
 from .pulse_curve import PulseCurve, peak_height

@@ -11,7 +11,7 @@ import numpy as np
 from ..medium import IndexField
 from ..scene import Scene
 from ..tracing import Plane
-from ..tracing.variants.spread import FACTOR
+from ..tracing.variants.causes import FACTOR
 from .pupil_reduction import reduce_pupils, upper_half
 from .result import EchoResult
 from .return_paths import factor_of, is_symmetric

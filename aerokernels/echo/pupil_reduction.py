@@ -18,7 +18,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..medium import IndexField
-from ..pupils.vectors import lengths
+from ..pupils.base import lengths
 from ..rays import RayBundle
 from ..scene import Scene
 from ..tracing import Plane, RayStatus, TraceResult, trace

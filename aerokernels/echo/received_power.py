@@ -3,7 +3,7 @@
 import numpy as np
 
 from ..inputs.checks import check_aperture
-from ..pupils.vectors import lengths
+from ..pupils.base import lengths
 from ..scene import Scene
 from .paths import TransmitPaths
 from .radiometry import plane_echo_power

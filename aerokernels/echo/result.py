@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..display.error_budget import TOTAL, ErrorBudget
-from ..display.quantities import Quantity
+from ..display.quantities import TOTAL, ErrorBudget, Quantity
 from ..display.shown import drawn_on, shown
 from .pulse_curve import PulseCurve, peak_height
 from .range_error import RangeStatistics

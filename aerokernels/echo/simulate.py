@@ -27,7 +27,7 @@ from ..medium import IndexField
 from ..prepare import prepare_field
 from ..scene import Scene
 from ..strehl import StrehlEstimate
-from ..tracing.variants.spread import FACTOR
+from ..tracing.variants.causes import FACTOR
 from .cut_beam import cut_beam
 from .echo_errors import EchoProbe, echo_errors
 from .paths import TransmitPaths, air_error, still_air

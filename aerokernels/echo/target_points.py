@@ -25,7 +25,7 @@ import numpy as np
 
 from ..inputs.checks import check_choice
 from ..process.opened import OPENED
-from ..pupils.vectors import lengths
+from ..pupils.base import lengths
 from ..scene import Scene
 from .pulses import pulse_of
 from .radiometry import LIMITS

@@ -25,8 +25,6 @@ if TYPE_CHECKING:
 
 RESULT_FILE, SUMMARY_FILE, REPORT_FILE = "result.nc", "summary.json", "report.html"
 MAPS_FILE = "series.zarr"
-# Keys of summary.json whose numbers are between 0 and 1.
-RATIO_KEYS = ("strehl", "strehl_marechal", "echo_strehl")
 Made = TypeVar("Made")
 COMPLETE = ".result.complete"  # hidden folder with a complete result, inside the folder into which it is moved
 

@@ -27,11 +27,11 @@ from ..medium import IndexField
 from ..pupils import direction_of
 from ..rays import RayBundle
 from ..strehl.estimate import PreparedStrehl
-from ..strehl.sums import NoRayArrived
-from ..tracing.flow_ends import flow_ends
-from ..tracing.meeting import NoRayMeetsField
-from ..tracing.pupil.radial_quadrature import asymmetry
-from ..wavefront.pupil_numbers import NUMBERS
+from ..strehl.ratio import NoRayArrived
+from ..tracing.cuts import flow_ends
+from ..tracing.lines import NoRayMeetsField
+from ..tracing.pupil.quadrature import asymmetry
+from ..wavefront.terms import NUMBERS
 from .look_batch import batch_looks, can_batch
 
 if TYPE_CHECKING:

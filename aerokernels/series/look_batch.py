@@ -25,7 +25,7 @@ import numpy as np
 from aerokernels.device_arrays.pinned import to_host
 from aerokernels.medium import IndexField
 from aerokernels.process.opened import OPENED
-from aerokernels.pupils.vectors import transverse_frames
+from aerokernels.pupils.base import transverse_frames
 from aerokernels.rays import RayBundle
 from aerokernels.series.kernels import launch
 from aerokernels.series.map_errors import straight_variants
@@ -35,9 +35,8 @@ from aerokernels.tracing import Plane
 from aerokernels.tracing.cuts import lost
 from aerokernels.tracing.lines import box_span
 from aerokernels.tracing.pupil.air import GREATEST_SHARE, PAST_TOLD
-from aerokernels.tracing.variants.causes import Variants, sample_rows
-from aerokernels.tracing.variants.spread import errors
-from aerokernels.wavefront.pupil_numbers import PupilNumbers
+from aerokernels.tracing.variants.causes import Variants, errors, sample_rows
+from aerokernels.wavefront.terms import PupilNumbers
 
 REPLICATES = 16
 

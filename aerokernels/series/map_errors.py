@@ -12,22 +12,20 @@ from typing import Any
 
 import numpy as np
 
-from aerokernels.display.error_budget import combine
+from aerokernels.display.quantities import combine
 from aerokernels.medium import IndexField
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import Plane
-from aerokernels.tracing.allowance import step_allowance
 from aerokernels.tracing.cuts import lost
 from aerokernels.tracing.engines.choice import choose_backend
 from aerokernels.tracing.plan import TracePlan
 from aerokernels.tracing.planning import backend_for
+from aerokernels.tracing.step_bound import step_allowance
 from aerokernels.tracing.stop import stop_distance
 from aerokernels.tracing.trace import rerun
-from aerokernels.tracing.variants.causes import Variants, variants
-from aerokernels.tracing.variants.rays import Rays
-from aerokernels.tracing.variants.spread import errors, of_a_ray
-from aerokernels.wavefront.pupil_numbers import PupilNumbers
-from aerokernels.wavefront.terms import fit_tilt, remove_terms, weighted_mean
+from aerokernels.tracing.variants.causes import Variants, errors, of_a_ray, variants
+from aerokernels.tracing.variants.paths import Rays
+from aerokernels.wavefront.terms import PupilNumbers, fit_tilt, remove_terms, weighted_mean
 
 # The numbers, in order; and with the optical path difference of a ray, what has an error.
 NAMES = ("strehl", "boresight_x", "boresight_y", "piston", "opd_rms", "opd_rms_with_tilt")

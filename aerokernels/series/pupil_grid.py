@@ -10,7 +10,7 @@ import numpy as np
 from aerokernels.inputs.checks import check_count
 from aerokernels.pupils import Projected, Pupil, seen_along
 from aerokernels.wavefront import remove_terms, weighted_mean
-from aerokernels.wavefront.stencils import derivatives, three_in_a_row
+from aerokernels.wavefront.pixels import derivatives, three_in_a_row
 
 # Share of a pixel below which a remainder is rounding.
 ROUNDING = 1e-9

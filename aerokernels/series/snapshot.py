@@ -16,6 +16,7 @@ import numpy as np
 from aerokernels.inputs.kinds import refuse_half_precision
 from aerokernels.series.line_integrals import MeshIntegrals
 from aerokernels.series.map_errors import MapNumbers, map_errors, straight_variants
+from aerokernels.tracing.stop import plane_beyond
 
 from ..device_arrays import host_array
 from ..flow import DensityField, Series, refractivity_model
@@ -23,7 +24,6 @@ from ..flow.gas import GREATEST_DENSITY, LEAST_DENSITY
 from ..medium import IndexField, QuadMesh
 from ..medium.refined import has_seam
 from ..rays import Pupil, RayBundle
-from ..tracing.beyond import plane_beyond
 from ..tracing.engines.choice import choose_backend
 from ..tracing.engines.info import cuda_driver_loads
 from ..tracing.pupil.air import PupilAir, pupil_air

@@ -15,17 +15,16 @@ from ..inputs.checks import check_count
 from ..medium import IndexField
 from ..process.clock import clocked, stage
 from ..process.threads import in_turn
-from ..rays import Pupil, as_unit_vector
+from ..pupils.base import Pupil, as_unit_vector
 from ..tracing.engines import engine_of
 from ..tracing.plan import TracePlan
-from ..tracing.pupil.fit import fit_moments
 from ..tracing.pupil.job import REPLICATES, PupilJob, make_job
 from ..tracing.pupil.new_values import next_job
+from ..tracing.pupil.sums import fit_moments
 from ..tracing.retrace import report_rejected
 from ..wavefront import check_terms
 from .budget import StrehlErrors, StrehlVariants
-from .ratio import StrehlEstimate
-from .sums import combined, met_nothing
+from .ratio import StrehlEstimate, combined, met_nothing
 
 
 @checked

@@ -3,7 +3,7 @@
 from dataclasses import asdict, dataclass, field
 
 from .leapfrog.unresolved import Sampling
-from .lever_arms import LeverArms
+from .straight_lines import LeverArms
 
 # Methods that a caller may request.
 METHODS = ("auto", "straight", "adaptive", "paper", "fixed")

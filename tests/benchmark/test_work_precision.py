@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from aerokernels import RayBundle
-from aerokernels.benchmark.truth import integrate, potential_of
+from aerokernels.benchmark.scenes import integrate, potential_of
 from scripts.studies.work_precision import fields, tables
 
 WAVE = 905e-9

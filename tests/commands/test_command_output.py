@@ -14,7 +14,7 @@ import typer
 from aerokernels import cli
 from aerokernels.commands import _output
 from aerokernels.display.plain_text import plain, plain_json
-from aerokernels.jobs.page import page, paragraph, table
+from aerokernels.jobs.page import page, table
 from aerokernels.jobs.store import check_output_folder, staged_folder, write_summary
 from aerokernels.scene import Scene, SceneError, shipped_scenes
 
@@ -148,7 +148,7 @@ def test_the_command_line_has_pythons_names_and_defaults(line):
         (["schlieren", "mach3", "--out", "o", "--view", "up"], "--view 'up': give x, y or z, or a direction"),
         (["series", "wind-tunnel-mach3", "--out", "o"], "error: wind-tunnel-mach3: series.source is missing"),
         (["export", ".", "--out", "x.nc"], "store .: a folder or a device, not a file; give the file that `record`"),
-        (["export", "text", "--out", "x.nc"], "store text: file is not a database; give the file that `record` wrote"),
+        (["export", "text", "--out", "x.nc"], "store text: file is not a database; give "),
         (["sweep", "wind-tunnel-mach3", "--vary", "target.tilt=0:10:5", "--out", "o"],
          "target.tilt = '2.5 rad' must be below 1.5706 rad"),
         (["explain", "odd.toml"], "unknown key pupil.radius = '3 mm': did you mean beam.radius? [pupil] has shape, "),
@@ -168,7 +168,7 @@ def test_what_others_wrote_is_shown_without_control_characters(tmp_path: Path):
     assert plain(title + "\n\t") == "A\\x1b[31mB\\x07\\u202ec \\x9b2J\\ue0001 <i>\n\t".replace("\\u", "\\x")
     written = plain_json(json.dumps({"title": title}, ensure_ascii=False))
     assert json.loads(written) == {"title": title} and written.isprintable()
-    shown = page(title, title, [paragraph(title), table(("a",), [(title,)])])
+    shown = page(title, title, [table(title, ("a",), [(title,)])])
     assert "\x1b" not in shown and "\x9b" not in shown and "\u202e" not in shown and "&lt;i&gt;" in shown
     with pytest.raises(SceneError, match=r"title = .*: a text cannot contain a zero character"):
         Scene.load("wind-tunnel-mach3", {"title": "a\0b"})

@@ -130,7 +130,7 @@ def test_a_package_that_is_not_there_is_told_with_the_remedy(monkeypatch, tmp_pa
     def absent(name):
         raise ModuleNotFoundError(f"No module named {package!r}", name=package)
 
-    monkeypatch.setattr("aerokernels.wavefront.exchange.packages.import_module", absent)
+    monkeypatch.setattr("aerokernels.wavefront.exports.import_module", absent)
     write = {"astropy": lambda: wave.to_fits(tmp_path / "w.fits")}.get(package) or getattr(wave, f"to_{package}")
     with pytest.raises(
         ModuleNotFoundError, match=rf"{package} is not installed.*pip install 'aerokernels\[exchange\]'"

@@ -11,10 +11,9 @@ import xarray
 
 from aerokernels.hardware.frames import EchoFrame
 from aerokernels.hardware.store import EchoStore
-from aerokernels.jobs.alignment import measured_offset
-from aerokernels.jobs.averages import average
-from aerokernels.jobs.comparison import CompareOptions, compare_recording
+from aerokernels.jobs.comparison import CompareOptions, compare_recording, measured_offset
 from aerokernels.jobs.comparison_report import error_table, peak_table, range_table, write_comparison
+from aerokernels.jobs.echo_statistics import average
 from aerokernels.jobs.recorded import RecordedEcho, random_subset
 from aerokernels.jobs.run_folder import match_runs, read_run
 

@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from aerokernels.jobs.averages import average
 from aerokernels.jobs.comparison import CompareOptions, compare_recording
 from aerokernels.jobs.comparison_report import correlation_table, error_table, notes
-from aerokernels.jobs.mean_errors import COVERAGE, mean_errors, mean_factor, spread_factor
+from aerokernels.jobs.echo_statistics import COVERAGE, average, mean_errors, mean_factor, spread_factor
 from aerokernels.jobs.recorded import RecordedEcho
 from aerokernels.jobs.run_folder import read_run
 

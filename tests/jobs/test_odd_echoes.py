@@ -7,8 +7,8 @@ import pytest
 
 from aerokernels.hardware.frames import EchoFrame
 from aerokernels.hardware.store import EchoStore
-from aerokernels.jobs.averages import average
 from aerokernels.jobs.comparison import compare_recording
+from aerokernels.jobs.echo_statistics import average
 from aerokernels.jobs.recorded import RecordedEcho
 from aerokernels.jobs.run_folder import read_run
 

@@ -9,8 +9,7 @@ import pytest
 from aerokernels.compare import compare_waveforms
 from aerokernels.hardware.frames import EchoFrame
 from aerokernels.hardware.store import EchoStore
-from aerokernels.jobs.comparison import compare_recording
-from aerokernels.jobs.comparison_options import CompareOptions
+from aerokernels.jobs.comparison import CompareOptions, compare_recording
 from aerokernels.jobs.comparison_report import write_comparison
 from aerokernels.jobs.run_folder import read_run
 

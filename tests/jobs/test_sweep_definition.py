@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 
 from aerokernels.commands._vary import parse_vary, split_at_commas
-from aerokernels.jobs.sweeps.definition import checked_scenes, coordinates, define
+from aerokernels.jobs.sweeps.definition import WHOLE, checked_scenes, content_hashes, coordinates, define
 from aerokernels.jobs.sweeps.records import Records, check_same
-from aerokernels.jobs.sweeps.sources import WHOLE, content_hashes
 from aerokernels.scene import Scene, SceneError
 from aerokernels.scene.changes import changed_scene, key_dimension, key_unit, key_value
 

@@ -8,9 +8,8 @@ import pytest
 from aerokernels import simulate
 from aerokernels.flow import shipped
 from aerokernels.flow.shared_geometry import on_known_geometry
-from aerokernels.jobs.sweeps.case import Case, Stages, make_cases
-from aerokernels.jobs.sweeps.gpus import worker_environments
-from aerokernels.jobs.sweeps.local import Queue
+from aerokernels.jobs.sweeps.case import Stages, make_cases
+from aerokernels.jobs.sweeps.executors import worker_environments
 from aerokernels.medium import QuadMesh
 from aerokernels.scene import Scene
 
@@ -80,28 +79,13 @@ def test_the_widest_view_of_a_group_is_among_those_sent():
     assert sorted(distances) == [(0.005, 0.5), (0.012, 1.0)]
 
 
-def test_a_queue_keeps_a_worker_to_its_group_and_spreads_the_workers():
-    def case(number: int, group: str) -> Case:
-        return Case(number, scene(), group, ())
-
-    queue = Queue([case(k, "ab"[k // 3]) for k in range(6)])
-    first, second = queue.take(None), queue.take(None)
-    assert first is not None and second is not None and {first.group, second.group} == {"a", "b"}
-    following = queue.take(first.group)
-    assert following is not None and following.group == first.group
-    queue.put_back(following)
-    rest = [queue.take("a") for _ in range(4)]
-    assert sorted(one.number for one in rest if one) == [1, 2, 4, 5] and not queue.waiting
-    assert queue.take("a") is None
-
-
 def test_each_worker_has_a_gpu_of_its_own(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr("aerokernels.jobs.sweeps.gpus.visible_gpus", lambda: ["0", "3"])
+    monkeypatch.setattr("aerokernels.jobs.sweeps.executors.visible_gpus", lambda: ["0", "3"])
     places = [one["CUDA_VISIBLE_DEVICES"] for one in worker_environments(None, 10, {None})]
     assert places == ["0", "3"]
     assert [one["CUDA_VISIBLE_DEVICES"] for one in worker_environments(4, 10, {None})] == ["0", "3", "0", "3"]
     assert all("CUDA_VISIBLE_DEVICES" not in one for one in worker_environments(2, 10, {"cpu"}))
     assert len(worker_environments(None, 1, {None})) == 1
-    monkeypatch.setattr("aerokernels.jobs.sweeps.gpus.visible_gpus", list)
+    monkeypatch.setattr("aerokernels.jobs.sweeps.executors.visible_gpus", list)
     assert 1 <= len(worker_environments(None, 100, {None})) <= 8
     assert np.prod([len(one) for one in worker_environments(1, 10, {None})]) == 0

@@ -92,7 +92,7 @@ def test_explain_predicts_how_much_the_flow_may_take():
     ("stage", "name", "keys", "figures"),
     [
         ("echo", "echo_through", ("echo_peak_w", "echo_peak_v", "range_m", "echo_strehl"), {"echo"}),
-        ("wavefront", "pupil_map", (), {"opd", "point-spread"}),
+        ("wavefront", "scene_wavefront", (), {"opd", "point-spread"}),
         ("rays", "ray_fan", (), {"rays"}),
     ],
 )
@@ -124,7 +124,7 @@ def test_a_picture_that_cannot_be_drawn_costs_only_itself(dataset, monkeypatch):
     def broken(data):
         raise RuntimeError("no\n ink")
 
-    monkeypatch.setitem(plots.FIGURES, "opd", ("The wavefront.", broken))
+    monkeypatch.setitem(plots.FIGURES, "opd", ("The wavefront.", broken, {"opd"}))
     drawn, undrawn = draw_pictures(dataset)
     assert set(drawn) == set(plots.FIGURES) - {"opd"} and undrawn == {"picture opd": "RuntimeError: no ink"}
 

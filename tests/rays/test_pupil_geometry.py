@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from aerokernels import Mask, Polygon, Rectangle
-from aerokernels.pupils.vectors import transverse_axes, transverse_frames
+from aerokernels.pupils.base import transverse_axes, transverse_frames
 
 
 def test_frames_of_many_directions_are_those_of_each():

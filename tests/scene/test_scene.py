@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from pydantic import BaseModel, ValidationError
 
 from aerokernels.jobs.explain import explanation
-from aerokernels.jobs.scene_text import scene_toml
+from aerokernels.jobs.run_files import scene_toml
 from aerokernels.scene import STATIC_CALIBRATION, Scene, SceneError, shipped_scenes
 from aerokernels.scene.changes import changed_scene, key_dimension
 from aerokernels.scene.errors import known_keys

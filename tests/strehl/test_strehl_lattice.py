@@ -6,7 +6,7 @@ import pytest
 from aerokernels import Annulus, Disc, IndexField, Mask, Rectangle, estimate_strehl, prepare_strehl
 from aerokernels.tracing.engines import uploads
 from aerokernels.tracing.leapfrog.cube_polynomials import cube_polynomials
-from aerokernels.tracing.pupil.lattice_quadrature import LATTICES, lattice_order, lattice_points, lattice_sizes
+from aerokernels.tracing.pupil.quadrature import LATTICES, lattice_order, lattice_points, lattice_sizes
 
 WAVE = 905e-9
 ASKED = 1 << 17

@@ -8,12 +8,12 @@ import pytest
 from aerokernels import Disc, IndexField, Plane, RayBundle, Rectangle, estimate_strehl, trace
 from aerokernels.strehl.budget import STANDARD_ERRORS
 from aerokernels.strehl.estimate import PreparedStrehl, prepare_strehl
-from aerokernels.strehl.sums import combined, met_nothing
+from aerokernels.strehl.ratio import combined, met_nothing
 from aerokernels.tracing import RayStatus
 from aerokernels.tracing.engines.reference.pupil import PupilRun
 from aerokernels.tracing.plan import TracePlan
 from aerokernels.tracing.pupil.job import REPLICATES
-from aerokernels.tracing.pupil.radial_quadrature import radial_points
+from aerokernels.tracing.pupil.quadrature import radial_points
 from aerokernels.tracing.pupil.sums import PupilTask, replicate_seeds
 from aerokernels.tracing.result import TraceResult, output_mask
 

@@ -1,6 +1,6 @@
 """Whether a Strehl estimate's rays saw what the field holds."""
 
-from aerokernels.strehl.sums import UNSEEN, met_nothing
+from aerokernels.strehl.ratio import UNSEEN, met_nothing
 from tests.random_fields import uniform_field
 
 

@@ -9,7 +9,7 @@ import aerokernels
 from aerokernels import Body, Disc, IndexField, Plane, RayBundle, available_backends, flow, trace
 from aerokernels.tracing.engines.reference import pupil as reference_pupil
 from aerokernels.tracing.pupil import run as pupil_run
-from aerokernels.tracing.pupil.radial_quadrature import LEAST_RAYS, RADIAL_RAYS, radial_points
+from aerokernels.tracing.pupil.quadrature import LEAST_RAYS, RADIAL_RAYS, radial_points
 from aerokernels.tracing.pupil.sums import PupilTask
 
 # The lens of this page ends at the faces of its box: what lies beyond is known to be ambient.

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from aerokernels import Camera, Disc, IndexField, estimate_strehl, image_through, wavefront
-from aerokernels.tracing.beyond import plane_beyond, ways_through
 from aerokernels.tracing.lines import box_span
+from aerokernels.tracing.stop import plane_beyond, ways_through
 
 
 def blob(geometry: str, contrast: float = 3e-5) -> IndexField:

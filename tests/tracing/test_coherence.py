@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from aerokernels import IndexField, Plane, RayBundle, trace
-from aerokernels.tracing.coherence import PACKET, coherent_order
+from aerokernels.tracing.launch import PACKET, coherent_order
 
 from .backends import WAVE, on
 

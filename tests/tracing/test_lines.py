@@ -6,7 +6,6 @@ import pytest
 from aerokernels.medium import IndexField
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import ArcLength, Plane
-from aerokernels.tracing.lever_arms import lever_arms_of, obliquity
 from aerokernels.tracing.lines import (
     FACES,
     box_size,
@@ -18,6 +17,7 @@ from aerokernels.tracing.lines import (
     slab_span,
 )
 from aerokernels.tracing.stop import stop_distance
+from aerokernels.tracing.straight_lines import lever_arms_of, obliquity
 
 LOW, HIGH, RADIUS = np.array([-1.0, -1.5, 1.0]), np.array([0.75, 2.0, 4.5]), 1.7
 GEOMETRIES = ("volume", "planar", "axisymmetric")

@@ -9,9 +9,9 @@ import pytest
 from aerokernels import IndexField, RayBundle
 from aerokernels.tracing import ArcLength, Plane
 from aerokernels.tracing.bundle.family import find_family
-from aerokernels.tracing.bundle.nodes import FaceClasses, undisturbed_length
-from aerokernels.tracing.lever_arms import lever_arms_of, obliquity
+from aerokernels.tracing.bundle.table import FaceClasses, undisturbed_length
 from aerokernels.tracing.lines import FACES, SIDE, box_span, cell_along, crossing_of_box
+from aerokernels.tracing.straight_lines import lever_arms_of, obliquity
 from tests.moved_air import BOX, PITCH, PLAIN, Moved, beams, same, some_rays
 
 WAVE = 905e-9

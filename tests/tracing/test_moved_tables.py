@@ -7,14 +7,12 @@ import numpy as np
 import pytest
 
 from aerokernels import IndexField, RayBundle
-from aerokernels.tracing.bundle.roughness import roughness_of
-from aerokernels.tracing.error_limit import SHARE, error_limit, greatest_path, path_exceeds
+from aerokernels.tracing.bundle.tubes import roughness_of
+from aerokernels.tracing.error_limit import SHARE, error_limit, greatest_path, path_exceeds, support_box
 from aerokernels.tracing.leapfrog.missed_on_lines import greatest_error, missed_along
 from aerokernels.tracing.leapfrog.unresolved import Sampling, missed_in_blocks
-from aerokernels.tracing.prediction import greatest_turn
-from aerokernels.tracing.step_bound import CONES, cones_of, step_bound
+from aerokernels.tracing.step_bound import CONES, cones_of, greatest_turn, step_bound
 from aerokernels.tracing.straight_lines import lines_through
-from aerokernels.tracing.support import support_box
 from tests.moved_air import BOX, PITCH, PLAIN, Moved, beams, same
 
 WAVE = 905e-9

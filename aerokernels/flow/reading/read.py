@@ -148,7 +148,8 @@ def read(path, **options: Unpack[ReadOptions]) -> DensityField:
     Two-dimensional files keep their mesh; volumes are resampled to a uniform grid, with a measured error.
 
     Args:
-        path: An OpenFOAM case, or a file: VTK's family, CGNS, Plot3D, Tecplot, SU2, NPZ, NetCDF, HDF5, CSV.
+        path: An OpenFOAM case, or a file: VTK's family, CGNS, EnSight, Fluent, Exodus, Plot3D, Tecplot, SU2,
+            NPZ, NetCDF, HDF5, CSV.
         density: Name of the density array; or {"pressure": NAME, "temperature": NAME, "gas_constant": R}; None searches
             for the usual names.
         frame: A `Frame`, a mapping of its attributes, or the optical axis alone, such as "-x".

@@ -5,8 +5,10 @@ each key, then the second of each, and so on. "lhs:N" is a random Latin hypercub
 key: each of N equal slices of every key's range holds exactly one case.
 """
 
+import hashlib
 import itertools
 import math
+import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,14 +17,17 @@ from typing import Any
 import numpy as np
 
 from aerokernels import __version__
+from aerokernels.flow.reading.formats import files_behind
 from aerokernels.jobs.store import to_json
-from aerokernels.jobs.sweeps.sources import content_hashes
 from aerokernels.scene import Scene, SceneError
 from aerokernels.scene.changes import changed_scene, key_unit, key_value, with_units
 
 FORMAT = 1
 MOST_CASES = 100_000
 CASE = "case"  # the dimension of a sweep in mode "zip" or "lhs"
+WHOLE = 1 << 26  # [bytes] a file up to this size is hashed whole; of a larger one, its size and pieces are hashed
+# Of a flow that was computed again both ends may be as they were: numbers of cells, and undisturbed air.
+PIECES, PIECE = 1024, 1 << 14  # evenly from one end to the other; [bytes] of each
 
 
 @dataclass(frozen=True)
@@ -298,3 +303,31 @@ def _sample_count(sample: str | int) -> int:
 
 def _written(value: Any) -> str:
     return value if isinstance(value, str) else f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def content_hashes(sources: Iterable[Any]) -> dict[str, str]:
+    """Return a hash of the content for each of the texts that names a file or a folder.
+
+    The content is that of all files that are read with it: the pieces that it names, the mesh beside it, a whole case.
+    """
+    found = {}
+    for source in sources:
+        path = Path(source) if isinstance(source, (str, Path)) and str(source) else None
+        if path is not None and path.exists():
+            found[str(source)] = _content_hash(path)
+    return found
+
+
+def _content_hash(path: Path) -> str:
+    sum_ = hashlib.sha256()
+    for file in files_behind(path):
+        size = file.stat().st_size
+        sum_.update(f"{os.path.relpath(file, path) if file != path else ''} {size}\n".encode(errors="surrogateescape"))
+        with file.open("rb") as data:
+            if size <= WHOLE:
+                sum_.update(data.read())
+                continue
+            for number in range(PIECES):
+                data.seek(number * (size - PIECE) // (PIECES - 1))
+                sum_.update(data.read(PIECE))
+    return sum_.hexdigest()[:32]

@@ -12,25 +12,32 @@ from ...derived import cached_on
 from ...medium import IndexField
 from ...medium.grid import UniformGrid
 from ...rays import PILOT_RAYS, Pupil, RayBundle
-from ..beyond import plane_beyond
 from ..engines import engine_of
 from ..engines.device_memory import memory_of
 from ..grid_tables import begun_grid
 from ..lines import box_size
 from ..plan import TracePlan
 from ..planning import check_choices, plan_rays
-from ..stop import Plane
+from ..stop import Plane, plane_beyond
 from .air import SAMPLE_RAYS, PupilAir, pupil_air
-from .lattice_quadrature import ACCEPTED, ENOUGH, LATTICES, lattice_sizes, may_still_settle
-from .radial_quadrature import RADIAL_RAYS, SETTLED, choose_radial, fewer_rays, radial_bundle
+from .quadrature import (
+    ACCEPTED,
+    ENOUGH,
+    LATTICES,
+    RADIAL_RAYS,
+    SETTLED,
+    choose_radial,
+    fewer_rays,
+    lattice_sizes,
+    may_still_settle,
+    radial_bundle,
+)
 from .run import PupilRun
 from .sums import PupilTask
 
 REPLICATES = 16
 # The seed of the points that decide which lattice is taken.
 PILOT_SEED = 0x1A771CE
-# Plans of pupils that are cached on a field.
-CACHED = 4  # speed only
 # The greatest reach of a pupil, over half of the diagonal of the field's box.
 GREATEST_RATIO = 10.0
 # In place of what is not examined yet.
@@ -233,7 +240,7 @@ def make_job(
     return PupilJob(first_plan, plan_of, until, per_replicate, task, air, pilot, sizes, is_known, like is not None)
 
 
-@cached_on("field", CACHED)
+@cached_on("field", 4)
 def _plan_of(
     field: IndexField,
     pilot: RayBundle,
@@ -259,7 +266,7 @@ def _plan_of(
     )
 
 
-@cached_on("places", CACHED)
+@cached_on("places", 4)
 def _pilot_of(places: Any, pupil: Pupil, look: np.ndarray) -> RayBundle:
     """Some of a pupil's rays; one object for all fields on the same nodes, because rays cache where they cross them."""
     return RayBundle.collimated(pupil, PILOT_RAYS, direction=look)

@@ -26,16 +26,15 @@ from ...medium import IndexField
 from ...medium.grid import UniformGrid
 from ..engines import engine_of
 from ..engines.device_memory import DeviceMemoryError, memory_of
-from ..error_limit import error_limit
+from ..error_limit import error_limit, left_out, support_box
 from ..grid_tables import has_tables, keep_tables, prepare_grid
 from ..leapfrog.between_samples import MissedStructure
-from ..leapfrog.pilot_levels import GREATEST_BEND, GREATEST_SHARE, SAFETY, pair_of
+from ..leapfrog.pilot import GREATEST_BEND, GREATEST_SHARE, SAFETY, pair_of
 from ..leapfrog.sample_count import judged_pair, leapfrog_reason, least_samples
 from ..leapfrog.unresolved import potential_by_blocks
-from ..lever_arms import LeverArms
 from ..plan import TracePlan
 from ..step_bound import roughness_of_blocks
-from ..support import left_out, support_box
+from ..straight_lines import LeverArms
 from .air import pupil_air
 from .job import UNKNOWN, PupilJob
 from .run import PupilRun

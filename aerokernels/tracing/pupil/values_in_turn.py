@@ -16,11 +16,11 @@ from ...medium import IndexField
 from ...medium.grid import FETCH, UniformGrid
 from ...rays import RayBundle
 from ..engines import engine_of
+from ..error_limit import peaks_along_axes, potential_peaks
 from ..grid_tables import GridTables, keep_tables
 from ..launch import RepeatedTrials, Trials
-from ..leapfrog.pilot_levels import pair_numbers
+from ..leapfrog.pilot import pair_numbers
 from ..leapfrog.sample_count import PILOT_OUTPUTS
-from ..support import peaks_along_axes, potential_peaks
 from .run import PupilRun
 from .sums import PupilSums, PupilTask
 

@@ -5,11 +5,10 @@ This is the NumPy version of the kernels `deliver_bundle`: it is easier to read,
 
 import numpy as np
 
-from aerokernels.pupils.vectors import lengths
+from aerokernels.pupils.base import lengths
 from aerokernels.rays import RayBundle
-from aerokernels.tracing.bundle.hermite import CELLS, hermite_weights
-from aerokernels.tracing.bundle.nodes import undisturbed_length
-from aerokernels.tracing.bundle.table import BundleTable
+from aerokernels.tracing.bundle.lattice import CELLS, hermite_weights
+from aerokernels.tracing.bundle.table import BundleTable, undisturbed_length
 from aerokernels.tracing.status import NOT_DELIVERED, RayStatus
 
 CHUNK = 1 << 15

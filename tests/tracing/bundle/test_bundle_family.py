@@ -7,7 +7,7 @@ import pytest
 
 from aerokernels import ArcLength, Disc, IndexField, Plane, RayBundle, trace
 from aerokernels.tracing.bundle.family import Family, find_family
-from aerokernels.tracing.bundle.hermite import BESIDE, NODES, WINDOW, finer, patches
+from aerokernels.tracing.bundle.lattice import BESIDE, NODES, WINDOW, finer, patches
 from aerokernels.tracing.bundle.tubes import Tubes
 
 H = 1e-3 / 16

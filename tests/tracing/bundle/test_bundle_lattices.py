@@ -7,14 +7,11 @@ import pytest
 
 from aerokernels import Plane
 from aerokernels.medium import Body
-from aerokernels.tracing.bundle.clearance import Clearance, Distances, distances_of
 from aerokernels.tracing.bundle.family import Family
-from aerokernels.tracing.bundle.hermite import WINDOW, finer, hermite_weights, patches, slope_matrix
-from aerokernels.tracing.bundle.lattice import Lattice, no_lines
-from aerokernels.tracing.bundle.nodes import Traced
+from aerokernels.tracing.bundle.lattice import WINDOW, Lattice, finer, hermite_weights, no_lines, patches, slope_matrix
 from aerokernels.tracing.bundle.refine import _block_of, _middles, _occupied
-from aerokernels.tracing.bundle.roughness import _halved, roughness_of
-from aerokernels.tracing.bundle.table import map_of
+from aerokernels.tracing.bundle.table import Traced, map_of
+from aerokernels.tracing.bundle.tubes import Clearance, Distances, _halved, distances_of, roughness_of
 from aerokernels.tracing.step_bound import roughness_of_blocks
 
 from .box_of_air import UP, field_of

@@ -10,9 +10,8 @@ from aerokernels.medium.grid import local_coordinates
 from aerokernels.tracing import RayStatus
 from aerokernels.tracing.bundle import family as families
 from aerokernels.tracing.bundle.family import Family, some_rows
-from aerokernels.tracing.bundle.nodes import FaceClasses, channels_of, trace_lines, undisturbed_length
-from aerokernels.tracing.bundle.roughness import Roughness
-from aerokernels.tracing.bundle.tubes import RESOLVED, Tubes
+from aerokernels.tracing.bundle.table import FaceClasses, channels_of, trace_lines, undisturbed_length
+from aerokernels.tracing.bundle.tubes import RESOLVED, Roughness, Tubes
 from aerokernels.tracing.lines import FACES, box_span
 
 from .box_of_air import UP, field_of

@@ -10,9 +10,9 @@ import pytest
 from aerokernels import ArcLength, Body, Disc, IndexField, Plane, RayBundle, trace
 from aerokernels.tracing import RayStatus
 from aerokernels.tracing.bundle.family import SAMPLE, find_family, some_rows
-from aerokernels.tracing.bundle.nodes import channels_of
 from aerokernels.tracing.bundle.refine import SUM_ROUNDING
 from aerokernels.tracing.bundle.run import BundleRequest, find_table
+from aerokernels.tracing.bundle.table import channels_of
 from aerokernels.tracing.engines import Prepared, engine_of
 from aerokernels.tracing.launch import in_chunks, starts_of
 from aerokernels.tracing.result import RAY_OUTPUTS

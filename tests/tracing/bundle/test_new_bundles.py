@@ -8,13 +8,11 @@ from aerokernels.medium.grid import local_coordinates
 from aerokernels.rays import Disc, RayBundle
 from aerokernels.tracing import ArcLength, Plane, trace
 from aerokernels.tracing.bundle import run
-from aerokernels.tracing.error_limit import error_limit
+from aerokernels.tracing.error_limit import error_limit, support_box
 from aerokernels.tracing.leapfrog.between_samples import NEGLIGIBLE, SPACING_MARGIN, MissedStructure
-from aerokernels.tracing.leapfrog.path_through_blocks import path_of
+from aerokernels.tracing.leapfrog.missed_on_lines import path_of
 from aerokernels.tracing.leapfrog.sample_count import SPREAD_RAYS, spread_of
-from aerokernels.tracing.lever_arms import lever_arms_of
-from aerokernels.tracing.straight_lines import lines_through, outermost_rays
-from aerokernels.tracing.support import support_box
+from aerokernels.tracing.straight_lines import lever_arms_of, lines_through, outermost_rays
 from tests.random_fields import CELL
 
 from ..backends import ENGINES, WAVE, on

@@ -6,16 +6,13 @@ import numpy as np
 import pytest
 
 from aerokernels import ArcLength, Body, IndexField, Plane, QuadMesh
-from aerokernels.tracing import prediction
 from aerokernels.tracing.engines import field_data as made
-from aerokernels.tracing.error_limit import error_limit, greatest_path, path_exceeds
+from aerokernels.tracing.error_limit import error_limit, greatest_path, left_out, path_exceeds, support_box
 from aerokernels.tracing.leapfrog.unresolved import Sampling, lookup_table, missed_at_ends
-from aerokernels.tracing.lever_arms import LeverArms
 from aerokernels.tracing.plan import TracePlan
-from aerokernels.tracing.prediction import greatest_turn, predict_evaluations
 from aerokernels.tracing.result import output_mask
-from aerokernels.tracing.step_bound import CONES, cones_of, step_bound
-from aerokernels.tracing.support import left_out, support_box
+from aerokernels.tracing.step_bound import CONES, cones_of, greatest_turn, predict_evaluations, step_bound
+from aerokernels.tracing.straight_lines import LeverArms
 from tests.random_air import random_air
 
 ORIGIN, SPACING, COUNTS = np.array([-1.0, -1.5, 1.0]), np.array([0.5, 0.75, 1.1]), (6, 5, 7)
@@ -259,7 +256,7 @@ def test_the_error_allowed_in_weak_air(geometry: str, monkeypatch):
     slope = max(np.abs(np.diff(field.samples.samples, axis=k)).max() / spacing[k] for k in range(samples.ndim))
     size = np.linalg.norm(np.array(field.samples.high) - field.samples.low)
     assert greatest_turn(field.samples) == pytest.approx(slope * size / 1.25, rel=1e-12)
-    monkeypatch.setattr(prediction, "SLAB", 1)  # row by row
+    monkeypatch.setattr("aerokernels.tracing.step_bound.SLAB", 1)  # row by row
     assert greatest_turn(grid_field(geometry).samples) == pytest.approx(slope * size / 1.25, rel=1e-12)
 
 

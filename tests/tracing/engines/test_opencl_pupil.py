@@ -6,7 +6,7 @@ import pytest
 from aerokernels import Annulus, Disc, Mask, Polygon, estimate_strehl
 from aerokernels.medium import IndexField
 from aerokernels.pupils.square_map import RING, SquareMap
-from aerokernels.tracing.pupil.lattice_quadrature import LATTICES, lattice_points, smoothed_axes
+from aerokernels.tracing.pupil.quadrature import LATTICES, lattice_points, smoothed_axes
 from aerokernels.tracing.pupil.run import check_memory
 from aerokernels.tracing.pupil.sums import MOMENT_COUNT, SUM_COUNT
 from aerokernels.tracing.scheme import GROUP, REDUCTION_WIDTH

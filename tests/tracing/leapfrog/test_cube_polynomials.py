@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from aerokernels import IndexField, Plane, RayBundle, trace
-from aerokernels.benchmark.bundle_scenes import bundle_scene
+from aerokernels.benchmark.scenes import bundle_scene
 from aerokernels.medium.spline import weights
 from aerokernels.tracing.leapfrog.cube_polynomials import OFTEN, POWERS, WHOLE, cube_polynomials
 from aerokernels.tracing.scheme import CUBE_SIDE

@@ -9,8 +9,7 @@ from scipy.interpolate import NdBSpline, make_interp_spline
 from aerokernels.medium.grid import UniformGrid
 from aerokernels.tracing.leapfrog import high_pass as module
 from aerokernels.tracing.leapfrog import unresolved
-from aerokernels.tracing.leapfrog.beyond_faces import continued
-from aerokernels.tracing.leapfrog.high_pass import high_pass
+from aerokernels.tracing.leapfrog.high_pass import continued, high_pass
 from aerokernels.tracing.step_bound import block_size, potential_at_nodes
 
 # Share of the change in a cell, for air that is linear across the rays; values even about the faces leave 0.22.

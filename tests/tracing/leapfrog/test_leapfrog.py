@@ -16,12 +16,12 @@ from aerokernels.strehl.estimate import PreparedStrehl, estimate_strehl
 from aerokernels.tracing import ArcLength, Plane, RayStatus, trace
 from aerokernels.tracing.error_limit import error_limit
 from aerokernels.tracing.launch import launch
-from aerokernels.tracing.leapfrog import sample_cost
-from aerokernels.tracing.leapfrog.sample_cost import LEAST_RAYS
+from aerokernels.tracing.leapfrog import pilot
+from aerokernels.tracing.leapfrog.pilot import LEAST_RAYS
 from aerokernels.tracing.plan import TracePlan
-from aerokernels.tracing.prediction import predict_evaluations
 from aerokernels.tracing.pupil.run import PupilRun
 from aerokernels.tracing.pupil.sums import BATCH_RAYS, PupilTask, batches_of, point_order
+from aerokernels.tracing.step_bound import predict_evaluations
 from tests.random_fields import CELL, noise, uniform_field
 
 from ..backends import ENGINES, WAVE, on
@@ -234,7 +234,7 @@ def test_who_is_sampled_evenly():
 
 def test_a_bundle_that_is_too_small_for_its_grid_is_not_searched_for_structure(monkeypatch: pytest.MonkeyPatch):
     """Six evaluations for each node are asked for at the first trace; a prepared pupil is planned for many seeds."""
-    monkeypatch.setattr(sample_cost, "EVALUATIONS_OF_NODE", {False: 6.0, True: 6.0})
+    monkeypatch.setattr(pilot, "EVALUATIONS_OF_NODE", {False: 6.0, True: 6.0})
     axis = np.linspace(-1.0, 1.0, 64)
     bump = 1e-5 * np.exp(-4.0 * (axis[:, None, None] ** 2 + axis[:, None] ** 2 + axis**2))
     field = IndexField.from_samples(bump, origin=(-32e-4,) * 3, spacing=(CELL,) * 3, geometry="volume")

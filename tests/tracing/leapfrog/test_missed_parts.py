@@ -15,10 +15,10 @@ from aerokernels.tracing.leapfrog import missed_on_lines, unresolved
 from aerokernels.tracing.leapfrog import sample_count as leapfrog
 from aerokernels.tracing.leapfrog.between_samples import NEGLIGIBLE, MissedStructure, multiple_of_three
 from aerokernels.tracing.leapfrog.high_pass import high_pass
-from aerokernels.tracing.leapfrog.path_through_blocks import path_of
+from aerokernels.tracing.leapfrog.missed_on_lines import path_of
 from aerokernels.tracing.leapfrog.unresolved import Sampling
 from aerokernels.tracing.plan import TracePlan
-from aerokernels.tracing.prediction import predict_evaluations
+from aerokernels.tracing.step_bound import predict_evaluations
 from aerokernels.tracing.straight_lines import Lines
 from tests.random_air import random_air
 

@@ -9,10 +9,9 @@ from aerokernels import IndexField, Plane
 from aerokernels.medium.spline import weights
 from aerokernels.tracing.blocks import block_maxima, block_means
 from aerokernels.tracing.bundle.family import Family
-from aerokernels.tracing.bundle.hermite import hermite_weights
-from aerokernels.tracing.bundle.lattice import Lattice
-from aerokernels.tracing.bundle.nodes import FaceClasses, Traced
+from aerokernels.tracing.bundle.lattice import Lattice, hermite_weights
 from aerokernels.tracing.bundle.refine import Limits, Refinement
+from aerokernels.tracing.bundle.table import FaceClasses, Traced
 from aerokernels.tracing.bundle.tubes import Tubes
 from aerokernels.tracing.leapfrog import cube_polynomials as cubes
 from aerokernels.tracing.leapfrog import missed_on_lines, unresolved

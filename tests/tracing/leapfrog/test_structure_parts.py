@@ -13,11 +13,11 @@ from aerokernels.process import threads
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import Plane
 from aerokernels.tracing.blocks import block_maxima, block_means, greatest_of_neighbors
+from aerokernels.tracing.error_limit import SUPPORT_SHARE, left_out
 from aerokernels.tracing.leapfrog import missed_on_lines, unresolved
 from aerokernels.tracing.leapfrog.high_pass import _held_share, _images, _share_left
 from aerokernels.tracing.leapfrog.sample_count import _greatest_cells
 from aerokernels.tracing.leapfrog.unresolved import Sampling
-from aerokernels.tracing.lever_arms import LeverArms
 from aerokernels.tracing.step_bound import (
     CONES,
     _continued,
@@ -27,8 +27,7 @@ from aerokernels.tracing.step_bound import (
     roughness_of_blocks,
     smooth_step,
 )
-from aerokernels.tracing.straight_lines import Lines, lines_through, local_range, outermost, outermost_rays
-from aerokernels.tracing.support import SUPPORT_SHARE, left_out
+from aerokernels.tracing.straight_lines import LeverArms, Lines, lines_through, local_range, outermost, outermost_rays
 from tests.random_air import random_air
 
 GEOMETRIES = ("volume", "planar", "axisymmetric")

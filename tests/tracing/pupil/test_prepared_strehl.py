@@ -11,7 +11,7 @@ import pytest
 from aerokernels import Disc, IndexField, estimate_strehl, prepare_strehl
 from aerokernels.tracing import launch
 from aerokernels.tracing.pupil import job
-from aerokernels.tracing.pupil.lattice_quadrature import ENOUGH
+from aerokernels.tracing.pupil.quadrature import ENOUGH
 
 from ..backends import ENGINES, on
 

@@ -8,11 +8,10 @@ from scipy.stats import qmc
 
 from aerokernels import Annulus, Disc, IndexField, Plane, RayBundle, Rectangle
 from aerokernels.medium import Body
-from aerokernels.tracing.beyond import plane_beyond
-from aerokernels.tracing.meeting import meets_wall
+from aerokernels.tracing.lines import meets_wall
 from aerokernels.tracing.plan import TracePlan
-from aerokernels.tracing.pupil import lattice_quadrature as lattices
-from aerokernels.tracing.pupil import radial_quadrature as radial
+from aerokernels.tracing.pupil import quadrature as lattices
+from aerokernels.tracing.pupil import quadrature as radial
 from aerokernels.tracing.pupil.air import PupilAir, pupil_air
 from aerokernels.tracing.pupil.job import _check_size
 from aerokernels.tracing.pupil.run import KEPT_BYTES, check_memory
@@ -27,6 +26,7 @@ from aerokernels.tracing.pupil.sums import (
     radial_rays,
     replicate_seeds,
 )
+from aerokernels.tracing.stop import plane_beyond
 
 UP = np.array([0.0, 0.0, 1.0])
 

@@ -32,11 +32,7 @@ SAME = 1e-9  # of the extent: coordinates along an axis that are closer count as
 
 
 def read(path: Path, time: Any, options: Mapping[str, Any]) -> Dataset:
-    """Read a table of points.
-
-    Raises:
-        ReadError: A table without coordinates, or points that cannot be joined.
-    """
+    """Read a table of points."""
     table = read_table(path)
     plain = {plain_name(name): name for name in reversed(table)}
     plain |= {re.sub(r"[^a-z0-9]", "", name.lower()): name for name in reversed(table)}
@@ -139,11 +135,7 @@ _LETTER_LEFT_OUT = re.compile(r"(?<=[\d.])(?=[+-]\d{3}(?![\d.]))")
 
 
 def read_table(path: Path, data: bytes | None = None) -> dict[str, np.ndarray]:
-    """Return the columns of a table by name.
-
-    Raises:
-        ReadError: Not a text, no names, lines of unequal length, or entries that are not numbers.
-    """
+    """Return the columns of a table by name."""
     data = path.read_bytes() if data is None else data
     try:
         text = data.decode("utf-8-sig")
@@ -165,7 +157,7 @@ def read_table(path: Path, data: bytes | None = None) -> dict[str, np.ndarray]:
     ]
     if names[0] == "" and len(names) > 1:
         names[0] = "index"  # pandas writes the index of rows without a name
-    if len(set(names)) < len(names) or not all(names) or all(_is_number(name) for name in names):
+    if len(set(names)) < len(names) or not all(names) or all(is_number(name) for name in names):
         raise ReadError(path, f"its first line has no names that are all different: {head[:80]!r}", DAMAGED)
     rows = np.empty((len(lines) - 1, len(names)))
     mark = next((mark for mark in (";", ",", "\t") if mark in lines[1][1]), None)  # may differ from that of the names
@@ -208,10 +200,11 @@ def _words(line: str) -> list[str]:
 
 
 def _all_numbers(line: str) -> bool:
-    return all(_is_number(word) for word in re.split(r"[,;\s]+", line.strip(" \t,;")))
+    return all(is_number(word) for word in re.split(r"[,;\s]+", line.strip(" \t,;")))
 
 
-def _is_number(word: str) -> bool:
+def is_number(word: str) -> bool:
+    """Return whether a word is a number."""
     try:
         float(word)
     except ValueError:

@@ -7,7 +7,7 @@ import warp as wp
 
 from ....bundle.family import EQUAL
 from ....bundle.frame import SHAPES, STOPS
-from ....bundle.nodes import FAR
+from ....bundle.table import FAR
 from ....lines import FACES
 
 FACE_COUNT = len(FACES)

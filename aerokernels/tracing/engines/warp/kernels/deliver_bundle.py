@@ -6,7 +6,7 @@ in NumPy.
 
 import warp as wp
 
-from ....bundle.nodes import FAR
+from ....bundle.table import FAR
 from ....result import output_mask
 from ....status import NOT_DELIVERED, RayStatus
 from ..library import KernelLibrary, built_once
