@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from aerokernels.derived import ReadOnly
+
 from .device_arrays import DeviceArray, device_array, is_one_row, plain_array, read_on_touch, rows_beside
 from .display.shown import shown
 from .inputs.arguments import GREAT, SMALL, Numbers, checked
@@ -27,7 +29,6 @@ from .pupils import (
 )
 from .pupils.base import SAMPLINGS, lengths
 from .pupils.square_map import RING, SquareMap
-from .read_only import ReadOnly
 
 __all__ = [
     "SAMPLINGS",

@@ -11,9 +11,10 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
+from aerokernels.flow.refractivity import default_relation
+
 from ..flow import gladstone_dale_constant, refractivity_model, shipped_names
 from ..flow.gas import check_density
-from ..flow.models import default_relation
 from ..flow.refractivity import RELATIONS, refractivity
 from ..inputs.units import quantity
 from .file_table import FileTable

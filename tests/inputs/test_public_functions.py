@@ -95,8 +95,6 @@ def test_mistakes_of_kind_are_answered_in_words(call, message):
         flow.expansion_fan(2.0, 0.2).ratio_of_angle,
         flow.PlaneShock(flow.oblique_shock(3.0, 0.2), True).ratio_of_angle,
         flow.PlaneShock(flow.oblique_shock(3.0, 0.2), False).ratio_of_angle,
-        flow.riemann(flow.GasState(1.0, 1e5), flow.GasState(0.1, 1e4)).density_at,
-        flow.riemann(flow.GasState(1.0, 1e5), flow.GasState(0.1, 1e4)).pressure_at,
     ],
 )
 def test_a_place_that_is_not_known_has_no_density(of):

@@ -61,9 +61,9 @@ OTHER_ENTRIES = {
     "point_spread_function": lambda w: point_spread_function(OPD, np.ones((4, 4)), 1e-3, w),
     "gladstone_dale_constant": lambda w: flow.gladstone_dale_constant(w),
     "index_field": lambda w: flow.uniform_air().index_field(w),
-    "index_field, own constant": lambda w: flow.uniform_air().index_field(w, gladstone_dale=2.24e-4),
+    "index_field, own constant": lambda w: flow.uniform_air().index_field(w, constant=2.24e-4),
     "cone": lambda w: cone_flow().index_field(w),
-    "cone, own constant": lambda w: cone_flow().index_field(w, gladstone_dale=2.24e-4),
+    "cone, own constant": lambda w: cone_flow().index_field(w, constant=2.24e-4),
     "from_samples": lambda w: IndexField.from_samples(
         np.zeros((5, 5)), origin=(0, 0), spacing=(1, 1), geometry="planar", wavelength=w
     ),
@@ -109,7 +109,7 @@ def test_the_ends_of_the_range_are_wavelengths():
     "make",
     [
         lambda: flow.uniform_air().index_field(GREEN),
-        lambda: flow.uniform_air().index_field(GREEN, gladstone_dale=2.24e-4),
+        lambda: flow.uniform_air().index_field(GREEN, constant=2.24e-4),
         lambda: cone_flow().index_field(GREEN),
         lambda: flow.shipped("mach3").scaled(0.5).index_field(GREEN),
     ],

@@ -5,7 +5,7 @@ import pytest
 
 from aerokernels import Disc, flow, optical_series
 from aerokernels.flow import GridMesh
-from aerokernels.medium.averages.cell_averages import node_values
+from aerokernels.medium.spline import node_values
 from aerokernels.series import line_integrals
 from aerokernels.series.line_integrals import LineIntegrals
 

@@ -5,7 +5,8 @@ The formulas are in medium/bodies/triangle_crossings.py.
 
 import warp as wp
 
-from .....medium.bodies.triangle_crossings import LEAST_SIDE
+from aerokernels.medium.bodies.crossings import LEAST_SIDE
+
 from ....scheme import GRAZING_SQUARE
 from ..types import types
 
