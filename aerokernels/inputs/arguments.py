@@ -223,15 +223,15 @@ def _annotations(function: Callable, documented: Any) -> dict[str, Any]:
     names = getattr(inspect.unwrap(function), "__globals__", {})
     if isinstance(documented, type):  # a dataclass's __init__ does not have its module's globals
         names = vars(inspect.getmodule(documented))
+    if has_options(function):
+        (options,) = typing.get_args(next(filter(_is_shared, found.values())))
+        found |= options.__annotations__
     for name, annotation in found.items():
         if isinstance(annotation, str):
             try:
                 found[name] = eval(annotation, dict(names))
             except Exception:  # a name for type checkers only
                 found[name] = Any
-    if has_options(function):
-        (options,) = typing.get_args(next(filter(_is_shared, found.values())))
-        found |= options.__annotations__
     return found
 
 

@@ -19,8 +19,7 @@ from aerokernels import (
     wavefront,
     zernike,
 )
-from aerokernels.echo.chain import DetectorChain
-from aerokernels.echo.digitiser import Digitiser
+from aerokernels.echo.chain import DetectorChain, Digitiser
 from aerokernels.inputs.checks import check_count
 from aerokernels.medium import Body
 from aerokernels.schlieren import Bench
