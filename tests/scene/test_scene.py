@@ -256,8 +256,6 @@ def test_a_run_at_the_bounds_is_explained(settings: dict):
     assert len(rows) > 10
 
 
-
-
 @pytest.mark.parametrize(
     ("line", "words"),
     [
