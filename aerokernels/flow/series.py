@@ -169,18 +169,6 @@ class Series:
             return ""
         return mark_of(self.get.first() if isinstance(self.get, InOrder) else self.get(number))
 
-    def is_unchanged(self, index: int, stamp: str, mark: str) -> bool:
-        """Return whether a snapshot is the one whose files had this stamp, and whose samples had this mark.
-
-        Files that have been copied, or written again as they were, have another stamp: only these are read.
-        """
-        if self.stamp is None or self.stamp(index) == stamp:
-            return True
-        try:
-            return self.mark(index) == mark
-        except ValueError:  # it cannot be read any more, which is said when it is computed
-            return False
-
     def lies_here(self, flow: DensityField) -> bool:
         """Return whether a field has its samples on the series' mesh, and a body exactly if the series has one."""
         alike = self.mesh is not None and self.mesh.equals(mesh_of(flow))
