@@ -97,11 +97,7 @@ class Series:
     stamp: Callable[[int], str] | None = None
 
     def __post_init__(self) -> None:
-        """Check.
-
-        Raises:
-            ValueError: Times that do not increase, or are not finite.
-        """
+        """Check."""
         time = np.array(seconds(np.asarray(self.time))).reshape(-1)
         if not np.isfinite(time).all():
             raise ValueError("the times of a series must be finite numbers, in seconds")
@@ -121,13 +117,7 @@ class Series:
         return len(self.time)
 
     def __getitem__(self, index: int) -> DensityField:
-        """Return a snapshot.
-
-        Raises:
-            IndexError: No such snapshot.
-            TypeError: Not a whole number.
-            ValueError: Densities that no gas has, or a shape other than the mesh's.
-        """
+        """Return a snapshot."""
         number = self._number(index)
         return self.field(self.read(number), number)
 
@@ -178,18 +168,6 @@ class Series:
         if isinstance(self.get, InOrder) and number > 0:
             return ""
         return mark_of(self.get.first() if isinstance(self.get, InOrder) else self.get(number))
-
-    def is_unchanged(self, index: int, stamp: str, mark: str) -> bool:
-        """Return whether a snapshot is the one whose files had this stamp, and whose samples had this mark.
-
-        Files that have been copied, or written again as they were, have another stamp: only these are read.
-        """
-        if self.stamp is None or self.stamp(index) == stamp:
-            return True
-        try:
-            return self.mark(index) == mark
-        except ValueError:  # it cannot be read any more, which is said when it is computed
-            return False
 
     def lies_here(self, flow: DensityField) -> bool:
         """Return whether a field has its samples on the series' mesh, and a body exactly if the series has one."""
@@ -270,11 +248,7 @@ class InOrder:
         return self._ahead[0]
 
     def __call__(self, number: int) -> Any:
-        """Return the item of a number.
-
-        Raises:
-            ValueError: It was already read or skipped, or there are fewer items.
-        """
+        """Return the item of a number."""
         if number < self._next:
             raise ValueError(
                 f"snapshot {number} was read before or skipped: an iterator gives each once, in order; give a "
@@ -294,11 +268,7 @@ class InOrder:
 
 
 def times_of(time: Sequence[float] | None, step: float | None, start: float, count: int | None) -> np.ndarray:
-    """Return the times of a series [s], from a list of times or from a step.
-
-    Raises:
-        ValueError: Neither or both are given, a step that is not positive, or not one time for each snapshot.
-    """
+    """Return the times of a series [s], from a list of times or from a step."""
     if time is not None and step is not None:
         raise ValueError("give either time, one for each snapshot, or time_step")
     if time is not None:
