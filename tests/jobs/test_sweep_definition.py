@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from aerokernels.commands._vary import parse_vary, split_at_commas
+from aerokernels.commands._scene import parse_vary, split_at_commas
 from aerokernels.jobs.sweeps.definition import WHOLE, checked_scenes, content_hashes, coordinates, define
 from aerokernels.jobs.sweeps.records import Records, check_same
 from aerokernels.scene import Scene, SceneError

@@ -215,7 +215,7 @@ def test_fields_tells_what_lines_will_lack(tmp_path, monkeypatch):
     assert told.rows_max > 1e-5
     shown = CliRunner(env={"COLUMNS": "1000"}).invoke(app, ["fields", str(case)])
     assert shown.exit_code == 0 and told.in_words() in shown.output and 'interpolation = "conserving"' in shown.output
-    monkeypatch.setattr("aerokernels.commands.fields.MOST_MEASURED", 10)
+    monkeypatch.setattr("aerokernels.commands.listing.MOST_MEASURED", 10)
     assert told.in_words() in CliRunner(env={"COLUMNS": "1000"}).invoke(app, ["fields", str(case)]).output
     monkeypatch.setattr("aerokernels.flow.read", lambda *given, **named: replace(read(*given, **named), wall=wall))
     assert "not measured above " in CliRunner(env={"COLUMNS": "1000"}).invoke(app, ["fields", str(case)]).output
