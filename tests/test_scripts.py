@@ -12,11 +12,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
-from scipy.interpolate import make_interp_spline
-
-from scripts.studies.paper import figure1 as schemes
-from scripts.studies.report import filled, marks
 
 
 def run_script(root: Path, name: str, *arguments: object) -> subprocess.CompletedProcess[str]:
@@ -126,48 +121,6 @@ def test_figure1_errors(figure1: Path):
             assert error["ours, float64: adaptive 1e-4 waves"] < 1e-8
 
 
-def test_figure1_control_shows_the_splines_own_error():
-    """In a medium that no polynomial fits, what is left of our error is that of cubic splines, and not the tracer's.
-
-    Set-up: n = n0 sech(g y), 0.25 mm cells, rays from 0.5 mm (a row of nodes) and 1.6 mm (between rows), 0.2 mm steps.
-    Formula: exact sinh(g y) = sinh(g x0) cos(g z); SciPy's spline of n^2 / 2, its derivative, d2y/dz2 = s'(y) / T_z^2.
-    Expected: the greatest error of the independent route, 1.67e-5 and 2.73e-6; steps add less than 1e-9.
-    Tolerance: 1 %, for the two splines' ends.
-    """
-    height, planes = np.array([0.5e-3, 1.6e-3]), np.linspace(0.0, 62e-3, 32)[1:]
-    scheme = next(s for s in schemes.SCHEMES if (s.name, s.rule) == ("ours, float64", "fixed 0.2 mm"))
-    medium = schemes.SECH
-    ours = schemes.run_scheme(scheme, medium, schemes.sampled_field(medium, "cubic"), height, planes).error.max(axis=0)
-
-    y = np.arange(-16, 17) * 0.25e-3
-    spline = make_interp_spline(y, 0.5 * (1.5 / np.cosh(100.0 * y)) ** 2, k=3)
-    slope = spline.derivative()
-    for start, error in zip(height, ours, strict=True):
-        squared = 2.0 * spline(start)
-        path = solve_ivp(
-            lambda _, q, squared=squared: [q[1], slope(q[0]) / squared],
-            (0.0, 62e-3),
-            [start, 0.0],
-            t_eval=planes,
-            rtol=1e-10,
-            atol=1e-14,
-            max_step=1e-4,
-        )
-        expected = np.abs(path.y[0] - medium.exact(start, planes)).max() / start
-        assert abs(error - expected) < 0.01 * expected
-
-
-def test_figure1_refuses_what_makes_no_sense(root: Path, tmp_path: Path):
-    for arguments, word in (
-        (("--height", "1 s"), "length"),
-        (("--height", "1 m"), "outside"),
-        (("--planes", 1), "few"),
-    ):
-        done = run_script(root, "figure1.py", *arguments, "--out", tmp_path / "out")
-        assert done.returncode == 2 and word in done.stderr, done.stderr
-    assert not (tmp_path / "out").exists()
-
-
 @pytest.mark.skipif(
     "AEROKERNELS_SLOW" not in os.environ,
     reason="ten seconds, and tests/jobs/test_sweep.py sweeps: set AEROKERNELS_SLOW",
@@ -251,22 +204,6 @@ def test_paper_says_what_is_known_without_it(paper: Path):
         assert all(peak[mach] / peak[0] == pytest.approx(strehl[mach], rel=1e-3) for mach in (2, 3, 4))
 
 
-def test_tables_go_between_their_marks(tmp_path: Path):
-    page = tmp_path / "page.md"
-    (a, b), (c, d) = marks("one"), marks("two")
-    page.write_text(f"before\n{a}\nold\n{b}\nbetween\n{c}\n{d}\nafter\n", encoding="utf-8")
-    expected = f"before\n{a}\n| 1 |\n{b}\nbetween\n{c}\n| 2 |\n{d}\nafter\n"
-    for _ in range(2):  # again gives the same
-        page.write_text(filled(page, {"one": "| 1 |\n", "two": "| 2 |\n"}), encoding="utf-8")
-        assert page.read_text(encoding="utf-8") == expected
-    with pytest.raises(ValueError, match="three"):
-        filled(page, {"one": "| new |\n", "three": ""})
-    page.write_text(f"{b}\n{a}\n", encoding="utf-8")
-    for wrong in (page, tmp_path / "absent.md"):
-        with pytest.raises(ValueError, match="no lines"):
-            filled(wrong, {"one": "| new |\n"})
-
-
 PAGES = {
     "docs/paper.md": (
         *("figure1", "steps", "scheme", "table2", "figure5", "shocks"),
@@ -276,9 +213,3 @@ PAGES = {
     "docs/figure1.md": ("figure1",),
     "docs/sweep-mach.md": ("sweep_mach",),
 }
-
-
-@pytest.mark.parametrize("name", PAGES)
-def test_pages_have_a_place_for_each_table(root: Path, name: str):
-    page = filled(root / name, {table: f"| {table} |\n" for table in PAGES[name]})
-    assert all(f"-->\n| {table} |\n<!--" in page for table in PAGES[name])

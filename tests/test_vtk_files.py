@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from aerokernels import Disc, IndexField, QuadMesh, RayBundle, field_to_vtk, rays_to_vtk, trace
+from aerokernels import Disc, IndexField, RayBundle, field_to_vtk, rays_to_vtk, trace
 
 pytest.importorskip("vtkmodules")
 
@@ -35,13 +35,6 @@ def test_a_grid_keeps_places_and_values(tmp_path, geometry: str):
     assert path.suffix == ".vti" and len(place) == contrast.size
     assert arrays["contrast"] == pytest.approx(field.contrast_at(place), abs=1e-15)
     assert arrays["index"] - 1.1 == pytest.approx(arrays["contrast"], abs=1e-15)
-
-
-def test_a_mesh_keeps_its_cells(tmp_path):
-    y, z = np.meshgrid(np.linspace(0.0, 1.0, 4), np.linspace(0.0, 2.0, 5), indexing="ij")
-    field = IndexField.from_mesh(QuadMesh.structured(y, z + 0.2 * y, "planar"), 1e-4 * y)
-    data, place, arrays = read(field_to_vtk(field, tmp_path / "mesh.vtu"), "UnstructuredGrid")
-    assert data.GetNumberOfCells() == 12 and arrays["contrast"] == pytest.approx(1e-4 * place[:, 1], abs=1e-18)
 
 
 def test_rays_are_polylines(tmp_path):

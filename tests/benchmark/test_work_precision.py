@@ -11,7 +11,7 @@ import pytest
 
 from aerokernels import RayBundle
 from aerokernels.benchmark.scenes import integrate, potential_of
-from scripts.studies.work_precision import fields, tables
+from scripts.studies.work_precision import fields
 
 WAVE = 905e-9
 
@@ -50,33 +50,6 @@ def test_two_truths_agree(medium: str):
     assert np.abs(found.direction - exact.direction).max() < 1e-10
     assert np.abs(found.opd - exact.opd).max() < 6e-7 * WAVE
     assert np.ptp(exact.opd) > WAVE  # rays that differ, or the comparison would be an empty one
-
-
-def test_integrator_refuses_rays_from_different_planes():
-    rays = RayBundle([[0.0, 0.0, 0.0], [0.0, 0.0, 1e-3]], [[0.0, 0.0, 1.0]])
-    with pytest.raises(ValueError, match="one plane"):
-        integrate(lambda x, y, z: (0.0 * x, np.zeros((2, 2))), 1.0, 2e-3, 1e-3, rays)
-
-
-def test_what_a_target_takes():
-    """Fourth order: error = 1e3 / evaluations^4, so 1e-5 takes 100 evaluations whatever settings were tried."""
-    evaluations = np.array([20.0, 70.0, 640.0, 3000.0])[::-1]
-    error = 1e3 / evaluations**4
-    found = tables.need(evaluations, error, 1e-5)
-    assert found.amount == pytest.approx(100.0, rel=1e-12) and not found.is_bound
-    easy = tables.need(evaluations, error, 1.0)
-    assert easy.amount == pytest.approx(20.0) and easy.is_bound and str(easy) == "≤ 20"
-    assert tables.need(evaluations, error, 1e-20) is None
-    # An error that grows again, where rounding begins, does not hide that it was small enough before.
-    assert tables.need([10.0, 20.0, 40.0], [1e-2, 1e-6, 1e-4], 1e-4).amount < 20.0
-
-
-def test_ratio_says_when_it_is_a_bound():
-    need = tables.Need
-    assert tables.ratio(need(300.0), need(100.0)) == "3"
-    assert tables.ratio(need(300.0), need(100.0, True)) == "≥ 3"
-    assert tables.ratio(need(300.0, True), need(100.0)) == "≤ 3"
-    assert tables.ratio(need(300.0, True), need(100.0, True)) == tables.ratio(None, need(1.0)) == "–"
 
 
 @pytest.fixture(scope="module")

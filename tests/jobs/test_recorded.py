@@ -65,17 +65,6 @@ def test_bad_recordings_are_refused_by_name(tmp_path: Path, name: str, content, 
     assert name in str(refused.value)
 
 
-def test_columns_of_samples_are_taken_by_their_numbers(tmp_path: Path):
-    """A table program that sorts columns by name puts voltage_10_v before voltage_2_v; others add columns."""
-    (echo,) = noisy(1, 0.02)[:1]
-    numbers = sorted(range(TIME.size), key=str)
-    head = ["voltage_offset_v", *(f"voltage_{k}_v" for k in numbers), "sample_period_s"]
-    cells = ["9", *(repr(float(echo.voltage[k])) for k in numbers), repr(PERIOD)]
-    (tmp_path / "e.csv").write_text(f"# sorted\n\n{','.join(head)}\n{','.join(cells)}\n")
-    (back,) = recorded_echoes(tmp_path / "e.csv")
-    np.testing.assert_array_equal(back.voltage, echo.voltage)
-
-
 @pytest.mark.parametrize(
     ("change", "match"),
     [
@@ -117,18 +106,6 @@ def test_a_netcdf_file_may_have_its_samples_first(tmp_path: Path, times: str):
     assert all(echo.time == pytest.approx(TIME, abs=1e-20) for echo in echoes)
 
 
-@pytest.mark.parametrize(
-    ("dims", "match"), [(("echo", "sample"), r"shape \(500,\)"), (("sample", "echo"), "over other")]
-)
-def test_times_of_other_samples_are_refused(tmp_path: Path, dims: tuple, match: str):
-    volts = np.ones((20, TIME.size) if dims[0] == "echo" else (TIME.size, 20))
-    xarray.Dataset({"voltage": (dims, volts), "time": ("other", PERIOD * np.arange(500))}).to_netcdf(
-        tmp_path / "e.nc", engine="h5netcdf"
-    )
-    with pytest.raises(ValueError, match=match):
-        list(recorded_echoes(tmp_path / "e.nc"))
-
-
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # h5netcdf, of a file it half opened
 @pytest.mark.parametrize("name", WRITERS)
 def test_damaged_recordings_are_read_or_refused_by_name(tmp_path: Path, name: str):
@@ -147,17 +124,6 @@ def test_damaged_recordings_are_read_or_refused_by_name(tmp_path: Path, name: st
             assert str(path) in str(error)
             refused += 1
     assert refused > 10
-
-
-@pytest.mark.parametrize(("head", "unit"), [("time_ns", 1e-9), ("time [us]", 1e-6), ("Time (s)", 1.0), ("time", 1.0)])
-def test_a_unit_in_the_head_of_the_times_is_heeded(tmp_path: Path, head: str, unit: float):
-    path = tmp_path / "e.csv"
-    path.write_text(f"{head},mach=0\n" + "\n".join(f"{at / unit!r},1.0" for at in TIME.tolist()))
-    (echo,) = recorded_echoes(path)
-    assert echo.time == pytest.approx(TIME, rel=1e-12)
-    path.write_text(path.read_text().replace(head, "time_cubits"))
-    with pytest.raises(ValueError, match="time_cubits"):
-        list(recorded_echoes(path))
 
 
 def test_units_of_a_netcdf_file_are_heeded(tmp_path: Path):
