@@ -28,7 +28,16 @@ _NAMES_IN = {
     "series": ("look_map", "optical_series", "statistics"),
     "strehl": ("StrehlEstimate", "strehl_marechal"),
     "strehl.estimate": ("estimate_strehl", "prepare_strehl"),
-    "tracing": ("ArcLength", "BackendInfo", "Plane", "RayStatus", "TraceResult", "available_backends", "trace"),
+    "tracing": (
+        "ArcLength",
+        "BackendInfo",
+        "Plane",
+        "RayStatus",
+        "TraceOptions",
+        "TraceResult",
+        "available_backends",
+        "trace",
+    ),
     "vtk_files": ("field_to_vtk", "rays_to_vtk"),
     "wavefront": ("Wavefront", "point_spread_function"),
     "waves": ("Validity", "Wave", "split_step", "validity"),
@@ -59,6 +68,7 @@ __all__ = [
     "Sensor",
     "SolidBody",
     "StrehlEstimate",
+    "TraceOptions",
     "TraceResult",
     "Validity",
     "Wave",
@@ -132,7 +142,7 @@ if TYPE_CHECKING:
     from .series import look_map, optical_series, statistics
     from .strehl import StrehlEstimate, strehl, strehl_marechal
     from .strehl.estimate import estimate_strehl, prepare_strehl
-    from .tracing import ArcLength, BackendInfo, Plane, RayStatus, TraceResult, available_backends
+    from .tracing import ArcLength, BackendInfo, Plane, RayStatus, TraceOptions, TraceResult, available_backends
     from .tracing.trace import trace
     from .vtk_files import field_to_vtk, rays_to_vtk
     from .wavefront import Wavefront, point_spread_function, wavefront

@@ -1,8 +1,8 @@
 """Record what the package computes on a fixed list of small cases, or compare two such records.
 
     scripts/golden record FILE.npz [--only TEXT]      every case's arrays
-    scripts/golden compare BEFORE.npz AFTER.npz       what is equal, within the tolerance and beyond it, and by how much;
-                                                      exit status 1 if any row is beyond it
+    scripts/golden compare BEFORE.npz AFTER.npz       what is equal, within the tolerance and beyond it, by how
+                                                      much; exit status 1 if any row is beyond it
 
 The tolerance is 1e-15 m in float64 and 1e-4 wave in float32 for lengths and optical paths, as much over a metre for
 directions and ratios, and 1e-9 of the peak for echoes; statuses and refusals must be equal, counts of steps may differ.

@@ -8,8 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from aerokernels.jobs.run_folder import read_run
-from aerokernels.jobs.store import staged_folder, write_summary
+from aerokernels.jobs.store import staged_folder
 
 unix = pytest.mark.skipif(sys.platform == "win32", reason="no such signals and limits there")
 
@@ -108,43 +107,6 @@ def test_what_a_kill_leaves_goes_with_the_next_run(tmp_path: Path):
     with staged_folder(out) as folder:
         (folder / "whole").write_text("whole")
     assert sorted(tmp_path.iterdir()) == sorted([out, *kept])
-
-
-@unix
-def test_a_result_is_replaced_whole_by_one_process_at_a_time(tmp_path: Path):
-    """One holds the folder and is killed while it moves its second file: the other is refused, and then goes on."""
-    code = (
-        "import os, signal, sys; from pathlib import Path\n"
-        "from aerokernels.jobs.store import staged_folder, write_summary\n"
-        "moved, replace = [], Path.replace\n"
-        "def moving(self, to):\n"
-        "    moved.append(self)\n"
-        "    os.kill(os.getpid(), signal.SIGKILL) if len(moved) == 2 else replace(self, to)\n"
-        "with staged_folder(Path(sys.argv[1])) as folder:\n"
-        "    [(folder / name).write_text('new') for name in 'ab']\n"
-        "    write_summary(folder / 'summary.json', {'version': 'new'})\n"
-        "    print('held', flush=True); input(); Path.replace = moving\n"
-    )
-    out = tmp_path / "run"
-    with staged_folder(out) as folder:
-        write_summary(folder / "summary.json", {"version": "old"})
-        for name in "abc":
-            (folder / name).write_text("old")
-    (out / "mine").write_text("old")
-    with subprocess.Popen([sys.executable, "-c", code, out], stdin=subprocess.PIPE, stdout=subprocess.PIPE) as child:
-        assert child.stdout and child.stdout.readline() == b"held\n"
-        with pytest.raises(ValueError, match=rf"^out={out}: another process is at work there; wait") as refused:
-            with staged_folder(out):
-                pass
-        assert "\n" not in str(refused.value)
-        child.communicate(b"\n")
-        assert child.returncode == -signal.SIGKILL
-    assert [(out / name).read_text() for name in "abc"] == ["new", "old", "old"]
-    with pytest.raises(ValueError, match=r"holds no result\.nc"):
-        read_run(str(out))
-    assert {path.name: path.read_text() for path in out.iterdir() if path.name != "summary.json"} == {
-        "a": "new", "b": "new", "mine": "old"}  # fmt: skip
-    assert '"new"' in (out / "summary.json").read_text() and list(tmp_path.iterdir()) == [out]
 
 
 @unix

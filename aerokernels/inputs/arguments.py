@@ -12,6 +12,9 @@ single numbers arrive as Python's floats, whatever they are: NumPy computes in s
 
 Numbers of the right kind that make a computation overflow (1e300) raise a ValueError that names them. The function
 itself checks whether a number makes sense, and checks parameters that are objects of a class.
+
+Parameters that many functions share are entries of a TypedDict: `**options: Unpack[TraceOptions]` takes each as a
+keyword, which `inspect.signature` shows with its default, `TraceOptions.defaults[name]`.
 """
 
 import functools
@@ -80,7 +83,7 @@ def _looking(function: Callable, name: str, described: Callable, documented: Any
             make_forks_safe()
             for parameter, kinds in _taken(function, documented).items():
                 (objects if kinds.has_classes else takes)[parameter] = kinds
-            binding = Binding(inspect.signature(described()))
+            binding = Binding(_signature(described()))
         try:
             arguments = binding.bind(given, named)
         except TypeError:
@@ -132,7 +135,33 @@ def _looking(function: Callable, name: str, described: Callable, documented: Any
                 raise ValueError(_out_of_range(name, arguments, error)) from error
             raise
 
+    if has_options(function):
+        call.__signature__ = _signature(function)  # type: ignore[attr-defined]
     return call
+
+
+def has_options(function: Callable) -> bool:
+    """Whether a function takes the entries of a TypedDict as keywords."""
+    return any(_is_shared(kind) for kind in getattr(function, "__annotations__", {}).values())
+
+
+def _is_shared(annotation: Any) -> bool:
+    return typing.get_origin(annotation) is typing.Unpack
+
+
+def _signature(function: Callable) -> inspect.Signature:
+    """The signature of a function, with the entries of a TypedDict in place of `**options: Unpack[...]`."""
+    signature = inspect.signature(function)
+    parameters: list[inspect.Parameter] = []
+    for one in signature.parameters.values():
+        if not _is_shared(one.annotation):
+            parameters.append(one)
+            continue
+        (options,) = typing.get_args(one.annotation)
+        for name, kind in options.__annotations__.items():
+            new = inspect.Parameter(name, one.KEYWORD_ONLY, default=options.defaults[name], annotation=kind)
+            parameters.append(new)
+    return signature.replace(parameters=parameters)
 
 
 def _unknown_name(signature: inspect.Signature, named: Iterable[str]) -> str:
@@ -184,7 +213,10 @@ def units_in(text: str) -> dict[str, str]:
 
 def _taken(function: Callable, documented: Any) -> dict[str, Kinds]:
     """Return the kinds that each parameter accepts, if all of them are known."""
-    units = units_in("\n".join(filter(None, [documented.__doc__, function.__doc__])))
+    shared = [
+        typing.get_args(kind)[0] for kind in getattr(function, "__annotations__", {}).values() if _is_shared(kind)
+    ]
+    units = units_in("\n".join(filter(None, [one.__doc__ for one in (documented, function, *shared)])))
     found = {}
     for name, annotation in _annotations(function, documented).items():
         members = members_of(annotation)
@@ -198,6 +230,9 @@ def _annotations(function: Callable, documented: Any) -> dict[str, Any]:
     names = getattr(inspect.unwrap(function), "__globals__", {})
     if isinstance(documented, type):  # a dataclass's __init__ does not have its module's globals
         names = vars(inspect.getmodule(documented))
+    if has_options(function):
+        (options,) = typing.get_args(next(filter(_is_shared, found.values())))
+        found |= options.__annotations__
     for name, annotation in found.items():
         if isinstance(annotation, str):
             try:

@@ -16,7 +16,7 @@ from aerokernels.display.shown import extent_of
 from aerokernels.flow import DensityField, shipped_names
 from aerokernels.jobs.figure_layout import house_style, png, styled_figure
 from aerokernels.jobs.plots import ACCENT
-from aerokernels.jobs.store import SUMMARY_FILE, write_folder, write_result, write_summary
+from aerokernels.jobs.store import SUMMARY_FILE, staged_folder, write_result, write_summary
 from aerokernels.medium import IndexField
 from aerokernels.prepare import flow_index
 from aerokernels.scene import Scene, warn_of_unused
@@ -38,10 +38,11 @@ from aerokernels.schlieren import (
     shadow_picture,
     write_picture,
 )
-from aerokernels.schlieren.fringes import check_fringes
-from aerokernels.schlieren.knife_edge import check_knife_edge
-from aerokernels.schlieren.shadowgraph import check_screen
-from aerokernels.schlieren.view import PictureView
+from aerokernels.schlieren.fringes import Fringes
+from aerokernels.schlieren.knife_edge import KnifeEdge
+from aerokernels.schlieren.line_of_sight import check_exposure
+from aerokernels.schlieren.picture import PictureView
+from aerokernels.schlieren.shadowgraph import Screen
 
 if TYPE_CHECKING:
     import xarray
@@ -116,9 +117,10 @@ class PictureOptions:
             raise ValueError(f"extent {self.extent}: give right from, to, up from, to in metres, increasing")
         if self.shock_window is not None and not self.shock_window[0] < self.shock_window[1]:
             raise ValueError(f"shock window {self.shock_window}: give from and to in metres, increasing")
-        check_knife_edge(self.knife_edge, self.cut_off, self.sensitivity, self.exposure)
-        check_screen(self.screen_distance, self.source_angle, 1.0)
-        check_fringes(self.fringe_spacing, self.fringe_angle, 0.0, 1.0, 1.0)
+        KnifeEdge(self.knife_edge, self.cut_off, self.sensitivity)
+        check_exposure(self.exposure)
+        Screen(self.screen_distance, self.source_angle)
+        Fringes(self.fringe_spacing, self.fringe_angle)
         if self.shock_window is not None and "schlieren" not in self.kinds:
             raise ValueError("the shock's angle is measured on the schlieren picture: request that kind too")
 
@@ -319,13 +321,10 @@ def make_pictures(
 def write_pictures(made: BenchPictures, out: Path) -> list[str]:
     """Write pictures.nc, figure.png, a grey PNG of each kind and summary.json to `out`: all of them, or none.
 
-    What happens on a full disk is described at `write_folder`.
-
     Returns:
         Names of the files written.
     """
-
-    def write(folder: Path) -> list[str]:
+    with staged_folder(out) as folder:
         for kind, picture in made.pictures.items():
             write_picture(folder / f"{kind}.png", picture)
         with house_style():
@@ -335,8 +334,6 @@ def write_pictures(made: BenchPictures, out: Path) -> list[str]:
         write_result(folder / DATASET_FILE, made.to_xarray())
         write_summary(folder / SUMMARY_FILE, made.summary)
         return sorted(path.name for path in folder.iterdir())
-
-    return write_folder(out, write)
 
 
 def _axes(picture: PictureView, count: int) -> "tuple[Figure, list[Axes]]":

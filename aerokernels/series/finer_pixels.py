@@ -9,7 +9,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ..wavefront.stencils import derivatives
+from ..wavefront.pixels import derivatives
 
 FACTOR = 2.0
 # Parts of a pixel's side, and their middles from its own [pixels].

@@ -30,7 +30,7 @@ from ..strehl.ratio import NoRayArrived
 from ..tracing.cuts import flow_ends
 from ..tracing.lines import NoRayMeetsField
 from ..tracing.pupil.quadrature import asymmetry
-from ..wavefront.pupil_numbers import NUMBERS
+from ..wavefront.terms import NUMBERS
 from .look_batch import batch_looks, can_batch
 from .look_errors import Look, numbers_of, tell_errors
 

@@ -27,7 +27,7 @@ from ..tracing.cuts import lost
 from ..tracing.lines import box_span
 from ..tracing.pupil.air import GREATEST_SHARE, PAST_TOLD
 from ..tracing.variants.causes import Variants, errors, sample_rows
-from ..wavefront.pupil_numbers import PupilNumbers
+from ..wavefront.terms import PupilNumbers
 from .look_errors import Look, few_of, numbers_of
 from .snapshot import gpu_of
 from .straight_variants import straight_variants

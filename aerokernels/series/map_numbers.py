@@ -7,8 +7,7 @@ import numpy as np
 from ..display.quantities import combine
 from ..tracing.variants.causes import Variants, errors, of_a_ray
 from ..tracing.variants.paths import Rays
-from ..wavefront.pupil_numbers import PupilNumbers
-from ..wavefront.terms import fit_tilt, remove_terms, weighted_mean
+from ..wavefront.terms import PupilNumbers, fit_tilt, remove_terms, weighted_mean
 
 # The numbers, in order; and with the optical path difference of a ray, what has an error.
 NAMES = ("strehl", "boresight_x", "boresight_y", "piston", "opd_rms", "opd_rms_with_tilt")

@@ -17,7 +17,7 @@ from ..flow.series import mark_of
 from ..inputs.arguments import checked
 from ..inputs.checks import check_choice, check_positive
 from ..inputs.wavelength import DEFAULT_WAVELENGTH, check_wavelength
-from ..rays import as_unit_vector
+from ..pupils.base import as_unit_vector
 from ..tracing.plan import PRECISIONS
 from ..tracing.pupil.air import GREATEST_SHARE, PAST_REFUSED, PupilAir, TruncationWarning
 from ..wavefront import check_terms

@@ -9,7 +9,7 @@ import numpy as np
 from ..inputs.checks import check_count
 from ..pupils import Projected, Pupil, seen_along
 from ..wavefront import remove_terms, weighted_mean
-from ..wavefront.stencils import three_in_a_row
+from ..wavefront.pixels import three_in_a_row
 from .finer_pixels import FACTOR, FinerPixels
 
 # Share of a pixel below which a remainder is rounding.

@@ -21,7 +21,8 @@ from ..flow import DensityField, Series, refractivity_model
 from ..flow.gas import GREATEST_DENSITY, LEAST_DENSITY
 from ..medium import IndexField, QuadMesh
 from ..medium.refined import has_seam
-from ..rays import Pupil, RayBundle
+from ..pupils.base import Pupil
+from ..rays import RayBundle
 from ..tracing.engines.choice import choose_backend
 from ..tracing.engines.info import cuda_driver_loads
 from ..tracing.pupil.air import PupilAir, pupil_air

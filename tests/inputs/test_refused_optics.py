@@ -10,8 +10,8 @@ from aerokernels.display.quantities import main_cause
 from aerokernels.files.writing import write_grey
 from aerokernels.fldi import FLDI, fldi_response
 from aerokernels.fldi.response import FLDIResponse
+from aerokernels.imaging.bos import Background, DotPattern
 from aerokernels.imaging.camera import Camera
-from aerokernels.imaging.dots import Background, DotPattern
 from aerokernels.imaging.shift import check_view
 from aerokernels.inputs.wavelength import check_spectrum, check_wavelength
 from aerokernels.schlieren import Bench
@@ -92,7 +92,6 @@ def test_values(made, told, tmp_path):
         (lambda: FLDI(1e-4, 1e-5).transfer_through(1e3, "1 cm"), "half_length must be a number"),
         (lambda: FLDI(1e-4, 1e-5).radius("x"), "distance must be an array of real numbers"),
         (lambda: FLAT.psf("x"), "angle must be an array of real numbers or None"),
-        (lambda: FLAT.pssn("0.1 m"), "fried must be a number of metres, got '0.1 m': give 0.1|fried must be a number"),
         (lambda: FLAT.zernike("x"), "count must be a whole number"),
         (lambda: Wavefront(np.zeros((4, 4)), np.ones((4, 4)), "1 mm", 1e-6), "pixel must be a number of metres"),
         (lambda: Wavefront(np.zeros((4, 4)), np.ones((4, 4)), 1e-3, 1e-6, pupil="disc"), "pupil must be one of"),
@@ -177,7 +176,7 @@ def test_a_package_that_is_not_there_is_told_with_the_remedy(monkeypatch, tmp_pa
     def absent(name):
         raise ModuleNotFoundError(f"No module named {package!r}", name=package)
 
-    monkeypatch.setattr("aerokernels.wavefront.exchange.packages.import_module", absent)
+    monkeypatch.setattr("aerokernels.wavefront.exports.import_module", absent)
     write = {"astropy": lambda: wave.to_fits(tmp_path / "w.fits")}.get(package) or getattr(wave, f"to_{package}")
     with pytest.raises(
         ModuleNotFoundError, match=rf"{package} is not installed.*pip install 'aerokernels\[exchange\]'"

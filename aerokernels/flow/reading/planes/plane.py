@@ -36,11 +36,7 @@ class Plane:
     def of(
         cls, path, dataset: Dataset, geometry: str, frame: Frame, scale: float, normal: np.ndarray | None
     ) -> "Plane":
-        """Return the plane of a file.
-
-        Raises:
-            ReadError: A frame that does not fit the geometry.
-        """
+        """Return the plane of a file."""
         origin = np.array(frame.origin)
         if geometry == "planar":
             assert normal is not None
@@ -104,11 +100,7 @@ def _check_half_plane(path, dataset: Dataset, axis: np.ndarray, normal: np.ndarr
 
 
 def block_polygons(path, block: Block, plane: Plane, values: np.ndarray, where: str) -> Polygons:
-    """Return the cells of a block as polygons in the plane, without blanked cells.
-
-    Raises:
-        ReadError: Points without cells, or cells that are not flat.
-    """
+    """Return the cells of a block as polygons in the plane, without blanked cells."""
     points = plane.local(block.points)
     if block.shape is not None:
         corners = _structured(path, block)
@@ -157,11 +149,7 @@ def structured_mesh(block: Block, plane: Plane) -> QuadMesh | None:
 
 
 def plane_mesh(path, blocks: list[Block], plane: Plane, densities) -> tuple[QuadMesh, np.ndarray, str, str]:
-    """Return the mesh of a two-dimensional file, its densities, their place ("cell" or "point"), and a remark.
-
-    Raises:
-        ReadError: Blocks that cannot form a mesh.
-    """
+    """Return the mesh of a two-dimensional file, its densities, their place ("cell" or "point"), and a remark."""
     try:
         if len(blocks) == 1 and (mesh := structured_mesh(blocks[0], plane)) is not None:
             return mesh, densities[0][0], densities[0][1], ""

@@ -30,11 +30,7 @@ from aerokernels.flow.reading.readers.vtk_running import DAMAGED, run
 
 
 def read(path: Path, time: Any, options: Mapping[str, Any]) -> Dataset:
-    """Read a CGNS file.
-
-    Raises:
-        ReadError: An error that VTK reports, or a file without flow.
-    """
+    """Read a CGNS file."""
     from vtkmodules.vtkIOCGNSReader import vtkCGNSReader
 
     counts = check_counts(path)
@@ -107,11 +103,7 @@ WIDTH = 32  # characters of each unit name
 
 
 def units(path: Path) -> tuple[float | None, dict[str, str]]:
-    """Return the unit of length [m] or None, and the unit of each array, from the first zone that states it.
-
-    Raises:
-        ReadError: An unknown unit of length.
-    """
+    """Return the unit of length [m] or None, and the unit of each array, from the first zone that states it."""
     with opened(path) as root:
         return (None, {}) if root is None else units_of(path, root)
 
@@ -177,10 +169,6 @@ def statements(path: Path) -> tuple[tuple[float, float, float] | None, list[str]
     """Return the direction of the axis of symmetry, None for a flow without one, and notes for the user.
 
     The last value is the note on data without dimensions, or empty.
-
-    Raises:
-        ReadError: An axis that does not go through the origin, from which radii are measured; other coordinates than x,
-            y and z; several solutions of one zone of which nothing says which counts.
     """
     with opened(path) as root:
         if root is None:

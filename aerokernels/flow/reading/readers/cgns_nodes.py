@@ -119,9 +119,6 @@ def check_counts(path: Path) -> dict[str, int]:
     """Check the shapes of coordinates and solutions, and return the cells of each unstructured zone by its name.
 
     A file in ADF is not looked into.
-
-    Raises:
-        ReadError: An array whose shape its zone, location and Rind do not give: zone, array, both shapes.
     """
     counts: dict[str, int] = {}
     with opened(path) as root:

@@ -36,11 +36,7 @@ LINES = ("BAR", "BEA", "TRU", "SPH", "CIR", "EDG")
 
 
 def read(path: Path, time: Any, options: Mapping[str, Any]) -> Dataset:
-    """Read a file of Exodus II.
-
-    Raises:
-        ReadError: A damaged file, elements that are not read, or numbers that do not fit each other.
-    """
+    """Read a file of Exodus II."""
     import xarray
 
     try:

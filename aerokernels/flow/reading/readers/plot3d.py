@@ -81,11 +81,7 @@ class _Stream:
 
 
 def read(path: Path, time: Any, options: Mapping[str, Any]) -> Dataset:
-    """Read a grid with its solution; either may be named, the other is in the same folder or given as an option.
-
-    Raises:
-        ReadError: A file that fits no form, or a solution that does not fit the grid.
-    """
+    """Read a grid with its solution; either may be named, the other is in the same folder or given as an option."""
     grid_path, solution_path = grid_and_solution(path, options.get("solution"))
     blocks, form = _read_grid(grid_path)
     arrays = _read_solution(solution_path, [block.shape for block in blocks if block.shape])

@@ -32,11 +32,7 @@ SAME = 1e-9  # of the extent: coordinates along an axis that are closer count as
 
 
 def read(path: Path, time: Any, options: Mapping[str, Any]) -> Dataset:
-    """Read a table of points.
-
-    Raises:
-        ReadError: A table without coordinates, or points that cannot be joined.
-    """
+    """Read a table of points."""
     table = read_table(path)
     plain = {plain_name(name): name for name in reversed(table)}
     plain |= {re.sub(r"[^a-z0-9]", "", name.lower()): name for name in reversed(table)}
@@ -139,11 +135,7 @@ _LETTER_LEFT_OUT = re.compile(r"(?<=[\d.])(?=[+-]\d{3}(?![\d.]))")
 
 
 def read_table(path: Path, data: bytes | None = None) -> dict[str, np.ndarray]:
-    """Return the columns of a table by name.
-
-    Raises:
-        ReadError: Not a text, no names, lines of unequal length, or entries that are not numbers.
-    """
+    """Return the columns of a table by name."""
     data = path.read_bytes() if data is None else data
     try:
         text = data.decode("utf-8-sig")

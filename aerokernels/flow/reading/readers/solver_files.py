@@ -32,11 +32,7 @@ _ZONE = re.compile(rb"\((?:39|45)\s+\(\d+\s+([\w-]+)\s+([^\s()]+)")
 
 
 def read(path: Path, time: Any, options: Mapping[str, Any]) -> Dataset:
-    """Read a case.
-
-    Raises:
-        ReadError: A file that is not complete, an error that VTK reports, a file of the case in another folder.
-    """
+    """Read a case."""
     name, module, reader_name = next(own for end, own in READERS.items() if path.name.lower().endswith(end))
     files(path, options, None)  # refuses those that may not be opened
     reader = getattr(import_module(f"vtkmodules.{module}"), reader_name)()

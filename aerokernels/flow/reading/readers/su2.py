@@ -41,11 +41,7 @@ COORDINATES = ("x", "y", "z", "pointid", "point_id")
 
 
 def read(path: Path, time: Any, options: Mapping[str, Any]) -> Dataset:
-    """Read a mesh and its restart; either may be named, the other is in the same folder or given as an option.
-
-    Raises:
-        ReadError: A damaged file, a missing mesh or restart, or two that do not belong together.
-    """
+    """Read a mesh and its restart; either may be named, the other is in the same folder or given as an option."""
     mesh_path, restart = mesh_and_restart(path, options)
     meshes = _meshes(mesh_path)
     if restart is None:
@@ -130,11 +126,7 @@ def _mesh_beside(path: Path) -> Path:
 
 
 def read_mesh(path: Path) -> list[tuple[np.ndarray, Cells, list[Patch]]]:
-    """Return points, cells and patches of each zone of a mesh.
-
-    Raises:
-        ReadError: A damaged mesh.
-    """
+    """Return points, cells and patches of each zone of a mesh."""
     try:
         text = path.read_text("ascii").splitlines()
     except UnicodeDecodeError:
@@ -244,11 +236,7 @@ def _check_corners(path: Path, what: str, corners: np.ndarray, count: int) -> No
 
 
 def _in_order_of_points(path: Path, table: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Return the columns of a restart in the order of its column PointID, if it has one: rows may be in any order.
-
-    Raises:
-        ReadError: Numbers of points that are not 0 to the count less one, each once.
-    """
+    """Return the columns of a restart in the order of its column PointID, if it has one: rows may be in any order."""
     number = next((own for name, own in table.items() if name.lower().replace("_", "") == "pointid"), None)
     if number is None:
         return table
@@ -259,11 +247,7 @@ def _in_order_of_points(path: Path, table: dict[str, np.ndarray]) -> dict[str, n
 
 
 def read_restart(path: Path) -> dict[str, np.ndarray]:
-    """Return the values at the points by name, from a binary or a text restart.
-
-    Raises:
-        ReadError: A damaged restart.
-    """
+    """Return the values at the points by name, from a binary or a text restart."""
     data = path.read_bytes()
     if len(data) < 20 or MAGIC not in (int.from_bytes(data[:4], "little"), int.from_bytes(data[:4], "big")):
         return _in_order_of_points(path, read_table(path, data))
@@ -339,11 +323,7 @@ def _free_stream(stated: Mapping[str, str]) -> float | None:
 
 
 def cgns_mesh(path: Path) -> tuple[np.ndarray, Cells, list[Patch]]:
-    """Return points, cells and patches of its zone.
-
-    Raises:
-        ReadError: A damaged file, several zones, or a structured one, neither of which SU2 reads.
-    """
+    """Return points, cells and patches of its zone."""
     found = in_child("cgns", path, None, {})
     if len(found.blocks) != 1:
         fault = f"it has {len(found.blocks)} zones, and SU2 reads a mesh in CGNS of one"

@@ -51,12 +51,7 @@ def vtk_output(path: Path, suffix: str, time: Any = None) -> tuple[Any, list[flo
 
 
 def run(path: Path, reader, time: Any = None, several: bool = True) -> tuple[Any, list[float], float | None]:
-    """Run a VTK reader on a file: return its output, the file's times, and the one that was read.
-
-    Raises:
-        ReadError: An error that VTK reports, a time that the file does not have, or several times where the reader
-            does not read them, unless `several`.
-    """
+    """Run a VTK reader on a file: return its output, the file's times, and the one that was read."""
     from vtkmodules.vtkCommonCore import vtkOutputWindow, vtkStringOutputWindow
 
     window = vtkStringOutputWindow()

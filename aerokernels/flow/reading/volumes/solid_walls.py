@@ -26,9 +26,6 @@ def solid_body(path, dataset: Dataset, blocks: list[Block], moved, move, grid: N
         move: Function that moves points of the file into the optical frame.
         grid: The grid that the cells were rasterised into.
         names: Patches that bound the body; None takes the file's walls, and without such the holes of the mesh.
-
-    Raises:
-        ReadError: No such patch, or one whose faces do not form a surface.
     """
     known = [patch for patch in dataset.patches if patch.polygons is not None]
     walls = [patch.polygons for patch in wall_patches(path, known, names) if patch.polygons is not None]

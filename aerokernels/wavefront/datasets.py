@@ -3,20 +3,26 @@
 import math
 from dataclasses import fields
 from functools import partial
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from ...display.quantities import ErrorBudget
-from ...pupils import Annulus, Disc, Mask, Polygon, Pupil, Rectangle
-from ..data import SIGN_CONVENTION, WavefrontMap
+from ..display.quantities import ErrorBudget
+from ..inputs.arguments import Numbers, checked
+from ..inputs.wavelength import check_spectrum
+from ..pupils import Annulus, Disc, Mask, Polygon, Pupil, Rectangle
+from .image import mixed_weights
 
+if TYPE_CHECKING:
+    import xarray
+
+SIGN_CONVENTION = "OPD is positive where light is delayed"
 # Coordinates may be off their pixels' centres by this share of a pixel: a file may hold them in single precision.
 SAME_PLACE = 1e-3
 PUPILS: dict[str, Any] = {kind.__name__: kind for kind in (Annulus, Disc, Mask, Polygon, Rectangle)}
 
 
-def to_xarray(wavefront: WavefrontMap):
+def to_xarray(wavefront: Any):
     """Return an xarray.Dataset of "opd", "weight" and "intensity" over (y, x); computes the OPD's error budget."""
     import xarray
 
@@ -168,3 +174,54 @@ def _number(attributes, name: str, otherwise: float | None = None) -> float:
     if name not in attributes and otherwise is not None:
         return otherwise
     return float(_numbers(attributes, name, ()))
+
+
+@checked
+def over_wavelengths(
+    wavefront: Any, wavelengths: Numbers, angle: Numbers | None = None, weights: Numbers | None = None
+) -> "xarray.Dataset":
+    """Return image quantities at several wavelengths [m] as an xarray.Dataset with a wavelength axis.
+
+    The OPD is the same at all wavelengths: dispersion of air is ignored, see `at_wavelength`. The dataset holds
+    `strehl`, `strehl_error`, `fwhm` [rad] and `psf` over (wavelength, y, x). `angle` are the angles of the rows and
+    columns of `psf` [rad], shape (m,); None takes 33 up to four times the longest wavelength over the pupil's
+    width. `weights` are the shares of the light at the wavelengths, equal if None; `polychromatic_psf` over (y, x)
+    is the point spread function of all the light, over its peak without aberrations.
+
+    Raises:
+        ValueError: There are no wavelengths, one is outside 0.1 to 20 um, or weights are negative or all zero.
+    """
+    import xarray
+
+    lengths, shares = check_spectrum(wavelengths, weights)
+    if angle is None:
+        reach = 4.0 * float(lengths.max()) / (len(wavefront.opd) * wavefront.pixel)
+        angle = np.linspace(-reach, reach, 33)
+    angle = np.atleast_1d(np.asarray(angle, dtype=np.float64))
+    at = [wavefront.at_wavelength(float(length)) for length in lengths]
+    strehl = [one.quantities["strehl"] for one in at]
+    dims = ("wavelength", "y", "x")
+    intensity = np.stack([one.psf(angle).intensity for one in at])
+    ratio = {"units": "1", "long_name": "Strehl ratio"}
+    width = {"units": "rad", "long_name": "full width at half maximum"}
+    mixed = np.tensordot(mixed_weights(lengths, shares), intensity, 1)
+    return xarray.Dataset(
+        {
+            "strehl": ("wavelength", [one.value for one in strehl], ratio),
+            "strehl_error": ("wavelength", [one.error for one in strehl], {"units": "1"}),
+            "fwhm": ("wavelength", [one.fwhm for one in at], width),
+            "psf": (dims, intensity, {"units": "1", "long_name": "over the perfect peak"}),
+            "polychromatic_psf": (
+                dims[1:],
+                mixed,
+                {"units": "1", "long_name": "of all the light, over its perfect peak"},
+            ),
+            "weight": ("wavelength", shares, {"units": "1", "long_name": "share of the light"}),
+        },
+        {
+            "wavelength": ("wavelength", lengths, {"units": "m", "standard_name": "radiation_wavelength"}),
+            "x": ("x", angle, {"units": "rad"}),
+            "y": ("y", angle, {"units": "rad"}),
+        },
+        {"sign_convention": SIGN_CONVENTION},
+    )
