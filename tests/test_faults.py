@@ -29,7 +29,8 @@ def test_without_room_a_result_is_refused_in_words_and_leaves_nothing(tmp_path: 
     """A process whose files may have some bytes only, from none to most of the file: HDF5 must not end it."""
     code = (
         "import resource, sys; from pathlib import Path; import numpy as np; import xarray\n"
-        "from aerokernels.jobs.store import OutputError, replace_result, staged_folder, write_result\n"
+        "from aerokernels.files.writing import OutputError\n"
+        "from aerokernels.jobs.store import replace_result, staged_folder, write_result\n"
         "from aerokernels.jobs.sweeps.records import write_text\n"
         "made = xarray.Dataset({'a': ('x', np.random.default_rng(0).random(20_000), {'units': 'm'})})\n"
         "out = Path(sys.argv[1])\n"

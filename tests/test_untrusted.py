@@ -3,7 +3,6 @@
 The corpus are draws that failed once, by kind and seed; scripts/fuzz_inputs draws a million.
 """
 
-import os
 import random
 import warnings
 from pathlib import Path
@@ -15,7 +14,7 @@ from aerokernels.flow import open_series, read
 from aerokernels.hardware.echo_source import EchoSource
 from aerokernels.jobs.recorded import load_netcdf, recorded_labels
 from aerokernels.jobs.store import read_result
-from aerokernels.process import foreign_files, fragile
+from aerokernels.process import fragile
 from aerokernels.scene import Scene, SceneError
 from tests.draws import file_draws
 from tests.draws.parser_draws import DRAWS
@@ -78,38 +77,6 @@ def test_every_reader_of_netcdf_survives_the_end_of_its_library(reader, tmp_path
         reader(tmp_path / "flow.nc")
 
 
-def test_what_happens_in_the_child_is_told_here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """Answers, errors of their own class, exits; a child that has gone is replaced.
-
-    An interrupt ends one, and so does a file that it keeps open, which HDF5 would leave locked.
-    """
-    path = tmp_path / "a.nc"
-    path.write_bytes(b"0")
-    idle: list = []
-    monkeypatch.setattr(fragile, "_idle", lambda: idle)
-    assert fragile.in_child(path, "math:sqrt", 4.0) == 2.0 and len(idle) == 1
-    with pytest.raises(foreign_files.NoRoomError, match="it announces"):
-        fragile.in_child(path, "aerokernels.process.foreign_files:check_room", 1e30, "it")
-    with pytest.raises(fragile.LibraryEndedError, match=r"a\.nc: the library that reads it ended with status 3: "):
-        fragile.in_child(path, "os:_exit", 3)
-    assert not idle and fragile.in_child(path, "os:getpid") == idle[0].process.pid
-    (child,) = idle
-    assert fragile.in_child(path, "os:open", path, os.O_RDONLY) > 2 and not idle and child.process.poll() is not None
-    assert fragile.in_child(path, "os:getpid") == idle[0].process.pid != child.process.pid
-    idle[0].process.kill()
-    idle[0].process.wait()
-    assert fragile.in_child(path, "os:getpid") == idle[0].process.pid
-    (child,) = idle
-
-    def interrupted(request, time_limit):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(child, "ask", interrupted)
-    with pytest.raises(KeyboardInterrupt):
-        fragile.in_child(path, "os:getpid")
-    assert not idle and child.process.poll() is not None
-
-
 def announcing(path: Path, name: str, *small: str) -> Path:
     """A NetCDF file of a few kilobytes that announces 2**45 numbers along z, and as many places."""
     import h5py
@@ -152,30 +119,3 @@ def test_a_scene_that_cannot_be_shown_is_refused(tmp_path: Path, text: str, told
     path.write_text(text, encoding="utf-8")
     with pytest.raises(SceneError, match=rf"deep\.toml: {told}"):
         Scene.load(path)
-
-
-def test_small_flow_files_that_announce_much_are_refused_before_it_is_made(tmp_path: Path, monkeypatch):
-    """Repeated numbers, axes without samples, and compressed files: kilobytes that would be gigabytes in memory."""
-    import gzip
-
-    path = tmp_path / "a.dat"
-    path.write_text("VARIABLES = X Y rho\nZONE I=100000, J=100000, F=BLOCK\n30000000000*1.0\n")
-    with pytest.raises(ValueError, match=r"a\.dat: zone 1 repeats 1 numbers until they are 30000000000: .*write it"):
-        read(path)
-    path.write_text("VARIABLES = X Y rho\nZONE " + "a " * 6000 + "\n0 0 1\n")
-    with pytest.raises(ValueError, match=r"a\.dat: the head of zone 1 has \d+ letters"):
-        read(path)
-    axis = np.arange(5000.0)
-    np.savez(tmp_path / "a.npz", x=axis, y=axis, z=axis, rho=np.ones((2, 2)))
-    with pytest.raises(ValueError, match=r"a\.npz: no array has a sample for each of the \(5000, 5000, 5000\) places"):
-        read(tmp_path / "a.npz")
-    np.savez_compressed(tmp_path / "b.npz", x=axis, y=axis, rho=np.ones(5000))
-    (mesh := tmp_path / "case/constant/polyMesh").mkdir(parents=True)
-    (time := tmp_path / "case/1").mkdir()
-    (time / "rho").touch()
-    (mesh / "points.gz").write_bytes(gzip.compress(b"FoamFile { } " + b" " * 50_000))
-    monkeypatch.setattr(foreign_files, "free_memory", lambda: 80_000.0)
-    with pytest.raises(ValueError, match=r"b\.npz: it announces 120 kB and there is memory for 40 kB"):
-        read(tmp_path / "b.npz")
-    with pytest.raises(ValueError, match=r"points\.gz: what it unpacks to announces 50 kB and there is memory for 40"):
-        read(tmp_path / "case")

@@ -69,16 +69,3 @@ def test_a_ray_stays_where_it_met_a_body(tmp_path):
     assert place[:, 2].reshape(2, 8)[0, 3:] == pytest.approx(-5e-4, abs=1e-8)
     assert arrays["opd"].reshape(2, 8)[0, -1] == pytest.approx(ends.opd[0], rel=1e-3)
     assert place[15, 2] == pytest.approx(2e-3)
-
-
-def test_what_is_refused_of_rays(tmp_path):
-    field = IndexField.from_samples(np.zeros((4, 4)), origin=(0.0, 0.0), spacing=(0.1, 0.1), geometry="planar")
-    rays = RayBundle([[0.0, 0.1, 0.1], [0.0, 0.2, 0.2]], [[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]])
-    with pytest.raises(ValueError, match=r"there is no folder .*none; make it, or choose another path"):
-        field_to_vtk(field, tmp_path / "none" / "field")
-    with pytest.raises(ValueError, match="no mean"):
-        rays_to_vtk(field, rays, tmp_path / "rays", length=0.1)
-    with pytest.raises(TypeError, match=r"length must be a number of metres, got '4 mm': give 0.004"):
-        rays_to_vtk(field, rays, tmp_path / "rays", length="4 mm")
-    with pytest.raises(TypeError, match="until is not for rays_to_vtk"):
-        rays_to_vtk(field, rays, tmp_path / "rays", length=0.1, until=None)

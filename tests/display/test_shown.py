@@ -5,7 +5,6 @@ import pytest
 
 from aerokernels import Disc, IndexField, RayBundle, flow
 from aerokernels.display.shown import described
-from aerokernels.hardware.export import csv_cell
 
 
 @pytest.fixture(scope="module")
@@ -26,13 +25,3 @@ def test_reprs_have_few_lines_and_units(field):
 def test_notebooks_show_the_same_and_nothing_of_it_as_html():
     assert Disc(1e-3)._repr_html_() == f"<pre>{Disc(1e-3)!r}</pre>"
     assert "<b>" not in flow.uniform_air(1.0, radius=4e-3)._repr_html_()
-
-
-@pytest.mark.parametrize("text", ["=1+1", "+cmd", "-cmd", "@x", "\t=1", " =1", "\r=1"])
-def test_texts_that_spreadsheets_would_compute_are_marked(text):
-    assert csv_cell(text) == f"'{text}"
-
-
-@pytest.mark.parametrize("value", ["-3", "+1e-3", "mach", "", 3, -2.5])
-def test_numbers_and_other_texts_stay(value):
-    assert csv_cell(value) is value

@@ -84,17 +84,6 @@ def test_samples_that_are_missing_do_not_move_the_others(tmp_path: Path, change,
         list(recorded_echoes(tmp_path / "e.csv"))
 
 
-@pytest.mark.parametrize(
-    ("head", "unit"), [("mach=3 [mV]", 1e-3), ("voltage_mv", 1e-3), ("uV", 1e-6), ("mach=3 V", 1.0), ("shot 7", 1.0)]
-)
-def test_a_unit_in_the_head_of_an_echo_is_heeded(tmp_path: Path, head: str, unit: float):
-    rows = (f"{at!r},{volt / unit!r}" for at, volt in zip(TIME.tolist(), pulse(TIME).tolist(), strict=True))
-    (tmp_path / "e.csv").write_text(f"time_s,{head}\n" + "\n".join(rows))
-    (echo,) = recorded_echoes(tmp_path / "e.csv")
-    assert echo.voltage == pytest.approx(pulse(TIME), rel=1e-12)
-    assert echo.label == (LABELS[3] if "mach" in head else ())
-
-
 @pytest.mark.parametrize("times", ["time", "sample_period"])
 def test_a_netcdf_file_may_have_its_samples_first(tmp_path: Path, times: str):
     """50 echoes of 200 samples over (sample, echo) are not 200 echoes of 50 samples."""
@@ -124,16 +113,3 @@ def test_damaged_recordings_are_read_or_refused_by_name(tmp_path: Path, name: st
             assert str(path) in str(error)
             refused += 1
     assert refused > 10
-
-
-def test_units_of_a_netcdf_file_are_heeded(tmp_path: Path):
-    path = tmp_path / "e.nc"
-    rows = xarray.Dataset({"voltage": ("time", 1e3 * pulse(TIME), {"units": "mV"})}, {"time": ("time", 1e9 * TIME)})
-    rows["time"].attrs["units"] = "ns"
-    rows.to_netcdf(path, engine="h5netcdf")
-    (echo,) = recorded_echoes(path)
-    assert echo.time == pytest.approx(TIME, abs=1e-18) and echo.voltage == pytest.approx(pulse(TIME), rel=1e-12)
-    rows["voltage"].attrs["units"] = "counts"
-    rows.to_netcdf(path, engine="h5netcdf")
-    with pytest.raises(ValueError, match=r"e\.nc: the units of `voltage`: '1 counts'"):
-        list(recorded_echoes(path))

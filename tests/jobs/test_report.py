@@ -116,31 +116,6 @@ def test_a_users_matplotlibrc_and_backend_do_not_change_pictures(tmp_path):
     assert pictures[0] == pictures[1]
 
 
-def test_the_density_picture_draws_the_data(dataset: xarray.Dataset):
-    """Set-up: a blob of known cell values. Expected: those values are drawn, once above and once below the axis."""
-    figure = plots.density_figure(dataset)
-    drawn = [mesh.get_array() for mesh in figure.axes[0].collections if mesh.get_array() is not None]
-    assert len(drawn) == 2
-    for values in drawn:
-        np.testing.assert_array_equal(np.asarray(values).ravel(), dataset["density"].values.ravel())
-
-
-def test_the_density_picture_draws_the_bodies_of_a_volume(dataset: xarray.Dataset):
-    """Set-up: two boxes, 8 x 6 and 2 x 4 mm in y and z across x = 0. Expected: two filled outlines of those areas."""
-    corner = np.array([[x, y, z] for x in (-1e-3, 2e-3) for y in (0.0, 1.0) for z in (0.0, 1.0)])
-    sides = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
-    halves = np.array([half for a, b, c, d in sides for half in ((a, b, c), (a, c, d))])
-    one, other = corner * [1.0, 8e-3, 6e-3] - [0.0, 0.0, 9e-3], corner * [1.0, 2e-3, 4e-3] + [0.0, 3e-3, 1e-3]
-    volume = dataset.drop_vars(["body_y", "body_z"]).assign(
-        body_point=(("body_vertex", "axis"), np.concatenate([one, other])),
-        body_triangle=(("body_face", "corner"), np.concatenate([halves, halves + 8])),
-    )
-    volume.attrs["geometry"] = "volume"
-    drawn = [patch.get_xy()[:-1] for patch in plots.density_figure(volume).axes[0].patches]
-    areas = sorted(abs(0.5 * np.sum(z * np.roll(y, 1) - y * np.roll(z, 1))) for z, y in (line.T for line in drawn))
-    np.testing.assert_allclose(areas, [8.0, 48.0], rtol=1e-12)
-
-
 def test_numbers_have_labels_and_what_users_wrote_is_escaped():
     """Keys of summary.json stand as words with units; a title and a scene of a stranger's stay texts."""
     from aerokernels.jobs.report import render_report

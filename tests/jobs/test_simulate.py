@@ -1,14 +1,10 @@
 """The main job in Python: any way to name a scene, and a flow of one's own in place of the scene's."""
 
-import json
-import math
-
 import numpy as np
 import pytest
 
 import aerokernels as ak
 from aerokernels import flow
-from aerokernels.jobs.run import write_run
 
 CHANGES = {
     "strehl.ray_count": 160,
@@ -43,21 +39,6 @@ def test_a_density_field_takes_the_place_of_the_scenes(expected: ak.RunResult):
     # As it is: the scene's flow.density scales the scene's own flow only.
     dense = ak.simulate(scene(**{"flow.density": "sea-level"}), field=flow.shipped("mach3"))
     assert dense.strehl.value == expected.strehl.value
-
-
-def test_an_index_field_takes_the_place_of_the_scenes(expected: ak.RunResult, tmp_path):
-    """The very field that a scene's rays were traced through gives the scene's numbers again; it has no density."""
-    found = ak.simulate(scene("wind-tunnel-mach2"), field=expected.prepared.field)
-    for name in ("strehl", "opd_rms_m", "echo_peak_v", "range_m"):
-        assert found.summary[name] == expected.summary[name], name
-    assert math.isnan(found.summary["mach"]) and "index field" in found.summary["provenance"]
-    assert found.failures == expected.failures
-    # On the flow's mesh: it is resampled as the scene says.
-    on_mesh = ak.simulate(scene(), field=expected.prepared.mesh_field)
-    assert on_mesh.strehl.value == expected.strehl.value
-    write_run(found, tmp_path / "out")
-    assert json.loads((tmp_path / "out" / "summary.json").read_text())["mach"] is None
-    assert "density" not in found.to_xarray() and "density" in expected.to_xarray()
 
 
 def test_a_flow_without_a_mesh_is_run_too():

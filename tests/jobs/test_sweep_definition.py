@@ -127,20 +127,6 @@ def test_a_file_that_has_changed_is_noticed(tmp_path):
         check_same(Path("x"), {**described, "content": first}, {**described, "content": content_hashes([str(file)])})
 
 
-def test_the_files_beside_a_flow_are_noticed_too(tmp_path):
-    """A Plot3D grid's solution and an SU2 restart's mesh decide the flow as much as the file that is named first."""
-    source, solution, other = (tmp_path / name for name in ("grid.xyz", "flow.q", "other.q"))
-    for file in (source, solution, other):
-        file.write_bytes(b"one")
-    vary = {"target.tilt": [0.0], "flow.file.solution": [str(solution), str(other)]}
-    swept = define(SCENE, vary, settings={"flow.source": str(source), "flow.file.mesh": str(source)})
-    before = swept.described()
-    assert set(before["content"]) == {str(source), str(solution), str(other)}
-    other.write_bytes(b"two")
-    with pytest.raises(ValueError, match=r"other\.q has changed"):
-        check_same(Path("x"), before, swept.described())
-
-
 def test_half_a_line_is_dropped_and_no_case_is_kept_twice(tmp_path):
     """A kill in the middle of a write: the case counts as not done, and what comes next stands on a line of its own."""
     records = Records(tmp_path)

@@ -112,24 +112,3 @@ def test_a_scene_scaled_by_a_power_of_two_is_the_same_to_the_last_bit(precision,
             factor = scale if name in LENGTHS else 1.0
             assert np.array_equal(getattr(scaled, name), getattr(unit, name) * factor), name
         assert np.array_equal(scaled.status, unit.status)
-
-
-@pytest.mark.parametrize("precision", PRECISIONS)
-@pytest.mark.parametrize("ambient", [1e-3, 0.1, 3.3, 700.0])
-def test_an_ambient_index_far_from_one(precision, ambient):
-    """The parabola of n^2 = a^2 (1 + g y), in closed form: position and OPD over a are those of a = 1.
-
-    Tolerance: as for contrasts of every size, 128 units relative.
-    """
-    gradient, length = 0.3, 0.5
-    rays = RayBundle([[0.0, 0.5, 0.0]], [UP])
-    settings_ = {"until": Plane((0, 0, length), UP), "method": "fixed", "step": 1.0 / 32.0, "precision": precision}
-    field = linear_square_field(gradient * ambient**2, ambient=ambient)
-    result = keeps_promises(trace(field, rays, **settings_), 1)
-    index = np.sqrt(1.0 + 0.5 * gradient)
-    sigma = length / index
-    opd = ambient * (length * (index - 1.0) + gradient**2 * sigma**3 / 12.0)
-    allowed = 128.0 * UNIT[precision]
-    assert result.ok[0]
-    assert abs(result.opd[0] / opd - 1.0) < allowed
-    assert abs(result.position[0, 1] - 0.5 - 0.25 * gradient * sigma**2) < allowed

@@ -23,15 +23,6 @@ def fish_eye(geometry: str) -> IndexField:
     )
 
 
-def waveguide() -> IndexField:
-    """n^2 = 2.25 (1 - y^2 - z^2) up to 1/2 in y and z: a guide along x, which in a planar field has no end."""
-    axis = np.arange(-8, 9) / 16.0
-    y, z = np.meshgrid(axis, axis, indexing="ij")
-    return IndexField.from_samples(
-        1.5 * np.sqrt(1.0 - y**2 - z**2) - 1.0, origin=(-0.5, -0.5), spacing=(1 / 16, 1 / 16), geometry="planar"
-    )
-
-
 @pytest.mark.parametrize("precision", PRECISIONS)
 def test_twenty_turns_of_a_circle(precision):
     """After the arc 40 pi a ray on the circle r = 1, and one a quarter turn on, are back where they started.
@@ -48,29 +39,6 @@ def test_twenty_turns_of_a_circle(precision):
     assert np.abs(np.linalg.norm(result.position, axis=1) - 1.0).max() < 1e-2
     assert np.abs(result.position - rays.position).max() < 0.1
     assert np.abs(result.optical_path / length - 1.0).max() < 1e-2
-
-
-@pytest.mark.parametrize("precision", PRECISIONS)
-def test_a_waveguide_without_an_end(precision):
-    """Rays guided along x in a planar field with until=None: MAX_STEPS; exactly along x: no step, STOP_NOT_REACHED.
-
-    On a plane across the guide, 20 m on, all arrive. Formula: y = y0 cos(1.5 sigma) with sigma = x / T_x. Tolerance:
-    the OPD asked for, 1 wave, over 20 m: 1e-3 in y.
-    """
-    field = waveguide()
-    height = np.array([0.0, 0.1, 0.2, -0.3])
-    start, heading = np.c_[0.0 * height, height, 0.0 * height], np.tile([1.0, 0.0, 0.0], (4, 1))
-    aslant = heading + np.array([0.0, 0.0, 0.05])
-    settings_ = {"method": "adaptive", "precision": precision, "tolerance": 1.0}
-    assert (keeps_promises(trace(field, RayBundle(start, heading), **settings_), 4).status == 2).all()
-    for max_steps in (500, None):
-        result = keeps_promises(trace(field, RayBundle(start, aslant), max_steps=max_steps, **settings_), 4)
-        assert (result.status == RayStatus.MAX_STEPS).all()
-        assert np.isfinite(result.position).all() and np.abs(result.position[:, 1:]).max() < 0.5
-    along = trace(field, RayBundle(start, heading), until=Plane((20.0, 0, 0), (1, 0, 0)), **settings_)
-    assert keeps_promises(along, 4).ok.all()
-    momentum = 1.5 * np.sqrt(1.0 - height**2)
-    assert np.abs(along.position[:, 1] - height * np.cos(1.5 * 20.0 / momentum)).max() < 1e-3
 
 
 @pytest.mark.parametrize("precision", PRECISIONS)
