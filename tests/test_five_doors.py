@@ -29,6 +29,7 @@ from aerokernels.tracing.stop import plane_beyond
 
 WAVELENGTH = 905e-9
 SIDE, FINER, RAYS = 0.0613, 3, 32768  # boxes [m]; cells of the truth's grid in one; rays
+AMBIENT, RATIO = 1.0, 1.3
 Density = Callable[..., np.ndarray]
 
 
