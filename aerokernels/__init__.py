@@ -14,7 +14,17 @@ __version__ = "0.1.0"
 _NAMES_IN = {
     "": ("echo", "flow", "schlieren", "strehl", "wavefront", "zernike"),
     "compare": ("compare_waveforms",),
-    "echo": ("EchoResult", "estimate_range", "plane_target_echo", "range_statistics"),
+    "echo": (
+        "Detector",
+        "EchoResult",
+        "Laser",
+        "Receiver",
+        "Target",
+        "estimate_range",
+        "plane_target_echo",
+        "range_statistics",
+        "simulate_echo",
+    ),
     "fldi": ("FLDI", "fldi_response"),
     "flow": ("DensityField",),
     "imaging": ("Camera", "DotPattern", "background_displacement", "bos", "image_through"),
@@ -52,22 +62,26 @@ __all__ = [
     "Body",
     "Camera",
     "DensityField",
+    "Detector",
     "Disc",
     "DotPattern",
     "EchoResult",
     "IndexField",
+    "Laser",
     "Mask",
     "Plane",
     "Polygon",
     "QuadMesh",
     "RayBundle",
     "RayStatus",
+    "Receiver",
     "Rectangle",
     "RunResult",
     "Scene",
     "Sensor",
     "SolidBody",
     "StrehlEstimate",
+    "Target",
     "TraceOptions",
     "TraceResult",
     "Validity",
@@ -95,6 +109,7 @@ __all__ = [
     "schlieren",
     "shadowgraph",
     "simulate",
+    "simulate_echo",
     "split_step",
     "statistics",
     "strehl",
@@ -128,7 +143,18 @@ def __dir__() -> list[str]:
 if TYPE_CHECKING:
     from . import flow, zernike
     from .compare import compare_waveforms
-    from .echo import EchoResult, echo, estimate_range, plane_target_echo, range_statistics
+    from .echo import (
+        Detector,
+        EchoResult,
+        Laser,
+        Receiver,
+        Target,
+        echo,
+        estimate_range,
+        plane_target_echo,
+        range_statistics,
+        simulate_echo,
+    )
     from .fldi import FLDI, fldi_response
     from .flow import DensityField
     from .imaging import Camera, DotPattern, background_displacement, bos, image_through
