@@ -37,7 +37,7 @@ def shown(target: C) -> C:
 
 
 def _brief(thing: Any) -> str:
-    units = units_in(type(thing).__doc__ or "")
+    units = units_in("\n".join(kind.__doc__ or "" for kind in reversed(type(thing).__mro__)))
     lines = []
     for field in dataclasses.fields(thing):
         value = getattr(thing, field.name)

@@ -1,4 +1,4 @@
-"""Trace the outward paths, through the flow to the target.
+"""Trace the outward paths, through the flow to the target, and compute the power that returns from each of its points.
 
 One ray per target point leaves the exit aperture and ends on the tilted target. R_L = integral of n ds inside the
 traced field plus the ambient index times the straight remainder (eq 9, with lengths and optical lengths distinguished).
@@ -12,12 +12,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..medium import IndexField
-from ..pupils.base import lengths
-from ..rays import RayBundle
-from ..scene import Scene
-from ..tracing import Plane, TraceResult, trace
-from .target_points import TargetPoints
+from aerokernels.echo.parts import Setup
+from aerokernels.echo.radiometry import plane_echo_power
+from aerokernels.echo.target_points import TargetPoints
+from aerokernels.inputs.checks import check_aperture
+from aerokernels.medium import IndexField
+from aerokernels.pupils.base import lengths
+from aerokernels.rays import RayBundle
+from aerokernels.tracing import TraceResult, trace
 
 
 @dataclass(frozen=True)
@@ -45,30 +47,9 @@ class TransmitPaths:
     trace: TraceResult | None = None
 
 
-def target_plane(scene: Scene) -> Plane:
-    """Return the target's plane; its normal is the optical axis turned by the target's tilt."""
-    center = (0.0, 0.0, scene.receiver.aperture_z + scene.target.distance)
-    return Plane(np.array(center), scene.target.orientation[:, 2])
-
-
-def trace_options(scene: Scene) -> dict:
-    """Return the options of `trace` that a scene's [trace] and [flow] tables set."""
-    table = scene.trace
-    return {
-        "method": table.method,
-        "tolerance": table.tolerance,
-        "step": table.step,
-        "wavelength": scene.flow.wavelength,
-        "backend": table.backend,
-        "device": table.device,
-        "precision": table.precision,
-        "max_steps": table.max_steps,
-    }
-
-
-def vacuum_paths(points: TargetPoints, plane: Plane) -> TransmitPaths:
+def vacuum_paths(setup: Setup, points: TargetPoints) -> TransmitPaths:
     """Return the outward paths in vacuum, which are straight lines."""
-    line = points.aim - points.start
+    plane, line = setup.plane, points.aim - points.start
     direction = line / lengths(line)[:, None]
     cosine = direction @ plane.normal
     path = ((plane.point - points.start) @ plane.normal) / cosine
@@ -77,12 +58,12 @@ def vacuum_paths(points: TargetPoints, plane: Plane) -> TransmitPaths:
     return TransmitPaths(intersection, direction, deflection, path, path, cosine, np.ones(len(path), dtype=bool))
 
 
-def transmit_paths(scene: Scene, field: IndexField, points: TargetPoints) -> TransmitPaths:
+def transmit_paths(setup: Setup, field: IndexField, points: TargetPoints) -> TransmitPaths:
     """Trace the outward paths through the flow; paths and intersection are NaN for rays that do not arrive."""
-    plane = target_plane(scene)
+    plane = setup.plane
     rays = RayBundle(points.start, points.aim - points.start)
     wanted = ("position", "direction", "group_path", "evaluation_count")
-    result = trace(field, rays, until=plane, outputs=wanted, **trace_options(scene))
+    result = trace(field, rays, until=plane, outputs=wanted, **setup.options)
     position, direction, path, group_path = result.position, result.direction, result.optical_path, result.group_path
     assert position is not None and direction is not None  # requested outputs
     assert path is not None and group_path is not None
@@ -97,6 +78,36 @@ def transmit_paths(scene: Scene, field: IndexField, points: TargetPoints) -> Tra
         arrived=result.ok,
         trace=result,
     )
+
+
+def point_power(setup: Setup, weight: np.ndarray, paths: TransmitPaths, factor: np.ndarray | float) -> np.ndarray:
+    """Return the peak power of each point's pulse at the receiver [W], shape (m,).
+
+    Args:
+        setup: The laser, target and receiver.
+        weight: Fraction of the beam's power at each point, shape (m,).
+        paths: The paths to the points.
+        factor: Fraction of each point's light that the flow transmits on its way back, shape (m,).
+
+    Raises:
+        ValueError: The receiver is wider than its target is far.
+    """
+    target, receiver = setup.target, setup.receiver
+    check_aperture(receiver.equal_diameter, target.distance)
+    to_receiver = np.array([0.0, 0.0, receiver.aperture_z]) - paths.intersection
+    to_receiver = to_receiver / lengths(to_receiver)[:, None]
+    normal = target.normal
+    mirrored = paths.direction - 2.0 * (paths.direction @ normal)[:, None] * normal
+    whole = plane_echo_power(
+        setup.laser.peak_power,
+        receiver.equal_diameter,
+        paths.path,
+        np.maximum(paths.incidence_cosine, 0.0),
+        target.reflector.reflectance(np.sum(mirrored * to_receiver, axis=1)),
+        target.transmission,
+        receiver.efficiency,
+    )
+    return weight * factor * whole
 
 
 def still_air(field: IndexField, distance: float) -> float:

@@ -7,7 +7,6 @@ period. Between two samples the curve is one polynomial; crossings and peaks are
 coefficients, because evaluating the spline at each trial position takes longer than the rest of a reading.
 """
 
-from collections.abc import Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -31,14 +30,6 @@ def _fit_between(degree: int) -> tuple[np.ndarray, np.ndarray]:
 _PIECES = {degree: _fit_between(degree) for degree in (1, 3, 5)}
 
 
-def _spline_through(samples: np.ndarray) -> "BSpline":
-    """Return the spline through samples at 0, 1, 2 ..., shape (n,), or through each column of (n, m)."""
-    from scipy.interpolate import make_interp_spline
-
-    count = len(samples)
-    return make_interp_spline(np.arange(count), samples, k=min(5, 2 * ((count - 2) // 2) + 1))
-
-
 class PulseCurve:
     """The curve through the samples of a pulse, shape (n,); positions in samples, values in the samples' unit.
 
@@ -49,30 +40,13 @@ class PulseCurve:
         ValueError: No sample is positive (in `peak_position` and what needs it), or the pulse's peak is cut off.
     """
 
-    def __init__(
-        self, samples: np.ndarray, is_whole: bool = False, spline: "BSpline | None" = None, upsampling: int = 1
-    ):
-        """Fit the spline, unless it is given."""
+    def __init__(self, samples: np.ndarray, is_whole: bool = False, upsampling: int = 1):
+        """Fit the spline."""
+        from scipy.interpolate import make_interp_spline
+
         self.samples, self.is_whole, self.upsampling = samples, is_whole, upsampling
-        self.spline = _spline_through(samples) if spline is None else spline
-
-    @classmethod
-    def of_each(cls, records: Sequence[np.ndarray]) -> "list[PulseCurve | None]":
-        """Return the curves of records of one length, None for a record that has no curve.
-
-        Each curve equals the record's own curve to the last bit. The equations of the splines are factorised only once;
-        the factorisation takes longer than solving them.
-        """
-        fit = [record.size > 3 and bool(np.isfinite(record).all()) for record in records]
-        good = [record for record, fits in zip(records, fit, strict=True) if fits]
-        if not good:
-            return [None] * len(records)
-        together = _spline_through(np.stack(good, axis=1))
-        each = iter(np.ascontiguousarray(together.c.T))
-        return [
-            cls(record, spline=together.construct_fast(together.t, next(each), together.k)) if fits else None
-            for record, fits in zip(records, fit, strict=True)
-        ]
+        count = len(samples)
+        self.spline: BSpline = make_interp_spline(np.arange(count), samples, k=min(5, 2 * ((count - 2) // 2) + 1))
 
     @cached_property
     def peak_position(self) -> float:
@@ -218,8 +192,8 @@ def _highest(coefficients: list[float]) -> float:
     return float(found.x)
 
 
-def peak_height(samples: np.ndarray, curve: PulseCurve | None = None) -> float:
-    """Return the greatest value of the curve through the samples; `curve` is that curve, if already computed.
+def peak_height(samples: np.ndarray) -> float:
+    """Return the greatest value of the curve through the samples.
 
     The greatest sample is returned if the record holds no peak, or if an amplifier or a digitiser has cut the peak off:
     the curve would overshoot at the edges of such a plateau.
@@ -228,4 +202,4 @@ def peak_height(samples: np.ndarray, curve: PulseCurve | None = None) -> float:
     cut_off = bool((samples[top : top + PLATEAU] == samples[top]).all()) and top + PLATEAU <= samples.size
     if samples[top] <= 0.0 or top in (0, samples.size - 1) or cut_off:
         return float(samples[top])
-    return (curve or PulseCurve(samples)).peak
+    return PulseCurve(samples).peak

@@ -12,7 +12,7 @@ t = 0 is the moment at which the pulse's peak leaves, and range = c t / 2.
 A Gaussian pulse of peak V and 1/e half-width tau, arriving at t0, crosses a threshold T at t0 - tau sqrt(ln(V / T)).
 All four interpolate between the samples: with the spline through them (`pulse_curve.py`) or, if the pulse's shape is
 given as a function, with that shape (`shaped_curve.py`), which is accurate however few samples there are. If there are
-too few samples and no shape, a warning states the size of the error (`sampling_error.py`). No offset is removed from
+too few samples and no shape, a warning states the size of the error (`doubtful_records.py`). No offset is removed from
 the voltage: subtract the baseline first.
 """
 
@@ -22,16 +22,14 @@ from functools import partial
 
 import numpy as np
 
-from ..derived import Derived
-from ..inputs.arguments import Numbers, checked
-from ..inputs.checks import Waveform, as_finite_array, as_waveform, check_choice, check_positive
-from .pulse_curve import CENTROID_FLOOR, PulseCurve
-from .sampling_error import sampling_error, warn_of_sampling
-from .saturation import warn_of_saturation
-from .shaped_curve import Shape, best_delay, shaped_curve, shifted_samples, template_transform
-from .waveform import SPEED_OF_LIGHT
-
-RANGING_METHODS = ("leading-edge", "constant-fraction", "centroid", "matched-filter")
+from aerokernels.derived import Derived
+from aerokernels.echo.doubtful_records import sampling_error, warn_of_sampling, warn_of_saturation
+from aerokernels.echo.parts import RANGING_METHODS
+from aerokernels.echo.pulse_curve import CENTROID_FLOOR, PulseCurve
+from aerokernels.echo.pulses import SPEED_OF_LIGHT
+from aerokernels.echo.shaped_curve import Shape, best_delay, shaped_curve, shifted_samples, template_transform
+from aerokernels.inputs.arguments import Numbers, checked
+from aerokernels.inputs.checks import Waveform, as_finite_array, as_waveform, check_choice, check_positive
 
 AMPLITUDE_METHODS = ("leading-edge",)  # methods whose reading depends on the amplitude
 
@@ -133,7 +131,7 @@ class Reading:
         return 0.5 * SPEED_OF_LIGHT * (float(times[0]) + self._arrival(volts, period, curve) * period)
 
     def sampling_error(self, volts: np.ndarray, period: float) -> float:
-        """Greatest error [m] due to the position of a record's pulse between its samples: see sampling_error.py."""
+        """Greatest error [m] due to the position of a record's pulse between its samples: see doubtful_records.py."""
         template = self.template
         if template is not None and not callable(template):
             template = _checked_samples(template)
@@ -225,15 +223,12 @@ class SampledTemplate(Derived):
         return self.derive(key, lambda: shifted_samples(self, places, shifts, period), KEPT)
 
 
-def template_curve(
-    template: Template, period: float, curve: PulseCurve | None = None
-) -> Callable[[np.ndarray], np.ndarray]:
+def template_curve(template: Template, period: float) -> Callable[[np.ndarray], np.ndarray]:
     """Return the template as a function of time [s], zero at its peak; 0 outside given samples.
 
     Args:
         template: A function, returned unchanged, or samples, shape (k,), at the period given.
         period: Sample period [s].
-        curve: The curve through the samples, if it was computed already.
 
     Raises:
         ValueError: Samples that are not finite, not a list, fewer than four, or without a positive value.
@@ -241,7 +236,7 @@ def template_curve(
     if callable(template):
         return template
     samples = _checked_samples(template)
-    return SampledTemplate(samples, period, curve or PulseCurve(samples))
+    return SampledTemplate(samples, period, PulseCurve(samples))
 
 
 def _checked_samples(template) -> np.ndarray:

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..display.quantities import TOTAL, ErrorBudget, Quantity
-from ..display.shown import drawn_on, shown
-from .pulse_curve import PulseCurve, peak_height
-from .range_error import RangeStatistics
+from aerokernels.display.quantities import TOTAL, ErrorBudget, Quantity
+from aerokernels.display.shown import drawn_on, shown
+from aerokernels.echo.pulse_curve import peak_height
+from aerokernels.echo.range_error import RangeStatistics
 
 if TYPE_CHECKING:
     import xarray
@@ -98,10 +98,13 @@ class EchoResult:
         They are "strehl", "peak_power" [W], "peak_voltage" [V], and "group_path" (mean over the beam), "range",
         "range_error" and "still_air" [m].
         """
+        return self._quantities({name: budget[TOTAL] for name, budget in self.error.items()})
+
+    def _quantities(self, error: Mapping[str, float] | None) -> dict[str, Quantity]:
+        """Return the numbers with these errors; None: without errors."""
 
         def quantity(value: float, name: str, unit: str = "") -> Quantity:
-            error = self.error[name][TOTAL] if name in self.error else math.nan
-            return Quantity(value, error, unit, is_ratio=not unit)
+            return Quantity(value, None if error is None else error.get(name, math.nan), unit, is_ratio=not unit)
 
         return {
             "strehl": quantity(self.mean_strehl, "strehl"),
@@ -124,13 +127,15 @@ class EchoResult:
         return axes
 
     def __repr__(self) -> str:
-        """Return the numbers with their errors as text; some rays are traced for the errors at the first call."""
-        found = self.quantities
+        """Return the numbers as text, with their errors if these have been computed: `quantities` computes them."""
+        numbers = self.quantities if "error" in self.__dict__ else self._quantities(None)
         lines = [
             f"EchoResult, target at {self.distance:g} m, {len(self.beam_share)} points, {len(self.time)} samples",
-            f"  peak {found['peak_power'].scaled(1e6, 'uW')}, {found['peak_voltage']}, Strehl ratio {found['strehl']}",
-            f"  range by {self.ranging} {found['range']}, error {found['range_error'].scaled(1e3, 'mm').text(True)}",
-            f"  of the error the air at rest, without flow: {found['still_air'].scaled(1e3, 'mm').text(True)}",
+            f"  peak {numbers['peak_power'].scaled(1e6, 'uW')}, {numbers['peak_voltage']}, "
+            f"Strehl ratio {numbers['strehl']}",
+            f"  range by {self.ranging} {numbers['range']}, "
+            f"error {numbers['range_error'].scaled(1e3, 'mm').text(True)}",
+            f"  of the error the air at rest, without flow: {self.still_air.scaled(1e3, 'mm').text(True)}",
         ]
         return "\n".join([*lines, f"  no range: {self.reason}"] if self.reason else lines)
 
@@ -147,8 +152,7 @@ class EchoResult:
     @cached_property
     def _peaks(self) -> list[float]:
         """Peaks of power and voltage."""
-        records = [self.power, self.voltage]
-        return [peak_height(*each) for each in zip(records, PulseCurve.of_each(records), strict=True)]
+        return [peak_height(record) for record in (self.power, self.voltage)]
 
     @property
     def range(self) -> float:

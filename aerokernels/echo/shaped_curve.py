@@ -16,7 +16,7 @@ from functools import partial
 
 import numpy as np
 
-from .pulse_curve import PulseCurve
+from aerokernels.echo.pulse_curve import PulseCurve
 
 # Samples across the pulse from which the spline through them is accurate to 1e-6 of the peak.
 ENOUGH_SAMPLES = 16
@@ -28,22 +28,21 @@ POINTS, SAME = 12, 1e-12
 Shape = Callable[[np.ndarray], np.ndarray]
 
 
-def shaped_curve(volts: np.ndarray, shape: Shape | None, period: float, plain: PulseCurve | None = None) -> PulseCurve:
+def shaped_curve(volts: np.ndarray, shape: Shape | None, period: float) -> PulseCurve:
     """Return the curve of a pulse, with more points than samples if there are few samples across the pulse.
 
     Args:
         volts: Samples, shape (n,).
         shape: The pulse as a function of time [s], of any amplitude and time zero; None: not known.
         period: Sample period [s].
-        plain: The curve through the samples alone, if it was computed already.
     """
     factor = _upsampling_factor(volts)
     if shape is None or factor == 1:
-        return plain or PulseCurve(volts)
+        return PulseCurve(volts)
     try:
         delay, height = best_match(volts, shape, period)
     except ValueError:  # no pulse of that shape
-        return plain or PulseCurve(volts)
+        return PulseCurve(volts)
     samples = np.arange(volts.size)
     dense = np.arange((volts.size - 1) * factor + 1) / factor
     remainder = PulseCurve(volts - height * shape((samples - delay) * period)).spline

@@ -23,18 +23,13 @@ from itertools import pairwise
 
 import numpy as np
 
-from ..inputs.checks import check_choice
-from ..process.opened import OPENED
-from ..pupils.base import lengths
-from ..scene import Scene
-from .pulses import pulse_of
-from .radiometry import LIMITS
-from .waveform import SPEED_OF_LIGHT
+from aerokernels.echo.parts import Setup
+from aerokernels.echo.pulses import SPEED_OF_LIGHT
+from aerokernels.process.opened import OPENED
+from aerokernels.pupils.base import lengths
 
 SUPPORT = 3.0  # [1/e^2 radii]
-LEAST_SIDE = 20  # points across the whole beam
 LEAST_BAND = 8  # points across a band, however narrow
-LEAST_PER_TIMESCALE = 4.0  # points within the depth that light travels, out and back, in one timescale of the pulse
 GREATEST_POINT_COUNT = 1 << 22
 PANEL_NODES = 64  # greatest number of Gauss-Legendre points in one piece; computing n points takes a time of order n^3
 # Corners whose heights differ by less than this fraction of the whole count as level: no band is made between them.
@@ -56,51 +51,48 @@ class TargetPoints:
     weight: np.ndarray
 
 
-def target_points(scene: Scene, limits: str | None = None, finer: float = 1.0) -> TargetPoints:
-    """Return the rays of a scene's beam over which its echo is summed.
+def target_points(setup: Setup, finer: float = 1.0) -> TargetPoints:
+    """Return the rays of the beam over which an echo is summed.
 
     Args:
-        scene: The scene; `beam.ray_count` is rounded up to a square, at least 400, and more if the reflector's edges
-            divide the beam into bands or a tilt spreads the echo over many pulse lengths.
-        limits: "beam": the beam's support, or the reflector's edges where those are nearer; "paper": the whole beam
-            in x and one radius either way in y (eq 11), whatever the reflector's size; None: the scene's own.
+        setup: The laser and its target; `ray_count` of the laser is rounded up to a square, at least 400, and more if
+            the reflector's edges divide the beam into bands or a tilt spreads the echo over many pulse lengths.
         finer: Multiplies the points along each side of the beam.
 
     Raises:
-        ValueError: Unknown limits, a target that reaches back to the aperture's plane, or one so deep against the pulse
-            that millions of points would be needed.
+        ValueError: A target that reaches back to the aperture's plane, or one so deep against the pulse that millions
+            of points would be needed.
     """
-    chosen = check_choice(scene.target.limits if limits is None else limits, "limits", LIMITS)
-    beam = scene.beam
-    reach = SUPPORT * beam.radius
-    if chosen == "paper":
-        outline = _rectangle(reach, beam.radius)
+    laser = setup.laser
+    reach = SUPPORT * laser.radius
+    if setup.target.limits == "paper":
+        outline = _rectangle(reach, laser.radius)
     else:
-        outline = clip_polygon(seen_outline(scene), _rectangle(reach, reach))
-    side = max(math.ceil(math.sqrt(beam.ray_count)), LEAST_SIDE)
-    across, along = (math.ceil(finer * max(side, count)) for count in _resolving_counts(scene, outline))
+        outline = clip_polygon(seen_outline(setup), _rectangle(reach, reach))
+    side = max(math.ceil(math.sqrt(laser.ray_count)), 20)  # points across the whole beam
+    across, along = (math.ceil(finer * max(side, count)) for count in _resolving_counts(setup, outline))
     if across * along > GREATEST_POINT_COUNT:
         raise ValueError(
             f"the target is deep against the pulse: {across} x {along} points of the beam would be needed to sum up "
             "its echo; take a longer beam.pulse_tau, or a smaller target.tilt or beam.radius"
         )
     flat, area = polygon_points(outline, across, along)
-    density = 2.0 / (math.pi * beam.radius**2) * np.exp(-2.0 * np.sum(flat**2, axis=1) / beam.radius**2)
-    return TargetPoints(*_rays(scene, flat), density * area)
+    density = 2.0 / (math.pi * laser.radius**2) * np.exp(-2.0 * np.sum(flat**2, axis=1) / laser.radius**2)
+    return TargetPoints(*_rays(setup, flat), density * area)
 
 
-def _rays(scene: Scene, flat: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _rays(setup: Setup, flat: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return aim and start [m], (m, 3) each, of rays through points (m, 2) of the plane at the target's centre."""
-    start_z, ratio = scene.receiver.aperture_z, scene.beam.exit_radius / scene.beam.radius
-    aim = np.column_stack([flat, np.full(len(flat), start_z + scene.target.distance)])
+    start_z, ratio = setup.receiver.aperture_z, setup.laser.exit_radius / setup.laser.radius
+    aim = np.column_stack([flat, np.full(len(flat), start_z + setup.target.distance)])
     return aim, np.column_stack([ratio * flat, np.full(len(flat), start_z)])
 
 
-def _resolving_counts(scene: Scene, outline: np.ndarray) -> tuple[int, int]:
+def _resolving_counts(setup: Setup, outline: np.ndarray) -> tuple[int, int]:
     """Return the numbers of points in x and in y that resolve the echo's spread over the reflector's depth."""
     flat, _ = polygon_points(outline, LEAST_BAND)
-    aim, start = _rays(scene, flat)
-    ray, normal = aim - start, scene.target.orientation[:, 2]
+    aim, start = _rays(setup, flat)
+    ray, normal = aim - start, setup.target.normal
     # From the exit to the tilted plane, which crosses the axis at the centre of the plane of `aim`.
     center = np.array([0.0, 0.0, aim[0, 2]])
     path = lengths(ray) * ((center - start) @ normal) / (ray @ normal)
@@ -108,8 +100,9 @@ def _resolving_counts(scene: Scene, outline: np.ndarray) -> tuple[int, int]:
     slope = np.linalg.lstsq(sides, path, rcond=None)[0]
     residual = float(np.ptp(path - sides @ slope))
     depth = np.abs(slope[1:]) * np.ptp(outline, axis=0) + residual
-    # Gauss points are pi / 2 times farther apart in the middle than on average.
-    step = 0.5 * SPEED_OF_LIGHT * pulse_of(scene).timescale / (0.5 * math.pi * LEAST_PER_TIMESCALE)
+    # Gauss points are pi / 2 times farther apart in the middle than on average; four are to fall within the depth that
+    # light travels, out and back, in one timescale of the pulse.
+    step = 0.5 * SPEED_OF_LIGHT * setup.laser.shape.timescale / (0.5 * math.pi * 4.0)
     across, along = (math.ceil(length / step) for length in depth)
     return across, along
 
@@ -118,15 +111,15 @@ def _rectangle(half_width: float, half_height: float) -> np.ndarray:
     return np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]) * (half_width, half_height)
 
 
-def seen_outline(scene: Scene) -> np.ndarray:
+def seen_outline(setup: Setup) -> np.ndarray:
     """Return the reflector's corners as the beam sees them in the plane of its centre [m], in order, shape (4, 2).
 
     Raises:
         ValueError: The reflector reaches back to the aperture's plane.
     """
-    beam, target = scene.beam, scene.target
+    laser, target = setup.laser, setup.target
     corner = target.corners
-    divergence = (1.0 - beam.exit_radius / beam.radius) / target.distance
+    divergence = (1.0 - laser.exit_radius / laser.radius) / target.distance
     scale = 1.0 + divergence * corner[:, 2]
     if scale.min() <= 0.0 or corner[:, 2].min() <= -target.distance:
         raise ValueError(

@@ -11,10 +11,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from aerokernels.inputs.checks import warn_caller
-
-from ..inputs.arguments import checked
-from ..inputs.checks import check_positive
+from aerokernels.inputs.arguments import checked
+from aerokernels.inputs.checks import check_positive, warn_caller
 
 GAMMA_AIR = 1.4
 # Universal gas constant over the molar mass of dry air, 8314.4626 / 28.9644 [J/(kg K)].

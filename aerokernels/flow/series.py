@@ -6,23 +6,23 @@ A series has its times and, where all snapshots share one mesh, the mesh. `serie
 
 import hashlib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
-from ..derived import Derived
-from ..device_arrays import device_array, host_array, own_copy
-from ..display.plain_text import cut
-from ..display.shown import shown
-from ..inputs.arguments import seconds
-from ..inputs.checks import check_choice, check_positive
-from ..medium import Body, QuadMesh, SolidBody
-from ..medium.grid import checked_axes
-from ..medium.mesh import GEOMETRIES
-from .density_field import CellDensity, DensityField
-from .gas import FreeStream, check_density
-from .sampled_density import GridDensity, VertexDensity
+from aerokernels.derived import Derived
+from aerokernels.device_arrays import device_array, host_array, own_copy
+from aerokernels.display.plain_text import cut
+from aerokernels.display.shown import shown
+from aerokernels.flow.density_field import DensityField
+from aerokernels.flow.gas import FreeStream, check_density
+from aerokernels.flow.sampled_density import CellDensity, GridDensity, SampledDensity, VertexDensity
+from aerokernels.inputs.arguments import seconds
+from aerokernels.inputs.checks import check_choice, check_positive
+from aerokernels.medium import Body, QuadMesh, SolidBody
+from aerokernels.medium.grid import checked_axes
+from aerokernels.medium.mesh import GEOMETRIES
 
 MARKED = 1 << 20  # samples in the hash that distinguishes one series from another, about
 
@@ -179,18 +179,6 @@ class Series:
             return ""
         return mark_of(self.get.first() if isinstance(self.get, InOrder) else self.get(number))
 
-    def is_unchanged(self, index: int, stamp: str, mark: str) -> bool:
-        """Return whether a snapshot is the one whose files had this stamp, and whose samples had this mark.
-
-        Files that have been copied, or written again as they were, have another stamp: only these are read.
-        """
-        if self.stamp is None or self.stamp(index) == stamp:
-            return True
-        try:
-            return self.mark(index) == mark
-        except ValueError:  # it cannot be read any more, which is said when it is computed
-            return False
-
     def lies_here(self, flow: DensityField) -> bool:
         """Return whether a field has its samples on the series' mesh, and a body exactly if the series has one."""
         alike = self.mesh is not None and self.mesh.equals(mesh_of(flow))
@@ -316,3 +304,20 @@ def times_of(time: Sequence[float] | None, step: float | None, start: float, cou
     if count is None:
         raise ValueError("an iterator does not say how many snapshots it has: give time, one for each, or count")
     return start + step * np.arange(count)
+
+
+def on_known_geometry(flow: DensityField, known: Sequence[DensityField]) -> DensityField:
+    """Return a flow with its mesh and body replaced by the equal mesh and body of a known flow, where there are such.
+
+    Geometry computed from a mesh or a body is cached on that object: with the same object, another snapshot or another
+    density field does not compute it again.
+    """
+    if not isinstance(flow, SampledDensity):
+        return flow
+    shared: dict[str, Any] = {}
+    for name in ("mesh", "body"):
+        own = getattr(flow, name, None)
+        for other in (getattr(each, name, None) for each in known):
+            if own is not None and other is not own and own.equals(other):
+                shared[name] = other
+    return replace(flow, **shared) if shared else flow  # type: ignore[type-var]

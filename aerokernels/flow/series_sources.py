@@ -1,24 +1,192 @@
 """Open a series from a file with a time axis, from numbered files, or from arrays of a solver in this process."""
 
 import os
-from collections.abc import Callable, Iterable, Sequence
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
+from fractions import Fraction
+from functools import partial
 from importlib import import_module
+from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..device_arrays import host_array
-from ..inputs.checks import check_path
-from ..medium import Body, QuadMesh
-from .density_field import DensityField
-from .gas import FreeStream
-from .numbered_files import in_order, warn_of_gaps
-from .series import GridMesh, InOrder, Series, mesh_of, times_of
-from .series_arguments import ARRAYS, FIELDS, FILES, WITH_TIME, Given
-from .series_files import opened, series_of_dataset
-from .series_reader import SeriesReader, with_own
+from aerokernels.device_arrays import host_array
+from aerokernels.flow.density_field import DensityField
+from aerokernels.flow.gas import FreeStream
+from aerokernels.flow.refractivity import refractivity_model
+from aerokernels.flow.sampled_density import CellDensity, GridDensity, VertexDensity
+from aerokernels.flow.series import GridMesh, InOrder, Series, mesh_of, times_of
+from aerokernels.flow.series_files import opened, series_of_dataset
+from aerokernels.inputs.checks import check_path, warn_caller
+from aerokernels.inputs.wavelength import DEFAULT_WAVELENGTH
+from aerokernels.medium import Body, QuadMesh
+
+FILES, WITH_TIME = "files that are read one by one", "data with a time axis"
+
+
+ARRAYS, FIELDS = "arrays", "density fields"
+
+
+# The arguments of each kind of source, apart from its times. Files take the options of their reader as well.
+TAKES = {
+    FILES: ("density", "ambient_density", "geometry", "spacing", "mesh", "species", "body", "conditions", "read"),
+    WITH_TIME: (
+        "density", "ambient_density", "geometry", "length_unit", "cell_averages", "species", "body", "conditions",
+    ),
+    ARRAYS: ("ambient_density", "geometry", "origin", "spacing", "mesh", "cell_averages", "body", "conditions"),
+    FIELDS: ("ambient_density", "body", "conditions"),
+}  # fmt: skip
+
+
+TIMES = ("time", "time_step", "start_time", "count")
+
+
+# Arguments that turn densities into optical paths, which a series does not.
+OPTICAL = ("wavelength", "relation", "constant", "interpolation")
+
+
+OF_SAMPLES_ALONE = CellDensity, VertexDensity, GridDensity
+
+
+# A difference of the far field is that of another flow if it is this many times the scatter of the densities there, and
+# changes the optical path by more than the default tolerance [waves].
+SCATTERS, WORTH = 3.0, 1e-3
+
+
+SHARES = (0.16, 0.5, 0.84)  # quantiles: the median, and half of the distance of the others as the scatter
+
+
+SAMPLES = 1 << 17  # of the upstream end, about
+
+
+COUNTERS, DECIMALS = r"([0-9]+)", r"([0-9]+(?:\.[0-9]+)?)"
+
+
+# Deviation of a step from the mean of all at which they are still even: times in names are rounded.
+EVEN = 0.25
+
+
+LEAST = 3  # files of which the steps can be compared
+
+
+class SeriesReader:
+    """Reads files, or one file at several times, as density fields; the first one read is the first snapshot.
+
+    All files get the ambient density of the first one, unless the caller gives it or a function that reads them. That
+    of each file would be the median of its own turbulence: on lines of unequal length through the grid its fluctuations
+    would tilt the wavefront. A file of other flow conditions has a far field that differs by more than turbulence, and
+    gets a warning.
+
+    Attributes:
+        options: The options of `flow.read`; None where the caller's function reads.
+    """
+
+    def __init__(self, read: Callable[..., DensityField] | None, options: dict[str, Any], own: Mapping[str, Any]):
+        """Store the function, its options, and attributes that replace those of the fields."""
+        self.options: dict[str, Any] | None = None
+        self._read: Any
+        if read is None:
+            self._read = import_module("aerokernels.flow.reading.read").Reader(**options)
+            self.options = self._read.options
+        else:
+            self._read = partial(read, **options)
+        self._own, self._first = own, np.empty(0)
+        self._is_watched = read is None and "ambient_density" not in options
+
+    def __call__(self, path: Path, **more: Any) -> DensityField:
+        """Read a file, or a time of it. Errors as in `flow.read`."""
+        found = self._read(path, **more)
+        if self._is_watched:
+            self._watch(path, found)
+        changed: DensityField = with_own(found, self._own)
+        return changed
+
+    def _watch(self, path: Path, found: DensityField) -> None:
+        """Hold the ambient density of the first file, and warn of the first other one with another far field."""
+        assert self.options is not None
+        front = import_module("aerokernels.flow.reading.read").far_field(found, self._read.resampling)
+        low, middle, high = np.quantile(front[:: max(1, front.size // SAMPLES)], SHARES)
+        here = np.array([middle, 0.5 * (high - low)])
+        if not self._first.size:
+            self.options["ambient_density"], self._first = found.ambient_density, here
+            return
+        difference, scatter = abs(here[0] - self._first[0]), max(here[1], self._first[1])
+        length = float(found.box[1][-1] - found.box[0][-1])
+        constant = float(refractivity_model("gladstone-dale").constant(DEFAULT_WAVELENGTH))
+        waves = constant * difference * length / DEFAULT_WAVELENGTH
+        if difference > SCATTERS * scatter and waves > WORTH:
+            self._is_watched = False  # one warning for a series
+            warn_caller(
+                f"{path}: the density at its upstream end is {here[0]:.6g} kg/m3, in the first snapshot "
+                f"{self._first[0]:.6g} kg/m3, but all snapshots are taken to be in air of {found.ambient_density:.6g} "
+                f"kg/m3: {waves:.2g} waves along the box at {1e9 * DEFAULT_WAVELENGTH:.0f} nm. Open snapshots of "
+                "different flow conditions as separate series, or give density fields, which keep their own "
+                "ambient_density; if the conditions are the same, give ambient_density"
+            )
+
+
+class Given(NamedTuple):
+    """The arguments that a caller of `open_series` gives.
+
+    Attributes:
+        named: Its named arguments; None where one is not given.
+        options: Further ones.
+    """
+
+    named: dict[str, Any]
+    options: dict[str, Any]
+
+    @property
+    def values(self) -> dict[str, Any]:
+        """All arguments that are given."""
+        return {name: value for name, value in {**self.named, **self.options}.items() if value is not None}
+
+    def check(self, source: str, kind: str) -> None:
+        """Reject an argument that a kind of source has no use for.
+
+        Args:
+            source: The source, for the message.
+            kind: What it was recognised as.
+
+        Raises:
+            TypeError: A name that `open_series` does not have.
+            ValueError: An argument of other sources.
+        """
+        values = self.values
+        optical = [name for name in OPTICAL if name in self.options]
+        if optical and "read" not in values:
+            raise TypeError(f"a series holds densities: give {optical[0]} to optical_series, or to index_field")
+        unused = [name for name in values if name not in TAKES[kind] and (kind != FILES or name not in self.options)]
+        if kind == FILES and isinstance(values.get("mesh"), QuadMesh):
+            unused.append("QuadMesh as mesh")
+        if unused:
+            remedy = " (give density fields, each with its composition)" if unused[0] == "species" else ""
+            raise (TypeError if unused[0] in self.options else ValueError)(
+                f"{source} is taken for {kind}, which take no {unused[0]}{remedy}, but {', '.join(TIMES)}, "
+                f"{', '.join(TAKES[kind])}{' and options of their reader' if kind == FILES else ''}: leave it out"
+            )
+
+    def check_geometry(self, source: str, mesh: GridMesh | QuadMesh | None) -> None:
+        """Reject a geometry other than that which the source has.
+
+        Raises:
+            ValueError: They differ.
+        """
+        geometry = self.named["geometry"]
+        if geometry is not None and mesh is not None and geometry != mesh.geometry:
+            raise ValueError(f"{source} is {mesh.geometry}, not {geometry}: leave geometry out")
+
+    def for_files(self) -> dict[str, Any]:
+        """Return the options with which a file is read: `read` has these arguments under the same names."""
+        names = ("density", "ambient_density", "geometry", "spacing", "mesh", "species")
+        return {name: self.named[name] for name in names if self.named[name] is not None} | self.options
+
+    def of_fields(self) -> dict[str, Any]:
+        """Return the attributes that density fields get in place of their own."""
+        return {name: self.named[name] for name in TAKES[FIELDS] if self.named[name] is not None}
 
 
 def open_series(
@@ -261,3 +429,64 @@ def _stamp(path: Path, reader: SeriesReader, time: float | None = None) -> str:
     behind = import_module("aerokernels.flow.reading.formats")
     found: str = behind.stamp(behind.files_behind(path, reader.options, time))
     return found
+
+
+def with_own(found: Any, own: Mapping[str, Any]) -> Any:
+    """Return a density field with attributes in place of its own, by name; anything else as it is.
+
+    Raises:
+        ValueError: The field is a formula.
+    """
+    if not own or not isinstance(found, DensityField):
+        return found
+    if type(found) not in OF_SAMPLES_ALONE:
+        what = f"a {type(found).__name__} is a formula, which has its own {', '.join(own)}"
+        raise ValueError(f"{what}: leave it out, and make the fields with the values that they are to have")
+    return replace(found, **own)  # type: ignore[type-var]
+
+
+def in_order(paths: Sequence[Path]) -> list[Path]:
+    """Return files ordered by the numbers in their names."""
+    for reading in (COUNTERS, DECIMALS):
+        ordered = sorted(paths, key=partial(_pieces, reading=reading))
+        steps = _steps(ordered, reading)
+        if len(steps) >= LEAST - 1 and _are_even(steps):
+            return ordered
+    return sorted(paths, key=partial(_pieces, reading=COUNTERS))
+
+
+def warn_of_gaps(paths: Sequence[Path]) -> None:
+    """Warn of files whose names have one number that differs, and not by even steps."""
+    found = [_steps(paths, reading) for reading in (COUNTERS, DECIMALS)]
+    if all(len(steps) >= LEAST - 1 and not _are_even(steps) for steps in found):
+        usual = sorted(found[0])[len(found[0]) // 2]
+        odd = next((k for k, step in enumerate(found[0]) if step != usual), 0)
+        warn_caller(
+            f"the files are not numbered evenly: {paths[odd + 1].name} comes after {paths[odd].name}. A snapshot may "
+            "be missing, or there twice; time_step gives all of them even times: give time=, one for each"
+        )
+
+
+def _pieces(path: Path, reading: str) -> list[str | int | Fraction]:
+    """Return the texts and the numbers of a name, in turn."""
+    return [_number(one) if k % 2 else one for k, one in enumerate(re.split(reading, path.name))]
+
+
+def _number(text: str) -> int | Fraction:
+    return Fraction(text) if "." in text else int(text)
+
+
+def _steps(paths: Sequence[Path], reading: str) -> list[float]:
+    """Return the differences of the one number that differs from name to name; empty if several do, or none."""
+    names = [_pieces(path, reading)[1::2] for path in paths]
+    if len({len(name) for name in names}) != 1:
+        return []
+    columns: list[Any] = [column for column in zip(*names, strict=True) if len(set(column)) > 1]
+    if len(columns) != 1:
+        return []
+    return [float(after - before) for before, after in pairwise(columns[0])]
+
+
+def _are_even(steps: Sequence[float]) -> bool:
+    mean = sum(steps) / len(steps)
+    return mean > 0 and all(abs(step - mean) <= EVEN * mean for step in steps)

@@ -8,13 +8,11 @@ from typing import Literal, overload
 
 import numpy as np
 
+from aerokernels.flow.gas import FreeStream, expanded
 from aerokernels.flow.reading.volumes.measuring_lines import VolumeResampling
-
-from ..inputs.arguments import checked
-from ..medium import Body, QuadMesh, SolidBody
-from .density_field import CellDensity
-from .gas import FreeStream, expanded
-from .sampled_density import GridDensity
+from aerokernels.flow.sampled_density import CellDensity, GridDensity
+from aerokernels.inputs.arguments import checked
+from aerokernels.medium import Body, QuadMesh, SolidBody
 
 _DATA = files(__package__) / "data"
 PLANE_NAMES = ("mach2", "mach3", "mach4")

@@ -20,13 +20,28 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..inputs.arguments import checked
-from ..inputs.wavelength import SAME, check_wavelength
-from . import ciddor
+from aerokernels.flow import ciddor
+from aerokernels.inputs.arguments import checked
+from aerokernels.inputs.wavelength import SAME, check_wavelength
 
 GAS_CONSTANT = 8.314462618  # [J/(mol K)]
+
+
 # The sum of fractions may differ from 1 by this much, as rounded fractions do; they are then scaled to a sum of 1.
 SUM_TOLERANCE = 2e-3
+
+
+_NORMAL = (273.15, 101325.0)
+
+
+_BORZSONYI = "A. Borzsonyi et al., Appl. Opt. 47 (2008) 4856"
+
+
+WATER = "H2O"
+
+
+# Ciddor's water vapour was fitted to moist air: the uncertainty is 1 % of the vapour's contribution.
+_WATER_UNCERTAINTY = 1e-2
 
 
 @dataclass(frozen=True)
@@ -106,9 +121,6 @@ class Species:
         return (excess + turned) / self.reference_density
 
 
-_NORMAL = (273.15, 101325.0)
-
-
 def _gas(name, grams, form, coefficients, micrometres, virial, uncertainty, source, state=_NORMAL) -> Species:
     """Return a species from numbers in the papers' units: g/mol, um, cm3/mol."""
     return Species(
@@ -125,7 +137,6 @@ def _gas(name, grams, form, coefficients, micrometres, virial, uncertainty, sour
     )
 
 
-_BORZSONYI = "A. Borzsonyi et al., Appl. Opt. 47 (2008) 4856"
 SPECIES: dict[str, Species] = {
     gas.name: gas
     for gas in (
@@ -170,10 +181,7 @@ SPECIES: dict[str, Species] = {
         ),
     )
 }  # fmt: skip
-WATER = "H2O"
 SPECIES_NAMES = (*SPECIES, WATER)
-# Ciddor's water vapour was fitted to moist air: the uncertainty is 1 % of the vapour's contribution.
-_WATER_UNCERTAINTY = 1e-2
 
 
 @dataclass(frozen=True, eq=False)

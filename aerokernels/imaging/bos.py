@@ -13,8 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from aerokernels.files.writing import replacing, write_grey, write_netcdf
-
+from ..files.writing import replacing, write_grey, write_netcdf
 from ..inputs.arguments import checked
 from ..inputs.checks import check_choice
 from ..medium import IndexField

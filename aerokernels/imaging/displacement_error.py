@@ -14,8 +14,7 @@ from ..rays import RayBundle
 from ..tracing import trace
 from ..tracing.some_pixels import SomePixels, total
 from ..tracing.variants.paths import Rays
-from .camera import Camera, along
-from .known_view import rays_of, scene_plane
+from .camera import Camera, along, rays_of, scene_plane
 
 # Most points of the aperture whose rays change, and most pixels that another number of points is tried on.
 MOST_POINTS, TRIED = 16, 64

@@ -16,8 +16,7 @@ from ..rays import RayBundle
 from ..tracing import trace
 from ..tracing.result import TraceResult
 from ..tracing.status import reached
-from .camera import Camera, along
-from .known_view import scene_plane
+from .camera import Camera, along, scene_plane
 
 # Rays per block.
 BLOCK = 1 << 14  # speed only

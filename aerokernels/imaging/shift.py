@@ -16,15 +16,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..display.shown import drawn_on, is_flat, say_flat
 from ..inputs.arguments import checked
 from ..inputs.checks import check_count, check_positive
 from ..medium import IndexField
 from ..process.clock import clocked, stage
 from ..tracing.pupil.air import GREATEST_SHARE
 from ..tracing.stop import plane_beyond
-from .camera import Camera, rows_and_columns
+from .camera import Camera, KnownView, rows_and_columns
 from .displacement_error import Aperture, PixelErrors
-from .known_view import KnownView
 from .landing import by_rows, land
 
 if TYPE_CHECKING:
@@ -162,9 +162,14 @@ class BackgroundDisplacement:
 
     def plot(self, axes=None):
         """Draw the size of the displacement on matplotlib axes; return the axes."""
-        from .plots import plot_displacement
-
-        return plot_displacement(self, axes)
+        axes, size = drawn_on(axes), np.hypot(self.displacement[..., 0], self.displacement[..., 1])
+        if is_flat([0.0, *size.ravel()], "pixel"):
+            say_flat(axes, "no displacement, but for rounding")
+            return axes
+        drawn = axes.imshow(size, origin="lower", cmap="viridis")
+        axes.figure.colorbar(drawn, ax=axes, label="displacement [pixels]")
+        axes.set(xlabel="column [pixels]", ylabel="row [pixels]")
+        return axes
 
     def __repr__(self) -> str:
         """Size and greatest displacement."""

@@ -38,10 +38,11 @@ from aerokernels.schlieren import (
     shadow_picture,
     write_picture,
 )
-from aerokernels.schlieren.fringes import check_fringes
-from aerokernels.schlieren.knife_edge import check_knife_edge
-from aerokernels.schlieren.shadowgraph import check_screen
-from aerokernels.schlieren.view import PictureView
+from aerokernels.schlieren.fringes import Fringes
+from aerokernels.schlieren.knife_edge import KnifeEdge
+from aerokernels.schlieren.line_of_sight import check_exposure
+from aerokernels.schlieren.picture import PictureView
+from aerokernels.schlieren.shadowgraph import Screen
 
 if TYPE_CHECKING:
     import xarray
@@ -116,9 +117,10 @@ class PictureOptions:
             raise ValueError(f"extent {self.extent}: give right from, to, up from, to in metres, increasing")
         if self.shock_window is not None and not self.shock_window[0] < self.shock_window[1]:
             raise ValueError(f"shock window {self.shock_window}: give from and to in metres, increasing")
-        check_knife_edge(self.knife_edge, self.cut_off, self.sensitivity, self.exposure)
-        check_screen(self.screen_distance, self.source_angle, 1.0)
-        check_fringes(self.fringe_spacing, self.fringe_angle, 0.0, 1.0, 1.0)
+        KnifeEdge(self.knife_edge, self.cut_off, self.sensitivity)
+        check_exposure(self.exposure)
+        Screen(self.screen_distance, self.source_angle)
+        Fringes(self.fringe_spacing, self.fringe_angle)
         if self.shock_window is not None and "schlieren" not in self.kinds:
             raise ValueError("the shock's angle is measured on the schlieren picture: request that kind too")
 

@@ -6,11 +6,11 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from ..inputs.units import quantity, si_unit
-from .errors import SceneError, scene_error
-from .key_units import dimension_of
-from .loading import override, toml_value
-from .scene import Scene
+from aerokernels.inputs.units import quantity, si_unit
+from aerokernels.scene.errors import SceneError, scene_error
+from aerokernels.scene.key_units import dimension_of
+from aerokernels.scene.loading import override, toml_value
+from aerokernels.scene.scene import Scene
 
 
 def changed_scene(scene: Scene | str | Path, changes: Mapping[str, Any]) -> Scene:

@@ -4,7 +4,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
-from .values import Angle, Density, Length, Number, Pressure, Table, Temperature, key
+from aerokernels.scene.values import Angle, Density, Length, Number, Pressure, Table, Temperature, key
 
 
 def _axis(value: str) -> str:

@@ -10,9 +10,9 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from ..display.plain_text import cut
-from ..flow.shipped import shipped_names
-from .errors import SceneError
+from aerokernels.display.plain_text import cut
+from aerokernels.flow.shipped import shipped_names
+from aerokernels.scene.errors import SceneError
 
 _SHIPPED = files("aerokernels") / "scenes"
 _COMMON = _SHIPPED / "common" / "laser_rangefinder.toml"  # the tables from [beam] on, which end every shipped scene

@@ -4,7 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from .values import Angle, Count, Density, Elevation, Length, Speed, Table, Time, key
+from aerokernels.scene.values import Angle, Count, Density, Elevation, Length, Speed, Table, Time, key
 
 
 class SeriesTable(Table):

@@ -11,13 +11,12 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
-from ..flow import gladstone_dale_constant, refractivity_model, shipped_names
-from ..flow.gas import check_density
-from ..flow.models import default_relation
-from ..flow.refractivity import RELATIONS, refractivity
-from ..inputs.units import quantity
-from .file_table import FileTable
-from .values import Count, GladstoneDale, Length, Number, Table, key
+from aerokernels.flow import gladstone_dale_constant, refractivity_model, shipped_names
+from aerokernels.flow.gas import check_density
+from aerokernels.flow.refractivity import RELATIONS, default_relation, refractivity
+from aerokernels.inputs.units import quantity
+from aerokernels.scene.file_table import FileTable
+from aerokernels.scene.values import Count, GladstoneDale, Length, Number, Table, key
 
 STATIC = "static"
 UNIFORM_INTERPOLATIONS = ("cubic", "linear", "monotone")

@@ -3,8 +3,7 @@
 from pydantic import BaseModel
 
 from aerokernels.inputs.checks import warn_caller
-
-from .scene import Scene
+from aerokernels.scene.scene import Scene
 
 _LASER = ("atmosphere", "beam", "detector", "strehl", "target")
 _STEPS = ("trace.allow_truncation", "trace.max_steps", "trace.method", "trace.step")

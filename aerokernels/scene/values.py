@@ -4,7 +4,7 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, field_validator
 
-from ..inputs.units import quantity
+from aerokernels.inputs.units import quantity
 
 
 class Table(BaseModel):

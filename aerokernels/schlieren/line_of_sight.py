@@ -23,13 +23,11 @@ from typing import Any
 
 import numpy as np
 
-from aerokernels.inputs.checks import warn_caller
-from aerokernels.medium import IndexField
-from aerokernels.rays import RayBundle
-from aerokernels.tracing import Plane, RayStatus, trace
-
 from ..inputs.arguments import checked
-from ..inputs.checks import check_count
+from ..inputs.checks import check_count, warn_caller
+from ..medium import IndexField
+from ..rays import RayBundle
+from ..tracing import Plane, RayStatus, trace
 from ..tracing.cuts import lost
 from ..tracing.lines import box_size
 from ..tracing.pupil.air import GREATEST_SHARE

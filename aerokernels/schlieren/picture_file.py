@@ -5,13 +5,11 @@ from pathlib import Path
 
 import numpy as np
 
-from aerokernels.files.writing import write_grey
-from aerokernels.process.foreign_files import NoRoomError, check_room
-
+from ..files.writing import write_grey
 from ..inputs.arguments import checked
 from ..inputs.checks import check_choice, check_path
-from .picture import Picture
-from .view import PictureView
+from ..process.foreign_files import NoRoomError, check_room
+from .picture import Picture, PictureView
 
 LEAST_PIXELS = 16  # along each side
 COPIES = 3  # float64 arrays in memory at once while a picture is read

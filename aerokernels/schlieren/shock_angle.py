@@ -8,10 +8,8 @@ import numpy as np
 
 from ..inputs.arguments import checked
 from ..inputs.checks import check_choice
-from .fronts import LEAST_LINES, fit_curve, inner_bands, outer_fronts, smoothed
-from .picture import Picture
-from .staircase import is_staircase, slope_error
-from .view import PictureView
+from .fronts import LEAST_LINES, fit_curve, inner_bands, is_staircase, outer_fronts, slope_error, smoothed
+from .picture import Picture, PictureView
 
 HALVES = ("upper", "lower", "both")
 # Error by the width of a shock's edge over the change of the angle with half of the smoothing; smoothing that a picture

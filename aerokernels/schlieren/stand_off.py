@@ -7,9 +7,8 @@ import numpy as np
 
 from ..inputs.arguments import checked
 from ..inputs.checks import check_choice
-from .fronts import LEAST_LINES, fit_curve, outer_fronts, smoothed
-from .staircase import is_staircase
-from .view import PictureView
+from .fronts import LEAST_LINES, fit_curve, is_staircase, outer_fronts, smoothed
+from .picture import PictureView
 
 SIDES = ("right", "left")
 # The body begins where the brightness stays below this share of the undisturbed air's for so many pixels.

@@ -12,7 +12,7 @@ from ..rays import RayBundle
 from ..tracing.pupil.air import pupil_air
 from ..tracing.stop import plane_beyond
 from ..tracing.trace import trace
-from .grid import pupil_grid
+from .pixels import pupil_grid
 from .result import Wavefront
 
 

@@ -10,7 +10,7 @@ enters on the other. Evanescent waves (K > k) decay.
 import numpy as np
 
 from ..inputs.arguments import checked
-from ..inputs.checks import check_at_least, check_positive
+from ..inputs.checks import check_at_least, check_positive, warn_caller
 from ..inputs.wavelength import check_wavelength
 
 
@@ -79,3 +79,54 @@ def angular_spectrum(
     if distance < 0.0:  # evanescent waves do not grow
         exponent = 1j * exponent.imag
     return np.asarray(ifft2(fft2(amplitude) * np.exp(distance * exponent)))
+
+
+class WrappedWaveWarning(UserWarning):
+    """Light leaves the window of a wave, and comes back on its other side."""
+
+
+def wrapped_share(
+    amplitude: np.ndarray, pixel: float, wavelength: float, distance: float, ambient_index: float
+) -> float:
+    """Return the share of the light that certainly leaves the periodic window over a distance [m], by either axis.
+
+    A component of the angular spectrum with the slope t moves by the distance times t. All light starts within the lit
+    part of the window: if the whole lit part, moved so far, is beyond a side, the component's light has left.
+
+    Args:
+        amplitude: Complex amplitude over square pixels, shape (rows, columns).
+        pixel: Side of a pixel [m].
+        wavelength: Vacuum wavelength [m].
+        distance: Distance of propagation [m].
+        ambient_index: Refractive index of the air.
+    """
+    from scipy.fft import fft2, fftfreq
+
+    light, spectrum = np.abs(amplitude) ** 2, np.abs(fft2(amplitude)) ** 2
+    worst = 0.0
+    for axis in (0, 1):
+        begun = np.cumsum(light.sum(axis=1 - axis))
+        first, last = np.searchsorted(begun, np.array([1e-4, 1.0 - 1e-4]) * begun[-1])
+        count = begun.size
+        sine = fftfreq(count, pixel) * wavelength / ambient_index
+        slope = sine / np.sqrt(np.maximum(1.0 - sine**2, np.finfo(np.float64).tiny))
+        moved = np.where(np.abs(sine) < 1.0, slope * distance / pixel, 0.0)  # the others are evanescent
+        left = (first + moved > count - 0.5) | (last + moved < -0.5)
+        by_component = spectrum.sum(axis=1 - axis)
+        worst = max(worst, float(by_component[left].sum() / by_component.sum()))
+    return worst
+
+
+def warn_of_wrapping(
+    amplitude: np.ndarray, pixel: float, wavelength: float, distance: float, ambient_index: float
+) -> None:
+    """Warn if more than a thousandth of the light leaves the window; the arguments are those of `wrapped_share`."""
+    share = wrapped_share(amplitude, pixel, wavelength, distance, ambient_index)
+    if share > 1e-3:
+        rows, columns = amplitude.shape
+        warn_caller(
+            f"over {distance:.4g} m at least {100.0 * share:.2g} % of the light leaves the window of "
+            f"{columns * pixel:.4g} m x {rows * pixel:.4g} m, which is periodic, and comes back on its other side: "
+            "the amplitude is not that of free space; take a wider window, or a Wave with a margin of zeros",
+            WrappedWaveWarning,
+        )

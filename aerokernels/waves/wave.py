@@ -12,8 +12,7 @@ from ..inputs.wavelength import check_wavelength
 from ..pupils import as_unit_vector, as_vector, transverse_axes
 from ..wavefront import PointSpread
 from ..wavefront.point_spread import far_field
-from .angular_spectrum import angular_spectrum, as_amplitude
-from .wrapping import warn_of_wrapping
+from .angular_spectrum import angular_spectrum, as_amplitude, warn_of_wrapping
 
 
 @shown

@@ -22,7 +22,7 @@ from aerokernels.jobs.recorded import waveforms
 from aerokernels.jobs.run_folder import RunFolder, match_runs, run_of
 from aerokernels.medium import IndexField
 from aerokernels.wavefront import Wavefront
-from aerokernels.wavefront.data import SIGN_CONVENTION
+from aerokernels.wavefront.result import SIGN_CONVENTION
 
 from .flow_draws import check_dataset
 from .input_draws import NUMBERS, TEXTS, Draw

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from aerokernels import echo, estimate_range
 from aerokernels.echo import HeliosPulse, range_walk
-from aerokernels.echo.waveform import SPEED_OF_LIGHT
+from aerokernels.echo.pulses import SPEED_OF_LIGHT
 from aerokernels.medium import IndexField
 from aerokernels.scene import Scene
 

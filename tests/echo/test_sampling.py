@@ -8,10 +8,9 @@ import pytest
 
 from aerokernels import Scene, echo, estimate_range, range_statistics
 from aerokernels.echo import RANGING_METHODS, CoarseSamplingWarning
-from aerokernels.echo.pulses import GaussianPulse, HeliosPulse
+from aerokernels.echo.pulses import SPEED_OF_LIGHT, GaussianPulse, HeliosPulse
 from aerokernels.echo.ranging import Reading
 from aerokernels.echo.shaped_curve import shaped_curve
-from aerokernels.echo.waveform import SPEED_OF_LIGHT
 
 TAU = 6e-9
 HALF_C = 0.5 * SPEED_OF_LIGHT

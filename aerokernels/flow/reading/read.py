@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, TypedDict, Unpack, cast
 
 import numpy as np
 
-from aerokernels.flow.density_field import CellDensity, DensityField
+from aerokernels.flow.density_field import DensityField
 from aerokernels.flow.gas import check_density
 from aerokernels.flow.reading.checks import check_blocks, check_repeated_blocks, said_of_units, with_blanks
 from aerokernels.flow.reading.dataset import DAMAGED, Dataset, ReadError, grid_of, wall_patches, with_all_points

@@ -15,7 +15,7 @@ Detection (2005).
 
 import numpy as np
 
-from .wall_tree import LEAF, WallTree
+from aerokernels.medium.bodies.wall_tree import LEAF, WallTree
 
 NEAREST = 3  # triangles with the nearest centroids, with which the search for the nearest one begins
 POINTS = 1 << 10  # points that descend the tree together; speed only

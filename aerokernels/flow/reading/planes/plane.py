@@ -10,7 +10,7 @@ from aerokernels.flow.reading.density import density_of, in_si
 from aerokernels.flow.reading.frame import Frame
 from aerokernels.flow.reading.planes.polygon_cells import Polygons
 from aerokernels.flow.reading.planes.polygons import merged, quad_mesh
-from aerokernels.flow.wall_density import WallDensity
+from aerokernels.flow.sampled_density import WallDensity
 from aerokernels.medium import QuadMesh
 
 if TYPE_CHECKING:
