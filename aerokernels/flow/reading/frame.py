@@ -12,7 +12,7 @@ In the optical frame z is the optical axis and points upstream, y is up (the dir
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -20,9 +20,6 @@ from aerokernels.flow.reading.arrays import plain_name
 from aerokernels.flow.reading.dataset import Dataset, ReadError
 from aerokernels.inputs.checks import warn_caller
 from aerokernels.inputs.units import quantity
-
-if TYPE_CHECKING:
-    from aerokernels.flow.reading.read import Reading
 
 AXES = {"x": 0, "y": 1, "z": 2}
 FLAT_SHARE = 1e-6  # of the greatest extent: a thinner set of points is a plane
@@ -193,7 +190,7 @@ COMPONENTS = ("velocity{}", "{}velocity", "vel{}", "momentum{}", "{}momentum", "
 STEADY = 0.3  # of the mean speed: a mean velocity below it has no direction, as in a closed room
 
 
-def direction_note(reading: "Reading", axes: np.ndarray) -> list[str]:
+def direction_note(reading, axes: np.ndarray) -> list[str]:
     """Return a note if a file's velocity does not run against the optical axis, where the caller gives no axis.
 
     The ambient density is then that of the air at the wrong end. A velocity along the axis, `axes[2]` in the file's

@@ -1,7 +1,6 @@
 """Two-dimensional files: their points in the optical frame, their mesh, and the density on it."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,9 +11,6 @@ from aerokernels.flow.reading.planes.polygon_cells import Polygons
 from aerokernels.flow.reading.planes.polygons import merged, quad_mesh
 from aerokernels.flow.sampled_density import WallDensity
 from aerokernels.medium import QuadMesh
-
-if TYPE_CHECKING:
-    from aerokernels.flow.reading.read import Reading
 
 ON_AXIS = 1e-12  # of the greatest radius: rounding of points on the axis
 BOTH_SIDES = 1e-6  # of the plane's width: farther beyond the axis than rounding of single precision
@@ -37,7 +33,7 @@ class Plane:
     scale: float
 
     @classmethod
-    def of(cls, reading: "Reading") -> "Plane":
+    def of(cls, reading) -> "Plane":
         """Return the plane of a file; refuse a frame that does not fit the geometry."""
         path, dataset, frame = reading.path, reading.dataset, reading.frame
         geometry, scale, normal, origin = reading.geometry, reading.scale, reading.normal, np.array(frame.origin)
@@ -182,7 +178,7 @@ def _structured(path, block: Block) -> np.ndarray:
 SAME = 1e-5  # of a cell's density: the resolution of a file with six digits
 
 
-def wall_density(reading: "Reading", plane: Plane) -> WallDensity | None:
+def wall_density(reading, plane: Plane) -> WallDensity | None:
     """Return the solver's densities at points of the walls; None if no wall has others than those of its cells.
 
     A wall counts if its values are known and differ from those of its cells: a wall of a given temperature. An edge's
