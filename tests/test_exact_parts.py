@@ -7,7 +7,6 @@ import pytest
 
 from aerokernels import Camera, Disc, DotPattern, IndexField, RayBundle, trace
 from aerokernels.flow.conical_averages import _divided, _gauss, bell, cell_averages
-from aerokernels.imaging.landing import pixel_rays
 from aerokernels.medium import Body
 from aerokernels.tracing.blocks import greatest_around, over_lines
 
@@ -104,7 +103,8 @@ def test_rays_of_pixels_are_unit_vectors_toward_them():
     """From a point of the aperture of a camera that looks aslant: pixel k lies at k times pixel over focal length."""
     normal = np.array([0.2, -0.1, 1.0]) / math.sqrt(1.05)
     camera = Camera(Disc(0.01, (1e-3, 2e-3, 3e-3), normal), 0.05, 1e-4, (4, 6))
-    rays = pixel_rays(camera, (4, 6), np.array([2e-3, -3e-3]))
+    x, y = (axis.ravel() for axis in np.meshgrid(*camera.tangents((4, 6))))
+    rays = camera.rays(np.array([2e-3, -3e-3]), x, y)
     np.testing.assert_allclose(np.linalg.norm(rays.direction, axis=1), 1.0, atol=1e-15)
     ahead = rays.direction @ normal
     places = [(rays.direction @ axis / ahead).reshape(4, 6) for axis in camera.pupil.axes]

@@ -17,6 +17,7 @@ from ..files.writing import replacing, write_grey, write_netcdf
 from ..inputs.arguments import checked
 from ..inputs.checks import check_choice
 from ..medium import IndexField
+from ..process.threads import in_threads
 from ..sensor import Sensor
 from .camera import Camera
 from .dots import Background, DotPattern
@@ -134,11 +135,16 @@ def bos(
     rows, columns = (np.arange(count) - 0.5 * (count - 1) for count in shape)
     reference, picture = np.zeros(shape), np.zeros(shape)
 
-    def visit(part: slice, point: np.ndarray, weight: float, moved: np.ndarray, arrived: np.ndarray) -> None:
-        row = np.broadcast_to(rows[part, None] + out_of_focus * point[1], arrived.shape)
-        column = np.broadcast_to(columns + out_of_focus * point[0], arrived.shape)
-        reference[part] += weight * background.seen(prepared, row, column)
-        picture[part] += weight * arrived * background.seen(prepared, row + moved[..., 1], column + moved[..., 0])
+    def visit(point: np.ndarray, weight: float, moved: np.ndarray, arrived: np.ndarray) -> None:
+        def add(part: slice) -> None:
+            row = np.broadcast_to(rows[part, None] + out_of_focus * point[1], arrived[part].shape)
+            column = np.broadcast_to(columns + out_of_focus * point[0], arrived[part].shape)
+            reference[part] += weight * background.seen(prepared, row, column)
+            seen = background.seen(prepared, row + moved[part, :, 1], column + moved[part, :, 0])
+            picture[part] += weight * arrived[part] * seen
+
+        step = max(1, (1 << 14) // shape[1])  # speed only
+        in_threads(add, [slice(first, min(first + step, shape[0])) for first in range(0, shape[0], step)])
 
     traced = gather(field, camera, shape, aperture_rays, options, visit, allow_truncation)
     if sensor is not None:
