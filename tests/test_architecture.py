@@ -17,7 +17,7 @@ RANK = {
     package: rank
     for rank, packages in enumerate(
         [
-            ("callable_module", "process", "read_only", "sobol"),
+            ("callable_module", "process", "sobol"),
             ("derived", "files", "inputs"),
             ("display",),
             ("sensor",),

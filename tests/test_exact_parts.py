@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from aerokernels import Camera, Disc, DotPattern, IndexField, RayBundle, trace
-from aerokernels.flow.conical_averages import _divided, _gauss, bell, cell_averages
+from aerokernels.flow.conical_field import _divided, _gauss, bell, cell_averages
 from aerokernels.medium import Body
 from aerokernels.tracing.blocks import greatest_around, over_lines
 

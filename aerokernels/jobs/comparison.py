@@ -18,8 +18,8 @@ import numpy as np
 from aerokernels import __version__
 from aerokernels.compare import WaveformComparison, compare_waveforms, pearson_correlation
 from aerokernels.echo import RANGING_METHODS
+from aerokernels.echo.pulses import SPEED_OF_LIGHT
 from aerokernels.echo.ranging import Reading, template_curve
-from aerokernels.echo.waveform import SPEED_OF_LIGHT
 from aerokernels.inputs.checks import as_waveform, check_count, check_path
 from aerokernels.inputs.kinds import is_number
 from aerokernels.jobs.echo_statistics import (

@@ -11,7 +11,7 @@ import numpy as np
 from aerokernels import __version__
 from aerokernels.compare import DEGREES
 from aerokernels.display.quantities import Quantity, two_digits
-from aerokernels.echo.waveform import SPEED_OF_LIGHT
+from aerokernels.echo.pulses import SPEED_OF_LIGHT
 from aerokernels.hardware.export import csv_cell
 from aerokernels.jobs.comparison import EACH, NO_ALIGNMENT, BenchComparison, LabelComparison
 from aerokernels.jobs.echo_statistics import TOLD, covering, spread_factor

@@ -2,8 +2,8 @@
 
 from aerokernels.display.quantities import TOTAL, Quantity, judge, main_cause, two_digits
 from aerokernels.echo import RANGING_METHODS
-from aerokernels.echo.paths import target_plane, trace_options
-from aerokernels.echo.prediction import predict_echo
+from aerokernels.echo.parts import Setup, trace_options
+from aerokernels.echo.rangefinder import predict_echo
 from aerokernels.echo.return_paths import is_symmetric
 from aerokernels.flow import DensityField
 from aerokernels.jobs.run import FAN_PLANES, FAN_RAYS, MAP_PIXELS
@@ -155,7 +155,7 @@ def _return_path(scene: Scene, field: IndexField) -> str:
     start = f"return factor {receiver.return_factor} at "
     if nodes == "every":
         return f"{start}each target point, {receiver.ray_count:,} rays over the pupil each"
-    if is_symmetric(field, target_plane(scene), receiver.pupil):
+    if is_symmetric(field, Setup.of_scene(scene).plane, receiver.pupil):
         count = int(nodes) // 2 + 1
         return f"{start}{count} points of a radius, by symmetry half of {receiver.ray_count:,} rays over the pupil each"
     return f"{start}{nodes} x {nodes} points, {receiver.ray_count:,} rays over the pupil each"

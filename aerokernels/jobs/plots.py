@@ -58,7 +58,7 @@ def axes_of(dataset: "xarray.Dataset") -> tuple[str, str]:
 def _draw_body(axes: "Axes", dataset: "xarray.Dataset") -> None:
     lines = []
     if "body_triangle" in dataset:
-        from aerokernels.medium.bodies.section import outlines
+        from aerokernels.medium.bodies.solid_body import outlines
 
         lines = outlines(dataset["body_point"].values, dataset["body_triangle"].values.astype(np.int64))
     elif "body_z" in dataset:

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from aerokernels.echo import EchoResult
-from aerokernels.echo.paths import trace_options
-from aerokernels.echo.prediction import check_echo
+from aerokernels.echo.parts import Setup, trace_options
+from aerokernels.echo.rangefinder import check_echo
 from aerokernels.echo.simulate import echo_through
 from aerokernels.echo.vacuum import VacuumEcho
 from aerokernels.flow import DensityField
@@ -61,7 +61,7 @@ def scene_strehl(scene: Scene, field: IndexField) -> StrehlEstimate:
     )
 
 
-def _echo_with_errors(vacuum: VacuumEcho, field: IndexField, strehl: StrehlEstimate) -> EchoResult:
+def _echo_with_errors(vacuum: VacuumEcho, field: IndexField, strehl: StrehlEstimate | None) -> EchoResult:
     """Simulate the echo through a field from the scene's echo in vacuum, and compute its errors."""
     echo = echo_through(field, vacuum, estimate=strehl)
     _ = echo.quantities
@@ -203,14 +203,18 @@ def run_stages(
         prepared = timed("prepare", prepare)
         index = prepared.field
         if with_echo:
-            vacuum = check_echo(scene, index)  # rejects a scene whose echo cannot be computed for any flow
+            vacuum = check_echo(
+                Setup.of_scene(scene), index
+            )  # rejects a scene whose echo cannot be computed for any flow
         strehl = timed("strehl", lambda: estimate(index))
         if with_views:
             waves = attempted("wavefront", lambda: scene_wavefront(scene, index), "wavefront")
             fan = attempted("fan", lambda: ray_fan(index, scene, prepared.front), "rays")
         timed("error", lambda: (strehl.quantities, waves and waves.opd_error))
         if with_echo:
-            echo = attempted("echo", lambda: _echo_with_errors(vacuum, index, strehl), "echo")
+            echo = attempted(
+                "echo", lambda: _echo_with_errors(vacuum, index, None if scene.has_own_pupil else strehl), "echo"
+            )
         else:
             failed["echo"] = "left out, as requested"
     seconds["total"] = stages["total"]

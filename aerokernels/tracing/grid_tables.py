@@ -15,9 +15,10 @@ from typing import Any
 
 import numpy as np
 
+from aerokernels.medium.grid import GridPlaces
+
 from ..derived import Cached, cached_on
 from ..medium.grid import FETCH, UniformGrid
-from ..medium.grid_places import GridPlaces
 from ..medium.spline import pivots
 from .engines import Engine
 from .engines.interface import PROGRAMS

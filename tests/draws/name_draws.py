@@ -1,16 +1,13 @@
-"""Random words in files: units, names of arrays, times and lists of series, attributes, journals.
+"""Random words in files: units, names of arrays, times and lists of series, attributes.
 
 As in input_draws.py: an answer whose numbers are finite, or a refusal in one line. NetCDF files are represented by what
 HDF5 reads from them, without the file.
 """
 
-import json
 import math
 import random
 from contextlib import suppress
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 
@@ -22,8 +19,6 @@ from aerokernels.flow.reading.readers.tecplot_text import coordinate_columns
 from aerokernels.flow.reading.readers.vtk_collections import collection
 from aerokernels.inputs.units import DIMENSIONS, in_brackets, quantity
 from aerokernels.inputs.units import EXPONENTS as WRITTEN
-from aerokernels.series.store import ZarrStore
-from aerokernels.series.store_arrays import KEPT
 
 from .input_draws import NUMBERS as WILD
 from .input_draws import Draw
@@ -117,25 +112,8 @@ def index(draw: random.Random, folder: Path) -> bool:
     return True
 
 
-def journal(draw: random.Random, folder: Path) -> bool:
-    """The journal of a store of a series, damaged."""
-    definition = {"pupil": {"radius": 0.1}, "first snapshot": "ab12"}
-    row = [1e-3 * k for k in range(len(KEPT))]
-    text = "\n".join(json.dumps(line) for line in (definition, row, row)) + "\n"
-    store = folder / "a.zarr"
-    store.mkdir(exist_ok=True)
-    (folder / ".a.zarr.journal").write_bytes(spoilt_text(text, draw))
-    template: Any = SimpleNamespace(sizes={"time": draw.choice((2, 3, 3)), "y": 4, "x": 4})
-    try:
-        found = ZarrStore(store, template, definition)
-    except ValueError as fault:
-        return check_refusal(fault)
-    return found.done.count > 0
-
-
 DRAWS: dict[str, Draw] = {
     "unit": unit,
     "names": names,
     "index": index,
-    "journal": journal,
 }

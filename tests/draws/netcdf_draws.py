@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from aerokernels.echo.stored import echo_of_result
+from aerokernels.echo.result import echo_of_result
 from aerokernels.files.netcdf_reading import FileVariable, dataset_of, errors_naming
 from aerokernels.flow.reading.readers.netcdf import labelled_dataset
 from aerokernels.flow.series_files import series_of_dataset

@@ -91,5 +91,5 @@ def check(case: Case, **engine: str) -> list[Finding]:
             told = float(np.hypot(ratio.error["total"], alone.error["total"]))
             difference = abs(ratio.value - alone.value)
             share = difference / told if told > 0.0 else float(difference > 0.0)
-            found.append(Finding(number, isinstance(seen.job.given_run, FollowedRun), share))
+            found.append(Finding(number, isinstance(seen.job.prepared, FollowedRun), share))
     return found

@@ -7,7 +7,7 @@ import pytest
 
 from aerokernels import simulate
 from aerokernels.flow import shipped
-from aerokernels.flow.shared_geometry import on_known_geometry
+from aerokernels.flow.series import on_known_geometry
 from aerokernels.jobs.sweeps.case import Stages, make_cases
 from aerokernels.jobs.sweeps.executors import worker_environments
 from aerokernels.medium import QuadMesh

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from aerokernels import Annulus, Disc, IndexField, Mask, Rectangle, estimate_strehl, prepare_strehl
-from aerokernels.tracing.engines import uploads
+from aerokernels.tracing.engines import interface
 from aerokernels.tracing.leapfrog.cube_polynomials import cube_polynomials
 from aerokernels.tracing.pupil.quadrature import LATTICES, lattice_order, lattice_points, lattice_sizes
 
@@ -136,7 +136,7 @@ def test_other_values_on_the_same_grid():
 def test_tables_are_made_for_the_rays_that_are_traced(monkeypatch: pytest.MonkeyPatch):
     """2,304 rays of a lattice look up the spline, all 131,072 polynomials of cubes, which take longer to make."""
     made: list = []
-    monkeypatch.setattr(uploads, "cube_polynomials", lambda grid: made.append(grid) or cube_polynomials(grid))
+    monkeypatch.setattr(interface, "cube_polynomials", lambda grid: made.append(grid) or cube_polynomials(grid))
     field, pupil = volume(1e-4), Disc(1e-3, (1e-4, 0.0, -1.2e-3))
     few = prepare_strehl(field, pupil, **OPTIONS)
     assert few(0).traced_ray_count == 2304 and not few.plan.cubes and not made

@@ -151,7 +151,9 @@ def test_counts_and_plans():
             estimate_strehl(field, pupil, ray_count=bad, **options)
     del options["backend"]  # the reference takes a second for each estimate
     prepared = prepare_strehl(field, pupil, ray_count=64, direction=[0.0, 0.01, 1.0], **options)
-    assert isinstance(prepared, PreparedStrehl) and prepared.look[1] == pytest.approx(0.01 / np.hypot(0.01, 1.0))
+    assert isinstance(prepared, PreparedStrehl) and prepared.request.look[1] == pytest.approx(
+        0.01 / np.hypot(0.01, 1.0)
+    )
     one, other = prepared(1), prepared(2)
     assert one.value != other.value and prepared(1).value == one.value
     stronger = prepared.with_field(prism(scale=2e-4))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, TypedDict, Unpack, cast
 
 import numpy as np
 
-from aerokernels.flow.density_field import CellDensity, DensityField
+from aerokernels.flow.density_field import DensityField
 from aerokernels.flow.gas import check_density
 from aerokernels.flow.reading.checks import check_blocks, check_repeated_blocks, said_of_units, with_blanks
 from aerokernels.flow.reading.dataset import DAMAGED, Dataset, ReadError, grid_of, wall_patches, with_all_points
@@ -18,7 +18,7 @@ from aerokernels.flow.reading.fractions import Fractions, choose_fractions
 from aerokernels.flow.reading.frame import Frame, direction_note, plane_normal
 from aerokernels.flow.reading.planes.one_cell_thick import flattened, wedge
 from aerokernels.flow.reading.planes.plane import Plane, plane_in_words, plane_mesh, wall_density
-from aerokernels.flow.sampled_density import GridDensity, VertexDensity
+from aerokernels.flow.sampled_density import CellDensity, GridDensity, VertexDensity
 from aerokernels.inputs.checks import check_choice, check_positive, warn_caller
 from aerokernels.inputs.units import EXPONENTS, is_no_unit, quantity, unit_in_name, written_unit
 from aerokernels.medium import Body

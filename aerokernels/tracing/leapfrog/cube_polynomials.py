@@ -17,11 +17,11 @@ from itertools import product
 import numpy as np
 from numpy.polynomial import Legendre, Polynomial, legendre
 
+from aerokernels.medium.grid import GridPlaces
 from aerokernels.process.threads import product_on_one_core
 
 from ...derived import cached_on
 from ...medium.grid import UniformGrid
-from ...medium.grid_places import GridPlaces
 from ...medium.spline import SUPPORT, weights
 from ...process.threads import in_threads
 from ..scheme import CUBE_ROW, CUBE_SIDE

@@ -22,9 +22,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from aerokernels.medium.grid import GridPlaces
+
 from ...derived import cached_on
 from ...medium.grid import UniformGrid
-from ...medium.grid_places import GridPlaces
 from ...process.threads import in_threads, own_cores, product_on_one_core, slabs
 from ..step_bound import block_size, potential_at_nodes
 

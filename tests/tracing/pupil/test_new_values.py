@@ -48,7 +48,7 @@ def prepared(engine: str, field: IndexField, pupil: Disc = DISC, **options):
 
 
 def follows(seen) -> bool:
-    return isinstance(seen.job.given_run, new_values.FollowedRun)
+    return isinstance(seen.job.prepared, new_values.FollowedRun)
 
 
 @pytest.mark.parametrize("engine", FOLLOWED)
@@ -82,7 +82,7 @@ def test_answers_do_not_depend_on_the_order_of_the_fields(engine: str):
     assert all(map(follows, all_seen))
     for seen, value in zip(all_seen, alone, strict=True):
         assert seen(5).value == value and seen(6).value != value and seen(5).value == value
-    assert isinstance(all_seen[0].job.given_run.own, PupilRun) and all_seen[2].job.given_run.own is None
+    assert isinstance(all_seen[0].job.prepared.own, PupilRun) and all_seen[2].job.prepared.own is None
     with ThreadPoolExecutor(4) as threads:
         found = list(
             threads.map(lambda number: known.with_field(air(fall=25.0, **changes[number % 3]))(5).value, range(12))
@@ -126,7 +126,7 @@ def test_a_field_that_follows_may_need_all_rays(engine: str):
     seen = prepared(engine, air()).with_field(air(tilt=0.1))
     (make,) = seen.job.finer_runs
     run = make()
-    assert follows(seen) and run.task.per_replicate == seen.job.per_replicate == (1 << 17) // 16
+    assert follows(seen) and run.task.per_replicate == seen.job.quadrature.per_replicate == (1 << 17) // 16
     assert run.task.field.samples.samples is seen.field.samples.samples  # of a field that caches nothing for others
     many, few = run(1), seen.job.run(1)
     assert many.ray_count == 1 << 17 and few.ray_count < 1 << 14

@@ -9,7 +9,7 @@ from aerokernels.flow.reading.density import DensityChoice, Reference, density_o
 from aerokernels.flow.reading.frame import Frame
 from aerokernels.flow.reading.planes.polygon_cells import Polygons
 from aerokernels.flow.reading.planes.polygons import merged, quad_mesh
-from aerokernels.flow.wall_density import WallDensity
+from aerokernels.flow.sampled_density import WallDensity
 from aerokernels.medium import QuadMesh
 
 ON_AXIS = 1e-12  # of the greatest radius: rounding of points on the axis

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from aerokernels import Rectangle, flow, optical_series, statistics
-from aerokernels.series.line_integrals import LineIntegrals
-from aerokernels.series.linking import _linked_and_path, linking_equation
-from aerokernels.series.uncertainty import about_mean_of, root_of, standard_errors
+from aerokernels.series.linking import linking_equation
+from aerokernels.series.uncertainty import standard_errors
 
 from .fourier import CONSTANT, WAVELENGTH, Fourier
 
@@ -29,30 +28,6 @@ def moving(count: int) -> flow.Series:
         spacing=[SPACING] * 3,
         ambient_density=0.9,
     )
-
-
-@pytest.mark.parametrize("points", [5, 49, 60])
-def test_both_variances_are_those_of_densities_along_49_rays(points: int):
-    """Evenly chosen; K^2 times the sums over planes, and the roots of their means."""
-    series = moving(6)
-    start = np.column_stack([np.linspace(-8e-3, 8e-3, points), np.linspace(5e-3, -6e-3, points), np.zeros(points)])
-    found = linking_equation(series, start, 3.0 * ALONG, WAVELENGTH, constant=CONSTANT)
-    chosen = start[np.unique(np.rint(np.linspace(0, points - 1, 49)).astype(int))]
-    lines = LineIntegrals(series.mesh, chosen, ALONG, "linear")
-    densities = np.stack([lines.along(series.density(k)) for k in range(6)])
-    sums = CONSTANT**2 * _linked_and_path(densities, lines.path_weights())
-    integrals = CONSTANT * np.stack([lines(series.density(k)) for k in range(6)])
-    independent = standard_errors(integrals)[1].mean()
-    for name, each in zip(("opd_rms_linking", "opd_rms_path"), sums, strict=True):
-        root = root_of(about_mean_of(each, independent))
-        assert found[name].value == pytest.approx(root.value, rel=1e-9, abs=0.0)
-        assert found[name].error == pytest.approx(root.error, rel=1e-9, abs=0.0)
-    variance = integrals.var(axis=0).mean() * independent / (independent - 1.0)
-    assert found["opd_rms_path"].value == pytest.approx(math.sqrt(variance), rel=1e-9, abs=0.0)
-    with pytest.raises(ValueError, match="not linear"):
-        linking_equation(series, start, ALONG, WAVELENGTH, relation="lorentz-lorenz")
-    with pytest.raises(ValueError, match="at least two"):
-        linking_equation(moving(1), start, ALONG, WAVELENGTH)
 
 
 @pytest.mark.parametrize("count", [1, 2, 5])
