@@ -88,13 +88,13 @@ def polychromatic_psf(
     each = [wavefront.at_wavelength(float(length)).psf(angle) for length in lengths]
     share = mixed_weights(lengths, shares)
     mean = np.tensordot(share, np.stack([one.intensity for one in each]), 1)
-
-    def mixed(wave: Any, angle: np.ndarray) -> np.ndarray:
-        spreads = [intensities(wave.at_wavelength(float(length)), angle) for length in lengths]
-        return np.asarray(np.tensordot(share, np.stack(spreads), 1))
-
-    errors = partial(spread_errors, wavefront.at_wavelength(shortest), each[0].angle, mixed)
+    errors = partial(spread_errors, wavefront.at_wavelength(shortest), each[0].angle, partial(_mixed, lengths, share))
     return PointSpread(mean, each[0].angle, errors)
+
+
+def _mixed(wavelengths: np.ndarray, shares: np.ndarray, wave: Any, angle: np.ndarray) -> np.ndarray:
+    each = [intensities(wave.at_wavelength(float(length)), angle) for length in wavelengths]
+    return np.asarray(np.tensordot(shares, np.stack(each), 1))
 
 
 def mixed_weights(wavelengths: np.ndarray, shares: np.ndarray) -> np.ndarray:
