@@ -214,7 +214,7 @@ def npz(draw: random.Random, folder: Path) -> bool:
     data = stream.getvalue()
     path = folder / "a.npz"
     path.write_bytes(spoilt_numbers(data, draw) if draw.random() < 0.4 else data)
-    return _read(path, "named_arrays")
+    return _read(path, "npz")
 
 
 def words_of(texts: tuple[str, ...]) -> Callable[[random.Random], bytes]:
