@@ -26,9 +26,6 @@ from aerokernels.inputs.arguments import Numbers, checked
 from aerokernels.inputs.checks import check_choice, check_positive
 from aerokernels.medium import Body
 
-CELLS_PER_RADIUS = 50
-POINTS = 6
-WALL_POINTS = 180  # around a quarter of the nose
 LEAST_MACH = 1.5
 # geometry: (stand-off factor, its exponent, curvature factor, its exponent, power of M - 1)
 _FITS = {"axisymmetric": (0.143, 3.24, 1.143, 0.54, 1.2), "planar": (0.386, 4.67, 1.386, 1.8, 0.75)}
@@ -210,7 +207,7 @@ def blunt_body(
         pressure_share=isentropic(mach, gamma=gamma).pressure_ratio / shock.stagnation_pressure_ratio,
         gamma=float(gamma),
     )
-    step = square_step(radius, spacing, CELLS_PER_RADIUS)
+    step = square_step(radius, spacing, 50)
     reach = float(bow.radius_at(-end)) + MARGIN * step
     z = edges(-end, bow.stand_off + MARGIN * step, step)
     r = edges(0.0, reach, step)
@@ -237,7 +234,7 @@ def _averages(flow: BluntBodyFlow, r: np.ndarray, z: np.ndarray, *, weighted: bo
     In each cell the parts behind and ahead of the shock are integrated separately: along z the Gauss points end at the
     shock, and along r the integral is split where the shock enters and leaves the cell.
     """
-    share, weight = unit_gauss(POINTS)
+    share, weight = unit_gauss(6)
     low, high = z[:-1], z[1:]
     result = np.empty((len(r) - 1, len(z) - 1))
     for row, (inner, outer) in enumerate(pairwise(r)):
@@ -263,7 +260,7 @@ def _averages(flow: BluntBodyFlow, r: np.ndarray, z: np.ndarray, *, weighted: bo
 
 def _outline(radius: float, length: float, geometry: str) -> np.ndarray:
     """Return the body's profile: from the nose along the quarter circle and the straight side to the base."""
-    angle = np.linspace(0.0, 0.5 * math.pi, WALL_POINTS + 1)
+    angle = np.linspace(0.0, 0.5 * math.pi, 180 + 1)  # around a quarter of the nose
     side = np.stack([radius * np.sin(angle), radius * (np.cos(angle) - 1.0)], axis=1)
     side[0] = 0.0
     side[-1, 0] = radius

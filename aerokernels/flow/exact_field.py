@@ -22,7 +22,6 @@ CELL_LIMIT = 4_000_000
 # Default number of cells along the field, cells of undisturbed gas around the disturbed region, and the least number of
 # cells along either axis.
 DEFAULT_CELLS, MARGIN, LEAST_CELLS = 200, 8, 8
-POINTS, SMOOTH_POINTS = 12, 8
 
 
 class Solution(Protocol):
@@ -132,7 +131,7 @@ def piecewise_means(
         edges: Increasing, shape (n,).
         breaks: Positions of jumps and kinks.
     """
-    share, weight = unit_gauss(POINTS)
+    share, weight = unit_gauss(12)
     low, high = edges[:-1], edges[1:]
     cuts = np.stack([low, *(np.clip(place, low, high) for place in sorted(breaks)), high])
     start, width = cuts[:-1], np.diff(cuts, axis=0)
@@ -183,7 +182,7 @@ def smooth_averages(
     function: Callable[[np.ndarray, np.ndarray], np.ndarray], y: np.ndarray, z: np.ndarray
 ) -> np.ndarray:
     """Return averages over rectangular cells of a function of (y, z), smooth in each, by a product Gauss rule."""
-    share, weight = unit_gauss(SMOOTH_POINTS)
+    share, weight = unit_gauss(8)
     across = y[:-1, None] + np.diff(y)[:, None] * share
     along = z[:-1, None] + np.diff(z)[:, None] * share
     result = np.empty((len(across), len(along)))

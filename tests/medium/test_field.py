@@ -188,21 +188,6 @@ def test_indices_in_place_of_contrasts_are_noticed_on_meshes_too():
             IndexField.from_mesh(mesh, np.full(shape, 1.0003))
 
 
-@pytest.mark.parametrize(
-    ("walls", "message"),
-    [
-        (([[0.0, 0.0], [0.0, 0.2]], [1e-4, np.nan]), "1 of 2 samples of the contrast at walls"),
-        (([[0.0, np.inf]], [1e-4]), "1 of 2 samples of the points at walls"),
-        (([0.0, 0.0], [1e-4]), r"walls need points of shape \(n, 2\) and n contrasts, got \(2,\) and \(1,\)"),
-    ],
-)
-def test_walls_that_are_not_known_are_refused(walls, message):
-    """A NaN at one wall made a field of NaN."""
-    mesh = QuadMesh.structured(*np.meshgrid(np.linspace(0.0, 1.0, 5), np.linspace(0.0, 1.0, 6), indexing="ij"))
-    with pytest.raises(ValueError, match=message):
-        IndexField.from_mesh(mesh, np.full((4, 5), 1e-4), interpolation="conserving", walls=walls)
-
-
 def test_rounding_puts_no_point_outside():
     """Beyond a face by half of 1e-12 of the side the field is there, by three times that it is not."""
     field = IndexField.from_samples(np.full((5, 5), 1e-4), origin=(-7.0, 3.0), spacing=(0.5, 0.25), geometry="planar")
