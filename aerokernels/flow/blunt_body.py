@@ -4,6 +4,19 @@ Just behind the shock the density is exactly that of the oblique shock of the lo
 the modified Newtonian pressure, p = p1 + (p02 - p1) cos^2 t at an angle t from the nose, at the entropy behind the
 normal shock. Between shock and wall the density is interpolated linearly along the wall's normal. On the axis both ends
 are exact for the assumed shock (Rankine-Hugoniot relations and the stagnation point).
+
+Billig's correlation takes the shock to be the hyperbola
+
+    z = d - Rc cot^2 b (sqrt(1 + (r tan b / Rc)^2) - 1)
+
+with the nose at z = 0 and r measured from the axis; its asymptotes make the stream's Mach angle b with the axis. The
+stand-off d and the radius of curvature Rc at the vertex are fitted to experiments in air (R: nose radius):
+
+    sphere      d / R = 0.143 exp(3.24 / M^2)     Rc / R = 1.143 exp(0.54 / (M - 1)^1.2)
+    cylinder    d / R = 0.386 exp(4.67 / M^2)     Rc / R = 1.386 exp(1.8 / (M - 1)^0.75)
+
+Reference: F. S. Billig, Shock-wave shapes around spherical- and cylindrical-nosed bodies, J. Spacecraft Rockets 4
+(1967) 822; J. D. Anderson, Hypersonic and High Temperature Gas Dynamics, eq 5.36-5.38.
 """
 
 import math

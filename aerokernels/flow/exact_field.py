@@ -1,4 +1,14 @@
-"""A density field made from a formula: exact averages over rectangular cells, together with the formula."""
+"""A density field made from a formula: exact averages over rectangular cells, together with the formula.
+
+A density f that depends only on the direction from the origin (a wedge, a plane shock, an expansion fan) is homogeneous
+of degree 0. Hence div(f x) = 2 f, and the integral over a cell becomes one over the cell's edges:
+
+    2 int f dA = z+ int_{z+} f dy - z- int_{z-} f dy + y+ int_{y+} f dz - y- int_{y-} f dz
+
+An edge is split where it crosses a shock, a Mach line or a contact, and each part is integrated by Gauss's rule: the
+area behind a shock in a cell is exact at any angle, and so is the average over a cell at the origin, where a fan has
+all its densities. Rounding error: 1e-16 of the change within a cell, times the number of cells from the origin.
+"""
 
 import math
 from abc import ABC, abstractmethod

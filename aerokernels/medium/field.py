@@ -140,7 +140,7 @@ class IndexField(Derived):
             cell_averages: `contrast` holds averages over the cells centred on the nodes (finite-volume data), not
                 samples at the nodes: the position of a shock inside a cell is then kept. In an axisymmetric field they
                 are averages over the (r, z) rectangle, without the weight r; `from_mesh` takes averages over volumes
-                of revolution, which differ by spacing^2 / (12 r) times the slope along r. See cell_averages.py.
+                of revolution, which differ by spacing^2 / (12 r) times the slope along r. See spline.py.
             wavelength: Vacuum wavelength for which `contrast` was computed [m]; None if it is of no wavelength.
             upstream: Errors of `contrast` from how it was made.
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from aerokernels import IndexField, QuadMesh, flow
+from aerokernels import IndexField, QuadMesh
 from aerokernels.medium.mesh_cells import bilinear_point, contains, invert_bilinear
 from aerokernels.medium.refined import refined
 
@@ -47,20 +47,6 @@ def test_bins_find_what_brute_force_finds(seed, turned, many):
     share = rng.uniform(0.0, 1.0, (len(mesh.cells), 4, 1))
     on_edges = (1.0 - share) * mesh.corners + share * np.roll(mesh.corners, -1, axis=1)
     assert (mesh.locate(on_edges.reshape(-1, 2)) >= 0).all()
-
-
-def test_lookup_on_the_shipped_mach_3_mesh():
-    """Stretched cells around a blunt body: inside each cell, on vertices and edges, in the body and beyond the rim."""
-    mesh = flow.shipped("mach3").mesh
-    centre = mesh.corners.mean(axis=1)
-    assert np.array_equal(mesh.locate(centre), np.arange(len(mesh.cells)))
-    assert (mesh.locate(mesh.vertices) >= 0).all()
-    middle = 0.5 * (mesh.corners + np.roll(mesh.corners, -1, axis=1))
-    assert (mesh.locate(middle.reshape(-1, 2)) >= 0).all()
-    low, high = mesh.box
-    probe = np.random.default_rng(3).uniform(low - 0.01, high + 0.01, (60, 2))
-    assert_lookup_is_right(mesh, np.vstack([probe, [[0.0, -1e-3], [4e-3, -0.05]]]))
-    assert mesh.locate(np.array([[0.0, -1e-3]]))[0] == -1, "the body is no cell"
 
 
 def test_a_point_on_an_edge_belongs_to_the_cell_of_lowest_index():

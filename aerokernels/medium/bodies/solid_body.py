@@ -1,6 +1,9 @@
 """A solid body in a volume: a closed surface of triangles, points inside it, and where lines cross it.
 
-Intersections of rays with the triangles are exact, as with the profile of a `Body`: see triangle_crossings.py.
+Intersections of rays with the triangles are exact, as with the profile of a `Body`: see crossings.py.
+
+A point is inside by the number of triangles ahead of it along one fixed direction: the triangles are projected along it
+once, and a plane grid lists those whose projections may reach each of its cells.
 """
 
 from dataclasses import dataclass
@@ -161,7 +164,7 @@ class SolidBody(Derived):
 
     @property
     def normals(self) -> np.ndarray:
-        """Outward unit normals at the corners of each triangle, shape (triangle_count, 3, 3): see normals.py."""
+        """Outward unit normals at the corners of each triangle, shape (triangle_count, 3, 3): see wall_tree.py."""
         return triangle_normals(self.surface, self.triangles)
 
     @cached_property
