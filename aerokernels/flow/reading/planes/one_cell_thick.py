@@ -82,11 +82,7 @@ class Wedge:
 
 
 def wedge(points: np.ndarray) -> Wedge | None:
-    """Return the wedge of which points are the corners of the cells; None for other points.
-
-    Args:
-        points: Points of a volume in the file's axes, shape (n, 3).
-    """
+    """Return the wedge of which points are the corners of the cells; None for other points."""
     for axis in range(3):
         some = points[:: max(len(points) // SOME_POINTS, 1)]
         if _wedge(some, axis) is not None and (found := _wedge(points, axis)) is not None:

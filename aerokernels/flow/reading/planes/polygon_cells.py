@@ -144,9 +144,7 @@ def _refuse_folded(polygons: Polygons, turned: np.ndarray) -> None:
 def logical_rectangle(cells: np.ndarray, vertex_count: int) -> tuple[np.ndarray, np.ndarray] | None:
     """Return vertices, shape (ni, nj), and cells, shape (ni - 1, nj - 1), of a structured mesh, or None.
 
-    Args:
-        cells: Vertices around each cell, all in the same orientation, shape (cell_count, 4).
-        vertex_count: Number of vertices.
+    `cells` are the vertices around each cell, all in the same orientation, shape (cell_count, 4).
     """
     count = len(cells)
     degree = np.bincount(cells.ravel(), minlength=vertex_count)

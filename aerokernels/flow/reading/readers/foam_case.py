@@ -213,13 +213,7 @@ def case_times(folder: Path) -> list[FoamTime]:
 
 
 def read(path: Path, time: Any, options: Mapping[str, Any]) -> Dataset:
-    """Read an OpenFOAM case.
-
-    Args:
-        path: The case's folder, a .foam file in it, or its controlDict.
-        time: "latest" (None), "first", or the time itself.
-        options: None; as of all readers.
-    """
+    """Read an OpenFOAM case."""
     folder = case_folder(path)
     times = case_times(folder)
     value = chosen_time(folder, [entry.value for entry in times], time)

@@ -33,8 +33,7 @@ def at_corners(average: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
     Smooth cells neither contain a captured shock nor touch a cell that does.
 
-    Args:
-        average: Averages over the cells, three axes, at least two cells along each.
+    `average` has three axes, at least two cells along each.
     """
     smooth = kept = _smooth(average)
     for axis in range(average.ndim):

@@ -75,10 +75,7 @@ class MeasuringLines:
     def settle(self, parts: list[Reconstruction], firsts: list[int], cell_counts: list[int]) -> None:
         """Store what is needed of the cells that the lines cross, one part for each block.
 
-        Args:
-            parts: Reconstructions of the blocks.
-            firsts: Number of the first cell of each block in the lines' grid.
-            cell_counts: Number of cells of each block.
+        `firsts` are the numbers of the first cells of the blocks in the lines' grid.
         """
         from scipy.sparse import csr_array
 
@@ -104,14 +101,7 @@ class MeasuringLines:
         self._length = float(grid.spacing[2])
 
     def measure(self, values, density: np.ndarray, outside_share: float, averaged_share: float) -> VolumeResampling:
-        """Return the changes of the grid's density against the cells' functions.
-
-        Args:
-            values: Results of `Reconstruction.values` for each block.
-            density: At all nodes of the grid, shape (node_count,).
-            outside_share: Share of the nodes that are in no cell.
-            averaged_share: Share of the nodes that took an average.
-        """
+        """Return the changes of the grid's density against the cells' functions."""
         shape, node = self.grid.shape, self._node
         change, flat, deficit = (np.zeros(int(np.prod(shape))) for _ in range(3))
         span = 0.0

@@ -99,16 +99,7 @@ def _turned(corners: Rows, point_count: int, blank: np.ndarray | None) -> Rows:
 
 
 def _beyond(at_cells, at_points, middle, points, inside, rim):
-    """Return the cells around some rim points and the points further in, each with its weights.
-
-    Args:
-        at_cells: Which cells are at each point, a sparse matrix.
-        at_points: Which points each cell has.
-        middle: Centroids of the cells [m].
-        points: [m].
-        inside: Which points are within the hull of the centroids of their cells.
-        rim: The rim points.
-    """
+    """Return the cells around some rim points and the points further in, each with its weights."""
     own = at_cells[rim]
     around = own @ at_points @ at_cells
     width = np.diff(own.indptr)

@@ -190,13 +190,7 @@ def _closed(vertices: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np
 
 
 def _flow_outside(corner: np.ndarray, outward: float, grid: NodeGrid) -> bool:
-    """Return whether the flow is outside a surface, from which nodes near its triangles are in cells.
-
-    Args:
-        corner: Corners of the triangles [m], shape (n, 3, 3).
-        outward: 1 where the corners are counter-clockwise seen from outside, -1 otherwise.
-        grid: The grid that the cells were rasterised into.
-    """
+    """Return whether the flow is outside a surface, from which nodes near its triangles are in cells."""
     normal = outward * np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
     area = np.linalg.norm(normal, axis=1)
     step = normal / np.maximum(area, 1e-300)[:, None] * float(np.linalg.norm(grid.spacing))

@@ -134,9 +134,7 @@ def corner_counts(block: Block) -> np.ndarray:
 def solid_chunks(block: Block, across: np.ndarray) -> Iterator[Callable[[], Solids]]:
     """Yield functions that compute the solid cells of a block, one for each chunk.
 
-    Args:
-        block: The block.
-        across: Its points in the optical frame [m], shape (3, point_count).
+    `across` are its points in the optical frame [m], shape (3, point_count).
     """
     for chunk in corner_chunks(block):
         yield partial(chunk.solids, across)
