@@ -22,7 +22,6 @@ from aerokernels.flow.reading.dataset import (
     Patch,
 )
 
-GREATEST_ANGLE = 0.35  # [rad] 20 degrees
 LEAST_ANGLE = 1e-4
 ON_AXIS = 1e-6  # of the greatest radius
 ON_PLANE = 1e-3  # of the wedge's angle: single precision
@@ -102,7 +101,8 @@ def _wedge(points: np.ndarray, axis: int) -> Wedge | None:
     ahead = np.array([one.sum(), other.sum()])
     turn = _turn(one, other, ahead)
     low, high = float(turn.min()), float(turn.max())
-    if not LEAST_ANGLE < high - low <= GREATEST_ANGLE:
+    # At most 20 degrees [rad].
+    if not LEAST_ANGLE < high - low <= 0.35:
         return None
     near = np.minimum(turn - low, high - turn) < ON_PLANE * (high - low)
     return Wedge(axis, ahead, low, high, radius) if near.all() else None
@@ -114,7 +114,6 @@ def _turn(one: np.ndarray, other: np.ndarray, ahead: np.ndarray) -> np.ndarray:
 
 
 NEAR = 1e-7  # of the size: single precision
-MATCHED = 10.0 * NEAR  # the radii of both sides of a wedge are rounded apart
 ALIKE = 1e-6  # greatest relative difference between the values of the two layers
 # Corners of each face of a cell, in order around it. Cells at the axis of a wedge have lost corners.
 FACES = {
@@ -191,7 +190,8 @@ def _flat(block: Block, layers: Layers, size: float) -> Block | None:
         if pair is None or cells is None:
             return None
         one, other = pair
-    if (np.abs(layers.places[one] - layers.places[other]) > MATCHED * size).any():
+    # The radii of both sides of a wedge are rounded apart.
+    if (np.abs(layers.places[one] - layers.places[other]) > 10.0 * NEAR * size).any():
         return None
     data = {}
     for name, values in block.point_data.items():

@@ -23,7 +23,6 @@ _WIDTH = {"volScalarField": 1, "volVectorField": 3}
 _MOLAR_MASS = re.compile(r"\bmolWeight\s+([0-9.eE+-]+)\s*;")
 _COMMENT = re.compile(r"//[^\n]*|/\*.*?(?:\*/|\Z)", re.DOTALL)  # an unclosed comment extends to the end
 _DIMENSIONS = re.compile(rb"\bdimensions\s*\[([^\]]*)\]")
-GREATEST_INCLUDED = 1_000_000  # [bytes]
 _INCLUDE = re.compile(r'^[ \t]*#include\w*\s+"([^"\n]+)"', re.MULTILINE)
 
 
@@ -165,7 +164,8 @@ def _value_of(file: FoamFile, name: str) -> str:
     texts = [text]
     for included in _INCLUDE.findall(text):
         other = own_file(file.path.parent.parent, os.path.join(file.path.parent.name, included))  # within the case
-        if other.is_file() and other.stat().st_size <= GREATEST_INCLUDED:
+        # A greater file, in bytes, is not looked into.
+        if other.is_file() and other.stat().st_size <= 1_000_000:
             texts.append(_COMMENT.sub("", other.read_text("latin-1")))
     values = [
         found for one in texts for found in re.findall(rf"^[ \t]*{re.escape(name)}\s+([^;{{}}]*);", one, re.MULTILINE)

@@ -10,8 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from aerokernels.flow.reading.dataset import POLYHEDRON, Block, Faces
-from aerokernels.flow.reading.volumes.point_values import PointDeficits, PointValues
-from aerokernels.flow.reading.volumes.rows import Rows
+from aerokernels.flow.reading.volumes.point_values import PointDeficits, PointValues, Rows
 from aerokernels.flow.reading.volumes.solids import CellFacts, corner_chunks, corner_counts
 
 

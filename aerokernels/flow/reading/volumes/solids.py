@@ -1,7 +1,8 @@
 """Solid cells in chunks: faces, volumes and centroids, for all cell types alike.
 
 A face is treated as the plane through its centroid perpendicular to its area vector. Where the four corners of a face
-are not in a plane, both cells that share it use the same plane, so that there is no gap between them.
+are not in a plane, both cells that share it use the same plane, so that there is no gap between them. Cells are
+rasterised into uniform grids of nodes on all cores, in bounded memory.
 """
 
 from collections.abc import Callable, Iterator
