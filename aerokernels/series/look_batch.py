@@ -23,6 +23,7 @@ from typing import Any
 import numpy as np
 
 from aerokernels.device_arrays.pinned import to_host
+from aerokernels.focus.budget import sampling_of
 from aerokernels.medium import IndexField
 from aerokernels.process.opened import OPENED
 from aerokernels.pupils.base import transverse_frames
@@ -30,13 +31,12 @@ from aerokernels.rays import RayBundle
 from aerokernels.series.kernels import launch
 from aerokernels.series.map_errors import straight_variants
 from aerokernels.series.snapshot import gpu_of
-from aerokernels.strehl.budget import sampling_of
 from aerokernels.tracing import Plane
 from aerokernels.tracing.cuts import lost
 from aerokernels.tracing.lines import box_span
 from aerokernels.tracing.pupil.air import GREATEST_SHARE, PAST_TOLD
 from aerokernels.tracing.variants.causes import Variants, errors, sample_rows
-from aerokernels.wavefront.terms import PupilNumbers
+from aerokernels.wavefronts.terms import PupilNumbers
 
 REPLICATES = 16
 

@@ -25,7 +25,7 @@ from aerokernels.tracing.stop import stop_distance
 from aerokernels.tracing.trace import rerun
 from aerokernels.tracing.variants.causes import Variants, errors, of_a_ray, variants
 from aerokernels.tracing.variants.paths import Rays
-from aerokernels.wavefront.terms import PupilNumbers, fit_tilt, remove_terms, weighted_mean
+from aerokernels.wavefronts.terms import PupilNumbers, fit_tilt, remove_terms, weighted_mean
 
 # The numbers, in order; and with the optical path difference of a ray, what has an error.
 NAMES = ("strehl", "boresight_x", "boresight_y", "piston", "opd_rms", "opd_rms_with_tilt")
