@@ -204,7 +204,7 @@ def test_two_processes_do_not_write_one_series(tmp_path: Path):
 
 @unix
 def test_a_series_on_a_full_disk_keeps_what_is_done_and_goes_on(tmp_path: Path):
-    """Set-up: files that may have no bytes, or some thousands, or any number.
+    """Set-up: files that may have no bytes before the first map, and again after the third.
 
     Expected: reported with the store's name; no draft stays, what was kept is kept, and with room the series is
     finished.
@@ -219,28 +219,30 @@ def test_a_series_on_a_full_disk_keeps_what_is_done_and_goes_on(tmp_path: Path):
         "maps = {name: np.ones((4, 4), kind) for name, (kind, _, _) in MAPS.items()}\n"
         "numbers = dict.fromkeys(KEPT, 1.0)\n"
         "hard = resource.getrlimit(resource.RLIMIT_FSIZE)[1]\n"
-        "for size in (0, 30_000, resource.RLIM_INFINITY):\n"
-        "    resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))\n"
-        "    store = ZarrStore(path, template, lambda count: {'series': 'a' * 29_800})\n"
+        "for full_at in (0, 3, 10):\n"
+        "    store = ZarrStore(path, template, lambda count: {'series': 'a'})\n"
         "    print(store.done.count)\n"
         "    try:\n"
         "        with store.writing():\n"
         "            while store.done.count < 9:\n"
+        "                full = store.done.count == full_at\n"
+        "                resource.setrlimit(resource.RLIMIT_FSIZE, (0 if full else resource.RLIM_INFINITY, hard))\n"
         "                store.add(maps, numbers)\n"
         "            print(float(store.finish()['opd'].sum()))\n"
         "    except OutputError as fault:\n"
+        "        resource.setrlimit(resource.RLIMIT_FSIZE, (resource.RLIM_INFINITY, hard))\n"
         "        print(fault)\n"
         "    print(sorted(one.name for one in path.parent.iterdir()))\n"
     )
     done = in_python(code, tmp_path)
     assert done.returncode == 0, done.stderr[-2000:]
-    nothing, told, left, again, full, kept, _, total, there = done.stdout.splitlines()
+    nothing, told, left, again, full, kept, some, total, there = done.stdout.splitlines()
     assert (nothing, again, left) == ("0", "0", "[]")
     for line in (told, full):
         assert line.startswith(f"out={tmp_path / 'maps.zarr'}: ") and line.endswith(
             "make room, or choose another place"
         )
-    assert kept == there == "['maps.zarr']" and float(total) == 144.0
+    assert kept == there == "['maps.zarr']" and (int(some), float(total)) == (3, 144.0)
 
 
 @unix
