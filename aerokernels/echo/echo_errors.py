@@ -245,7 +245,7 @@ def echo_errors(result: EchoResult, probe: EchoProbe) -> dict[str, ErrorBudget]:
 def _sampling(result: EchoResult, probe: EchoProbe) -> dict[str, float]:
     """Return the errors that no ray shows, by number."""
     strehl, share, path = _factor_errors(result, probe)
-    # The sum over the beam's points has a relative error of 1e-7 (target_points.py).
+    # The sum over the beam's points has a relative error of 1e-7 (paths.py).
     share = math.hypot(share, result.information["lost_share_error"] / result.information["beam_share"], 1e-7)
     power, voltage, place = probe.read_shifted()
     detector, noise, peak_noise = probe.setup.detector, float(result.noise_rms), 0.0

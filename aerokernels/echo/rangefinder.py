@@ -9,11 +9,10 @@ from functools import partial
 import numpy as np
 
 from aerokernels.echo.parts import RANGING_METHODS, Detector, Setup
-from aerokernels.echo.pulse_curve import PulseCurve, peak_height
+from aerokernels.echo.pulse_curve import PulseCurve, Shape, peak_height, shaped_curve
 from aerokernels.echo.range_error import RangeStatistics, RangeWalk, chain_range_statistics, range_walk
 from aerokernels.echo.ranging import Reading, template_curve
 from aerokernels.echo.return_paths import check_ahead
-from aerokernels.echo.shaped_curve import Shape, shaped_curve
 from aerokernels.echo.vacuum import VacuumEcho
 from aerokernels.inputs.checks import Waveform, as_waveform
 from aerokernels.medium import IndexField

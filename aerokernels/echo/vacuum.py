@@ -17,9 +17,8 @@ import numpy as np
 
 from aerokernels.echo.detector import sample_times
 from aerokernels.echo.parts import Setup
-from aerokernels.echo.paths import TransmitPaths, point_power, transmit_paths, vacuum_paths
+from aerokernels.echo.paths import TargetPoints, TransmitPaths, point_power, target_points, transmit_paths, vacuum_paths
 from aerokernels.echo.pulses import SPEED_OF_LIGHT, sum_of_pulses
-from aerokernels.echo.target_points import TargetPoints, target_points
 from aerokernels.medium import IndexField
 from aerokernels.scene import Scene
 
