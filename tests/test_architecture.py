@@ -238,10 +238,10 @@ NAMES = (
 OLD = (
     "with warnings.catch_warnings(record=True) as told:\n"
     "    warnings.simplefilter('always')\n"
-    "    from aerokernels.echo import plane_target_echo\n"
+    "    from aerokernels.lidar import plane_target_echo\n"
     "    import aerokernels.schlieren as m\n"
-    "    from aerokernels.strehl import strehl_marechal\n"
-    "    from aerokernels.wavefront import Wavefront\n"
+    "    from aerokernels.focus import strehl_marechal\n"
+    "    from aerokernels.wavefronts import Wavefront\n"
     "assert [one.category for one in told] == 4 * [DeprecationWarning] and 'lidar' in str(told[0].message), told\n"
     "assert callable(plane_target_echo) and callable(m.shadowgraph)\n"
     "assert abs(ak.strehl([0.0, 0.0], 1e-6) - 1.0) < 1e-12 and callable(ak.echo)\n"
