@@ -11,7 +11,6 @@ import numpy as np
 from aerokernels import __version__
 from aerokernels.compare import DEGREES
 from aerokernels.display.quantities import Quantity, two_digits
-from aerokernels.echo.pulses import SPEED_OF_LIGHT
 from aerokernels.hardware.export import csv_cell
 from aerokernels.jobs.comparison import EACH, NO_ALIGNMENT, BenchComparison, LabelComparison
 from aerokernels.jobs.echo_statistics import TOLD, covering, spread_factor
@@ -19,7 +18,8 @@ from aerokernels.jobs.figure_layout import house_style, png, styled_figure
 from aerokernels.jobs.page import page, table
 from aerokernels.jobs.plots import ACCENT, MUTED, RAY_COLOUR
 from aerokernels.jobs.recorded import LEAST_SAMPLES, label_text
-from aerokernels.jobs.store import REPORT_FILE, SUMMARY_FILE, to_json, write_folder, write_result, write_summary
+from aerokernels.jobs.store import REPORT_FILE, SUMMARY_FILE, staged_folder, to_json, write_result, write_summary
+from aerokernels.lidar.pulses import SPEED_OF_LIGHT
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -225,15 +225,13 @@ def write_comparison(found: BenchComparison, out: Path) -> list[str]:
     }
     report = _page(found, pictures)
 
-    def write(folder: Path) -> list[str]:
+    with staged_folder(out) as folder:
         _write_csv(folder / TABLE_FILE, rows)
         (folder / FIGURE_FILE).write_bytes(pictures["waveforms"][1])
         write_result(folder / WAVEFORM_FILE, found.to_xarray())
         write_summary(folder / SUMMARY_FILE, summary)
         (folder / REPORT_FILE).write_text(report, encoding="utf-8")
         return sorted(path.name for path in folder.iterdir())
-
-    return write_folder(out, write)
 
 
 def _write_csv(path: Path, rows: Sequence[dict[str, Any]]) -> None:

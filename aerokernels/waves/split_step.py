@@ -24,12 +24,11 @@ from ..inputs.checks import check_choice, check_count, check_positive
 from ..medium import IndexField
 from ..process.clock import clocked, stage
 from ..pupils import Pupil
-from ..wavefront import Wavefront
-from ..wavefront.changes import of_pixels
-from ..wavefront.pixels import LEAST_COVER
-from .angular_spectrum import transfer_exponent, warn_of_wrapping
+from ..wavefronts import Wavefront
+from ..wavefronts.changes import of_pixels
+from ..wavefronts.pixels import LEAST_COVER
 from .layers import FEWEST_STEPS, check_memory, layer_count, mean_layers, path_range
-from .wave import Wave, propagated
+from .wave import Wave, propagated, transfer_exponent, warn_of_wrapping
 
 # Fewest pixels along a side of a window.
 FEWEST_PIXELS = 8

@@ -39,9 +39,7 @@ class Resampling:
     def __init__(self, reading, moved: Sequence[np.ndarray]):
         """Rasterise the cells of a file that was read into a grid.
 
-        Args:
-            reading: The file that was read.
-            moved: The points of its blocks in the optical frame [m], each (n, 3).
+        `moved` are the points of its blocks in the optical frame [m], each (n, 3).
 
         Raises:
             ReadError: Cells inside out, duplicate points, no node in a cell.
@@ -66,7 +64,7 @@ class Resampling:
             raise ReadError(
                 path, "no node of the grid is in one of its cells", "repair the mesh, or give a smaller spacing"
             )
-        self.body = solid_body(path, reading.dataset, blocks, moved, reading.moved, grid, reading.options["walls"])
+        self.body = solid_body(reading, moved, grid)
         averages = all(where == "cell" for where in self._where)
         self._small = SmallCells(grid, facts, blocks, held) if averages else None
         self.front = foremost(held, shape)

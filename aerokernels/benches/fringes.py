@@ -1,0 +1,237 @@
+"""Interferograms of a field in one arm of a Mach-Zehnder interferometer.
+
+The reference beam goes through undisturbed air, tilted such that fringes are `fringe_spacing` apart. With the
+visibility V,
+
+    I = (1 + V cos(2 pi (opd / wavelength + s / fringe_spacing + phase))) / 2
+
+s runs across the fringes. Without a tilt (infinite fringe) each fringe is a line of equal optical path, bright where
+the field changes nothing; with one (finite fringe) straight fringes are displaced by opd / wavelength of their spacing.
+
+Reference: W. Merzkirch, Flow Visualization, 2nd ed. (Academic Press, 1987), section 3.2.
+"""
+
+import math
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..display.shown import shown
+from ..inputs.arguments import checked
+from ..inputs.checks import warn_caller
+from ..medium import IndexField
+from .bench import Bench, SourceLight
+from .line_of_sight import LineOfSight, check_exposure, check_turn, line_of_sight
+from .picture import TracedPicture
+from .picture_error import SomeLight, error_of
+
+if TYPE_CHECKING:
+    import xarray
+
+
+@shown
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Interferogram(TracedPicture):
+    """An interferogram with the data that it was made from.
+
+    Attributes:
+        opd: optical path difference against the ambient medium [m], shape (ny, nx); NaN where no ray came through.
+        wavelength: vacuum wavelength [m].
+        fringe_spacing: distance between undisturbed fringes [m]; None for the infinite fringe.
+        fringe_angle: direction across the undisturbed fringes, from right toward up [rad].
+        phase: of the undisturbed fringes at the middle of the picture [waves].
+        visibility: contrast of the fringes, 0 to 1.
+    """
+
+    opd: np.ndarray
+    wavelength: float
+    fringe_spacing: float | None
+    fringe_angle: float
+    phase: float
+    visibility: float
+
+    def to_xarray(self) -> "xarray.Dataset":
+        """Return the picture as a dataset with units."""
+        return self._dataset(
+            {"opd": ("pixel", self.opd, "m", "optical path difference against the ambient medium")},
+            {
+                "kind": "interferogram",
+                "wavelength_m": self.wavelength,
+                "fringe_spacing_m": float("inf") if self.fringe_spacing is None else self.fringe_spacing,
+                "fringe_angle_rad": self.fringe_angle,
+                "phase_waves": self.phase,
+                "visibility": self.visibility,
+            },
+        )
+
+
+@checked
+def interferogram(
+    field: IndexField,
+    *,
+    fringe_spacing: float | None = None,
+    fringe_angle: float = 0.5 * math.pi,
+    phase: float = 0.0,
+    visibility: float = 1.0,
+    exposure: float = 1.0,
+    bench: Bench | None = None,
+    **options: Any,
+) -> Interferogram:
+    """Make an interferogram of a field.
+
+    Args:
+        field: any field; a planar one needs `width` and a view along x.
+        fringe_spacing: distance between undisturbed fringes [m] (finite fringe); None for the infinite fringe.
+        fringe_angle: direction across the undisturbed fringes, from the picture's right toward its up [rad].
+        phase: of the undisturbed fringes at the middle of the picture [waves]; 0 is bright.
+        visibility: contrast of the fringes, 0 to 1.
+        exposure: brightness of a bright fringe, 1 for white.
+        bench: the bench's optics: each point of its source makes its own fringes in the plane in focus; its sensor adds
+            noise.
+        **options: view, extent, pixel_count, rays_per_pixel, width, tolerance, wavelength, backend, device, precision:
+            as in `line_of_sight`.
+
+    Warns:
+        UserWarning: in more than a hundredth of the picture fringes are narrower than two rays.
+
+    Raises:
+        ValueError: an argument is out of range; the message names it and the remedy.
+    """
+    fringes = Fringes(fringe_spacing, fringe_angle, phase, visibility)
+    check_exposure(exposure)
+    if bench is None:
+        return _picture(line_of_sight(field, **options), fringes, exposure)
+    points, shares = bench.points()
+    traced = SourceLight(field, points, bench.focus, options)
+    light = exposure * sum(share * fringes.light(one) for share, one in zip(shares, traced, strict=True))
+    assert traced.middle is not None
+    brightness = np.clip(light, 0.0, 1.0)
+    return replace(
+        _picture(traced.middle, fringes, exposure, brightness, is_same=len(points) == 1),
+        # Light above white included: a sensor may not be saturated by it.
+        intensity=brightness if bench.sensor is None else bench.sensor.expose(light, bench.seed),
+        known=traced.known,
+    )
+
+
+@checked
+def fringe_picture(
+    traced: LineOfSight,
+    *,
+    fringe_spacing: float | None = None,
+    fringe_angle: float = 0.5 * math.pi,
+    phase: float = 0.0,
+    visibility: float = 1.0,
+    exposure: float = 1.0,
+) -> Interferogram:
+    """Make the interferogram of traced light; arguments and errors as in `interferogram`.
+
+    Raises:
+        ValueError: as in `interferogram`; or the fringes are too fine for the pixels.
+    """
+    return _picture(traced, Fringes(fringe_spacing, fringe_angle, phase, visibility), check_exposure(exposure))
+
+
+@dataclass(frozen=True)
+class Fringes:
+    """Undisturbed fringes: the arguments of `interferogram` of the same names.
+
+    Raises:
+        ValueError: an argument is out of range.
+    """
+
+    spacing: float | None = None
+    angle: float = 0.5 * math.pi
+    phase: float = 0.0
+    visibility: float = 1.0
+
+    def __post_init__(self) -> None:
+        """Check the values."""
+        if self.spacing is not None and not (np.isfinite(self.spacing) and self.spacing > 0.0):
+            raise ValueError(f"fringe_spacing = {self.spacing}: give a positive length in metres, or None")
+        check_turn("fringe_angle", self.angle)
+        if not np.isfinite(self.phase):
+            raise ValueError(f"phase = {self.phase}: give a finite number")
+        if not 0.0 <= self.visibility <= 1.0:
+            raise ValueError(f"visibility = {self.visibility}: give a fraction from 0 to 1")
+
+    def light(self, traced: LineOfSight) -> np.ndarray:
+        """Return the light of traced rays, a mean over each pixel, shape (ny, nx).
+
+        Raises:
+            ValueError: the fringes are too fine for the pixels.
+        """
+        return traced.pixel_mean(np.where(traced.through, self.of_rays(traced), 0.0))
+
+    def of_rays(self, traced: LineOfSight | SomeLight) -> np.ndarray:
+        """Return the light of each ray, of the shape of `waves`; errors as there."""
+        return np.asarray(0.5 * (1.0 + self.visibility * np.cos(2.0 * np.pi * self.waves(traced))))
+
+    def waves(self, traced: LineOfSight | SomeLight) -> np.ndarray:
+        """Return the phases of traced rays [waves], NaN where none came through, of their shape.
+
+        Raises:
+            ValueError: the fringes are too fine for the pixels.
+        """
+        window = traced.window
+        waves = traced.opd / traced.wavelength + self.phase
+        if self.spacing is not None:
+            if self.spacing < 2.0 * max(window.pitch):
+                raise ValueError(
+                    f"fringe_spacing = {self.spacing:g} m is less than two pixels of {max(window.pitch):g} m: "
+                    "widen the fringes or raise pixel_count"
+                )
+            across, along = traced.ray_grid
+            middle = (0.5 * (line[0] + line[-1]) for line in (window.horizontal, window.vertical))
+            right, up = (place - at for place, at in zip((across, along), middle, strict=True))
+            waves = waves + (right * math.cos(self.angle) + up * math.sin(self.angle)) / self.spacing
+        return np.asarray(waves)
+
+
+def _picture(
+    traced: LineOfSight,
+    fringes: Fringes,
+    exposure: float,
+    brightness: np.ndarray | None = None,
+    is_same: bool = True,
+) -> Interferogram:
+    """Return the picture of traced light; `brightness` is that of a bench, and `is_same` as in `error_of`."""
+    if brightness is None:
+        brightness = np.clip(exposure * fringes.light(traced), 0.0, 1.0)
+    _warn_of_narrow(traced, fringes)
+    of_pixels = partial(_of_pixels, fringes=fringes, exposure=exposure)
+    return Interferogram(
+        intensity=brightness,
+        opd=traced.pixel_mean(traced.opd),
+        **traced.frame,
+        wavelength=traced.wavelength,
+        fringe_spacing=None if fringes.spacing is None else float(fringes.spacing),
+        fringe_angle=float(fringes.angle),
+        phase=float(fringes.phase),
+        visibility=float(fringes.visibility),
+        exposure=float(exposure),
+        measure_error=error_of(brightness, traced, of_pixels, is_same=is_same),
+    )
+
+
+def _of_pixels(some: SomeLight, fringes: Fringes, exposure: float) -> np.ndarray:
+    """Return the brightness of some pixels."""
+    return np.clip(exposure * fringes.of_rays(some).mean(axis=1), 0.0, 1.0)
+
+
+def _warn_of_narrow(traced: LineOfSight, fringes: Fringes) -> None:
+    """Warn if fringes are narrower than two rays in over 1 % of the picture: a shock is a line of such places."""
+    waves = np.where(traced.through, fringes.waves(traced), np.nan)
+    narrow = np.zeros(waves.shape, bool)
+    for axis in (0, 1):
+        steps = np.abs(np.diff(waves, axis=axis)) > 0.5  # NaN at the edge of the body is none
+        narrow |= np.pad(steps, [(0, int(axis == side)) for side in (0, 1)])
+    share = float(narrow.sum() / max(int(np.isfinite(waves).sum()), 1))
+    if share > 0.01:
+        warn_caller(
+            f"in {100.0 * share:.2g} % of the interferogram the phase changes by more than half a fringe from one ray "
+            "to the next, so that its pattern there is not that of the fringes: raise pixel_count or rays_per_pixel, "
+            "or take a smaller extent"
+        )

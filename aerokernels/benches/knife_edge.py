@@ -1,0 +1,242 @@
+"""Synthetic schlieren pictures of a field, as a bench with a knife edge would show.
+
+Parallel light crosses the field, deflected by the angle e = (e_right, e_up) = integral of grad_perp(n) / n_0 ds. The
+bench images the source, of height h, onto a knife edge with a lens of focal length f; the edge holds back the fraction
+`cut_off` of it. A ray deflected by e moves its source image by f e, and the edge passes more or less of it:
+
+    I / I_open = (1 - cut_off) + (f / h) e_cut,    cut to 0 .. 1
+
+e_cut is the component across the edge: a "vertical" edge sees e_right, a "horizontal" one e_up, an edge at any angle
+e_right cos a + e_up sin a. f / h is the `sensitivity` [1/rad]. Rays are traced with bending (see `line_of_sight.py`).
+
+Reference: G. S. Settles, Schlieren and Shadowgraph Techniques (Springer, 2001), sections 2.3 and 3.2.
+"""
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..display.shown import ROUNDING, shown
+from ..inputs.arguments import checked
+from ..medium import IndexField
+from .bench import Bench, SourceLight
+from .line_of_sight import LineOfSight, check_exposure, check_turn, line_of_sight
+from .picture import TracedPicture
+from .picture_error import OF_CORNERS, SomeLight, error_of, light_on_squares
+from .shadowgraph import spread
+
+if TYPE_CHECKING:
+    import xarray
+
+
+@shown
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SchlierenImage(TracedPicture):
+    """A schlieren picture with the data that it was made from.
+
+    Attributes:
+        deflection: deflections toward right and up [rad], shape (ny, nx, 2); NaN where no ray came through.
+        opd: optical path difference against the ambient medium [m], shape (ny, nx); NaN where no ray came through.
+        knife_edge: "vertical", "horizontal", or the angle of the direction that brightens [rad].
+        cut_off: fraction of the undisturbed source image that the edge holds back.
+        sensitivity: change of light per deflection [1/rad].
+    """
+
+    deflection: np.ndarray
+    opd: np.ndarray
+    knife_edge: str | float
+    cut_off: float
+    sensitivity: float
+
+    def to_xarray(self) -> "xarray.Dataset":
+        """Return the picture as a dataset with units."""
+        return self._dataset(
+            {
+                "deflection": ("pixel direction", self.deflection, "rad", "deflection of the light"),
+                "opd": ("pixel", self.opd, "m", "optical path difference against the ambient medium"),
+            },
+            {
+                "kind": "schlieren",
+                "knife_edge": self.knife_edge,
+                "cut_off": self.cut_off,
+                "sensitivity_per_rad": self.sensitivity,
+            },
+        )
+
+
+@dataclass(frozen=True)
+class KnifeEdge:
+    """A knife edge: the arguments of `schlieren` of these names.
+
+    Raises:
+        ValueError: an argument is out of range.
+    """
+
+    knife_edge: str | float = "vertical"
+    cut_off: float = 0.5
+    sensitivity: float | None = None
+
+    def __post_init__(self) -> None:
+        """Check the values."""
+        edge = self.knife_edge
+        if not (isinstance(edge, str) and edge in ("vertical", "horizontal")):
+            if isinstance(edge, (str, bool)) or not np.isfinite(edge):
+                raise ValueError(
+                    f"knife_edge {edge!r} is not known: choose 'vertical', 'horizontal' or an angle in rad"
+                )
+            check_turn("knife_edge", edge)
+        if not 0.0 <= self.cut_off <= 1.0:
+            raise ValueError(f"cut_off = {self.cut_off}: give a fraction from 0 to 1")
+        if self.sensitivity is not None and not np.isfinite(self.sensitivity):
+            raise ValueError(f"sensitivity = {self.sensitivity}: give a finite number per radian, or None")
+
+    @property
+    def bright(self) -> float:
+        """Direction in which a deflection brightens the picture, from right toward up [rad]."""
+        edge = self.knife_edge
+        return float(edge) if not isinstance(edge, str) else 0.0 if edge == "vertical" else 0.5 * math.pi
+
+    def across(self, deflection: np.ndarray) -> np.ndarray:
+        """Return the component of deflections (..., 2) toward `bright`; exact for directions along the axes."""
+        quarter = self.bright / (0.5 * math.pi)
+        if quarter == round(quarter):
+            sign = 1.0 if round(quarter) % 4 < 2 else -1.0
+            return sign * deflection[..., round(quarter) % 2]
+        return math.cos(self.bright) * deflection[..., 0] + math.sin(self.bright) * deflection[..., 1]
+
+    def passed(self, deflection: np.ndarray) -> np.ndarray:
+        """Return the share of light that passes the edge, of deflections toward right and up (..., 2)."""
+        assert self.sensitivity is not None
+        return np.clip(1.0 - self.cut_off + self.sensitivity * self.across(deflection), 0.0, 1.0)
+
+    def with_full_range(self, deflection: np.ndarray) -> "KnifeEdge":
+        """Return the edge with the sensitivity at which all but the largest 0.5 % of deflections are within its range.
+
+        It is 0 if all are 0. Deflections below rounding count as 0, lest rounding fill the picture with stripes.
+        """
+        largest = float(np.quantile(np.abs(self.across(deflection)), 0.995)) if deflection.size else 0.0
+        room = min(self.cut_off, 1.0 - self.cut_off) or 1.0
+        return replace(self, sensitivity=room / largest if largest > ROUNDING["rad"] else 0.0)
+
+
+@checked
+def schlieren(
+    field: IndexField,
+    *,
+    knife_edge: str | float = "vertical",
+    cut_off: float = 0.5,
+    sensitivity: float | None = None,
+    exposure: float = 1.0,
+    bench: Bench | None = None,
+    **options: Any,
+) -> SchlierenImage:
+    """Make a schlieren picture of a field.
+
+    Args:
+        field: any field; a planar one needs `width` and a view along x.
+        knife_edge: "vertical" shows changes along the picture's horizontal, "horizontal" those along its vertical; or
+            the direction in which a deflection brightens, as an angle from the picture's right toward its up [rad]: the
+            edge is across that direction, and pi is a vertical edge inserted from the other side.
+        cut_off: fraction of the undisturbed source image that the edge holds back, 0 to 1.
+        sensitivity: f / h [1/rad]; None takes the value at which the largest 0.5 % of the deflections saturate.
+        exposure: brightness of full light; above 1 / (1 - cut_off) the undisturbed picture is white.
+        bench: the bench's optics: source, focal length (which together give the sensitivity), plane in focus, sensor.
+        **options: view, extent, pixel_count, rays_per_pixel, width, tolerance, wavelength, backend, device, precision:
+            as in `line_of_sight`.
+
+    Raises:
+        ValueError: an argument is out of range; the message names it and the remedy.
+    """
+    edge = KnifeEdge(knife_edge, cut_off, sensitivity)
+    check_exposure(exposure)
+    if bench is None:
+        return _picture(line_of_sight(field, **options), edge, exposure)
+    if sensitivity is not None:
+        raise ValueError(f"sensitivity = {sensitivity}: the bench's source and focal length give it; leave it out")
+    return _by_bench(field, bench, replace(edge, sensitivity=bench.sensitivity), exposure, options)
+
+
+@checked
+def knife_edge_picture(
+    traced: LineOfSight,
+    *,
+    knife_edge: str | float = "vertical",
+    cut_off: float = 0.5,
+    sensitivity: float | None = None,
+    exposure: float = 1.0,
+) -> SchlierenImage:
+    """Make the schlieren picture of traced light; arguments and errors as in `schlieren`."""
+    return _picture(traced, KnifeEdge(knife_edge, cut_off, sensitivity), check_exposure(exposure))
+
+
+def _picture(traced: LineOfSight, edge: KnifeEdge, exposure: float) -> SchlierenImage:
+    if edge.sensitivity is None:
+        edge = edge.with_full_range(traced.deflection[traced.through])
+    light = np.where(traced.through, edge.passed(traced.deflection), 0.0)
+    brightness = np.clip(exposure * traced.pixel_mean(light), 0.0, 1.0)
+    of_pixels = partial(_of_pixels, edge=edge, exposure=exposure)
+    return SchlierenImage(
+        intensity=brightness, measure_error=error_of(brightness, traced, of_pixels), **_shared(traced, edge, exposure)
+    )
+
+
+def _of_pixels(some: SomeLight, edge: KnifeEdge, exposure: float) -> np.ndarray:
+    """Return the brightness of some pixels."""
+    return np.clip(exposure * edge.passed(some.deflection).mean(axis=1), 0.0, 1.0)
+
+
+def _shared(traced: LineOfSight, edge: KnifeEdge, exposure: float) -> dict[str, Any]:
+    """Return the attributes of a picture that do not depend on the bench."""
+    assert edge.sensitivity is not None
+    return {
+        **traced.frame,
+        "deflection": traced.pixel_mean(traced.deflection),
+        "opd": traced.pixel_mean(traced.opd),
+        "knife_edge": edge.knife_edge,
+        "cut_off": float(edge.cut_off),
+        "sensitivity": float(edge.sensitivity),
+        "exposure": float(exposure),
+    }
+
+
+def _by_bench(
+    field: IndexField, bench: Bench, edge: KnifeEdge, exposure: float, options: dict[str, Any]
+) -> SchlierenImage:
+    """Make the picture of a bench; deflection and optical path are those of its source's middlemost point."""
+    right, up = math.cos(edge.bright), math.sin(edge.bright)
+    traced = SourceLight(field, bench.points()[0] @ np.array([[right, up], [-up, right]]), bench.focus, options)
+    light = exposure * _bench_light(traced, bench, edge)
+    middle = traced.middle
+    assert middle is not None
+    brightness = np.clip(light, 0.0, 1.0)
+    of_pixels = partial(_of_bench, bench=bench, edge=edge, exposure=exposure)
+    error = error_of(brightness, middle, of_pixels, square=max(middle.window.pitch), curved=OF_CORNERS)
+    return SchlierenImage(
+        intensity=brightness if bench.sensor is None else np.clip(bench.sensor.expose(light, bench.seed), 0.0, 1.0),
+        measure_error=error,
+        **{**_shared(middle, edge, exposure), "known": traced.known},
+    )
+
+
+def _bench_light(lights: Iterable[LineOfSight], bench: Bench, edge: KnifeEdge) -> np.ndarray:
+    """Return the light of a bench's pixels, from that of its source's points, shape (ny, nx)."""
+    total = np.zeros(())
+    for point, share, traced in zip(*bench.points(), lights, strict=True):
+        light = np.where(traced.through, bench.passed(point, edge.across(traced.deflection), edge.cut_off), 0.0)
+        if min(light.shape) < 2:
+            raise ValueError(f"a bench's picture needs at least 2 x 2 rays, got {light.shape}: raise pixel_count")
+        total = total + share * spread(traced, traced.displacement, np.nan_to_num(light))
+    return total
+
+
+def _of_bench(some: SomeLight, bench: Bench, edge: KnifeEdge, exposure: float) -> np.ndarray:
+    """Return the brightness of some pixels, the light of all of the source's points being deflected alike."""
+    across = edge.across(some.deflection)
+    passed = sum(
+        share * bench.passed(point, across, edge.cut_off) for point, share in zip(*bench.points(), strict=True)
+    )
+    return np.clip(exposure * light_on_squares(some, some.displacement, np.asarray(passed)), 0.0, 1.0)

@@ -1,0 +1,211 @@
+"""Errors of a wavefront's numbers: each computed again on a map that changes by cause, and on finer pixels.
+
+A traced map changes as some of its rays do (tracing/variants): each pixel as the nearest of them. Of a map from
+elsewhere the error of the OPD is known at most: it changes by smooth patterns of that size, from a tenth of the pupil's
+radius to all of it. The error due to the pixels is three times what the number changes by on pixels of a third of the
+side (finer.py): eight ninths of what a number of second order is off by, more of a steep or rough wavefront.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ..tracing.variants.causes import FACTOR, Variants, errors, of_a_ray
+from ..tracing.variants.paths import Cause, Rays
+from .pixels import derivatives, three_in_a_row
+from .terms import PupilNumbers, remove_named, weighted_mean
+
+# Pixels whose changes are drawn where no rays are known; number of draws, cosines in each, and their wavelengths over
+# 2 pi [radii], in turn.
+PIXELS, DRAWS, WAVES, SIZES = 512, 16, 24, (1.0, 0.5, 0.25, 0.1)
+# Greatest size of changes by a cause, over the greatest of any, that does not count.
+LEAST = 0.01
+# A wavefront -> a number of it, or an array.
+Number = Callable[[Any], Any]
+
+
+@dataclass(frozen=True, eq=False)
+class Changes:
+    """Some places of a wavefront's pupil, and how the OPD there changes by cause.
+
+    Attributes:
+        points: The places [m], shape (k, 2).
+        weight: Their shares, shape (k,); they sum to 1.
+        found: Their changes.
+        nearest: The place nearest to each pixel inside the pupil, shape (lit count,).
+        counting: The changes without those by causes that do not count in a sum of squares.
+    """
+
+    points: np.ndarray
+    weight: np.ndarray
+    found: Variants
+    nearest: np.ndarray
+    counting: Variants
+
+    def applied(self, wave: Any, rays: Rays) -> Any:
+        """Return the wavefront with the OPD changed as that of the places, without the terms removed from it."""
+        opd = np.array(wave.opd)
+        opd[wave.lit] += (rays.opd - self.found.base.opd)[self.nearest]
+        return removed_again(replace(wave, opd=opd))
+
+
+def changes_of(wave: Any) -> Changes | None:
+    """Return how a wavefront changes by the causes of its error; None if that is not known."""
+    from scipy.spatial import cKDTree
+
+    if wave.varied is not None:
+        found = wave.varied()
+        if found is None:
+            return None
+        points = (found.start - wave.pupil.center) @ np.linalg.pinv(np.stack(wave.aperture.axes, axis=1)).T
+    else:
+        total = float(wave.error.get("total", np.nan))
+        if np.isnan(total):
+            return None
+        points = wave.points[np.random.default_rng(0).permutation(len(wave.points))[:PIXELS]]
+        draws = smooth_draws(points, wave.radius, total / FACTOR) if total > 0.0 else ()
+        found = Variants(points, points, points, Rays.still(len(points)), {"interpolation": Cause(draws=draws)})
+    own = cKDTree(wave.points).query(points)[1]
+    opd, weight = (values[own] for values in wave.samples)
+    found = replace(found, weight=weight / weight.sum(), base=replace(found.base, opd=opd))
+    size = {
+        name: float(np.max([one.opd.std() for one in (*cause.known, *cause.like, *cause.draws)], initial=0.0))
+        for name, cause in found.causes.items()
+    }
+    least = LEAST * max(size.values(), default=0.0)
+    causes = {name: cause for name, cause in found.causes.items() if not size[name] <= least}
+    nearest = cKDTree(points).query(wave.points)[1]
+    return Changes(points, found.weight, found, nearest, replace(found, causes=causes))
+
+
+def smooth_draws(points: np.ndarray, radius: float, rms: float) -> tuple[Rays, ...]:
+    """Return random patterns of an rms [m] about their mean at points (k, 2) of a pupil."""
+    rng, draws = np.random.default_rng(0), []
+    for number in range(DRAWS):
+        way = rng.normal(0.0, 1.0 / (SIZES[number % len(SIZES)] * radius), (2, WAVES))
+        pattern = np.cos(points @ way + rng.uniform(0.0, 2.0 * np.pi, WAVES)).sum(axis=1)
+        pattern -= pattern.mean()
+        size = float(np.sqrt(np.mean(pattern**2)))
+        draws.append(replace(Rays.still(len(points)), opd=pattern * (rms / size if size > 0.0 else 0.0)))
+    return tuple(draws)
+
+
+def of_pixels(wave: Any, number: Number) -> np.ndarray:
+    """Return the error of a number, or of each in an array, due to the pixels; NaN if they are too few to tell."""
+    plain = np.asarray(number(wave))
+    if not three_in_a_row(wave.lit):
+        return np.full(plain.shape, np.nan)
+    return np.asarray(3.0 * np.abs(number(finer(wave)) - plain))
+
+
+def of_changes(wave: Any, number: Number) -> np.ndarray:
+    """Return the error of a number of a map, or of each in an array, but for the pixels; NaN if it is not known."""
+    changes = wave.changes
+    if changes is None:
+        return np.full(np.shape(number(wave)), np.nan)
+    return _total(lambda rays: number(changes.applied(wave, rays)), changes)
+
+
+def of_map(wave: Any, number: Number) -> np.ndarray:
+    """Return the error of a number of a map, or of each in an array; NaN if it is not known."""
+    return np.asarray(np.hypot(of_changes(wave, number), of_pixels(wave, number)))
+
+
+def _total(number: Callable[[Rays], np.ndarray], changes: Changes) -> np.ndarray:
+    """Return the error of a number of rays, or of each in an array, by all causes."""
+    causes = errors(number, changes.counting).values()
+    return np.asarray(np.linalg.norm([np.zeros(np.shape(number(changes.found.base))), *causes], axis=0))
+
+
+def of_samples(wave: Any) -> np.ndarray:
+    """Return the errors of Strehl ratio, OPD rms [m] and slopes along x and y [rad], shape (4,).
+
+    The ratio and the others are computed on the rays whose changes are known: no map is needed.
+    """
+    changes = wave.changes
+    if changes is None:
+        return np.full(4, np.nan)
+    numbers = PupilNumbers(changes.points, changes.weight, wave.wavelength)
+
+    def number(rays: Rays) -> np.ndarray:
+        flat = remove_named(rays.opd, changes.weight, changes.points, wave.removed, wave.radius)
+        return numbers(replace(rays, opd=flat))[[0, 2, 3, 4]]
+
+    pixels = of_pixels(wave, lambda one: np.array([one.strehl(), one.rms, *one.tilt]))
+    found = np.hypot(_total(number, changes), pixels)
+    found[2:][np.ptp(wave.points, axis=0) == 0.0] = np.nan  # a line has no slope across it
+    return np.asarray(found)
+
+
+def of_opd(wave: Any):
+    """Return the error budget of the OPD of a pixel [m], about the mean and without the removed terms."""
+    changes = wave.changes
+
+    def flat(change: Rays) -> np.ndarray:
+        left = remove_named(change.opd, changes.weight, changes.points, wave.removed, wave.radius)
+        return left - weighted_mean(changes.weight, left)
+
+    return of_a_ray(flat, changes.found, "m")
+
+
+def of_extremes(wave: Any) -> float:
+    """Return the error of the greatest OPD minus the least [m].
+
+    Both are off by the OPD's error, and lie between pixels: at most a step to a neighbour from those that were found.
+    """
+    if not three_in_a_row(wave.lit):
+        return float("nan")
+    steps = 0.0
+    for place in (np.nanargmax(wave.opd), np.nanargmin(wave.opd)):
+        row, column = np.unravel_index(place, wave.opd.shape)
+        about = wave.opd[max(row - 1, 0) : row + 2, max(column - 1, 0) : column + 2]
+        steps += float(np.nanmax(np.abs(about - wave.opd[row, column])))
+    return float(np.hypot(2.0 * wave.opd_error, steps))
+
+
+# Parts of a pixel's side, and their middles from its own [pixels].
+PARTS, STEPS = 3, (-1.0 / 3.0, 0.0, 1.0 / 3.0)
+
+
+def finer(wave: Any) -> Any:
+    """Return a wavefront on pixels of a third of the side, with the removed terms fitted and removed again."""
+    lit = wave.lit
+    parts = [np.where(lit, wave.opd, 0.0)]
+    for axis in (0, 1):
+        parts = [
+            one + step * slope + 0.5 * step**2 * bend
+            for one in parts
+            for slope, bend in [derivatives(one, lit, axis)]
+            for step in STEPS
+        ]
+    found = np.stack(parts).reshape(PARTS, PARTS, *lit.shape).transpose(2, 0, 3, 1).reshape(_repeated(lit).shape)
+    weight, intensity = _divided(wave, wave.weight, 1), _divided(wave, wave.intensity, 2)
+    intensity = np.maximum(intensity, weight**2)
+    return removed_again(replace(wave, opd=found, weight=weight, intensity=intensity, pixel=wave.pixel / PARTS))
+
+
+def removed_again(wave: Any) -> Any:
+    """Return a wavefront with the terms fitted and removed again that were removed from it."""
+    if not wave.removed:
+        return wave
+    opd = np.full(wave.opd.shape, np.nan)
+    path, weight = wave.samples
+    opd[wave.lit] = remove_named(path, weight, wave.points, wave.removed, wave.radius)
+    return replace(wave, opd=opd)
+
+
+def _divided(wave: Any, values: np.ndarray, power: int) -> np.ndarray:
+    """Return mean amplitudes or intensities (power 2) of the parts of pixels; their mean is the pixel's own."""
+    whole, count = _repeated(values), len(values)
+    if wave.aperture is None:
+        return whole
+    edges = wave.pixel / PARTS * (np.arange(PARTS * count + 1) - 0.5 * PARTS * count)
+    share = wave.aperture.coverage(edges, edges, power)
+    mean = _repeated(share.reshape(count, PARTS, count, PARTS).mean(axis=(1, 3)))
+    return np.where(mean > 0.0, whole * share / np.where(mean > 0.0, mean, 1.0), whole)
+
+
+def _repeated(values: np.ndarray) -> np.ndarray:
+    return np.repeat(np.repeat(values, PARTS, axis=0), PARTS, axis=1)

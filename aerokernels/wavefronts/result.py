@@ -1,0 +1,452 @@
+"""A wavefront over a pupil: its numbers with their errors, its image, and its export to other packages."""
+
+from collections.abc import Callable, Hashable
+from dataclasses import dataclass, field, fields, replace
+from functools import cached_property, partial
+from typing import Any
+
+import numpy as np
+
+from ..derived import key_of
+from ..display.quantities import ErrorBudget, Quantity
+from ..display.shown import drawn_on, is_flat, say_flat, shown
+from ..inputs.arguments import Numbers, checked
+from ..inputs.checks import check_count, check_positive, check_share
+from ..inputs.kinds import refuse_masked
+from ..inputs.wavelength import check_wavelength
+from ..process.clock import clocked, stage
+from ..pupils import Projected, Pupil, seen_along
+from ..tracing.variants.causes import Variants
+from .changes import Changes, changes_of, of_extremes, of_opd, of_samples
+from .exports import (
+    SIGN_CONVENTION,
+    from_xarray,
+    over_wavelengths,
+    to_fits,
+    to_hcipy,
+    to_poppy,
+    to_prysm,
+    to_xarray,
+    to_zemax,
+)
+from .image import (
+    encircled_errors,
+    image_quantities,
+    intensities,
+    polychromatic_psf,
+    spot_width,
+    spread_errors,
+    transfer_errors,
+)
+from .modes import StructureFunction, centroid, fit_zernike, structure_function, zernike_errors, zernike_surface
+from .point_spread import PointSpread, point_spread_function
+from .scattered import from_scattered
+from .terms import check_metres, fit_tilt, mean_phasor, remove_terms, weighted_mean
+from .transfer import EncircledEnergy, Transfer, encircler, transfer_function
+
+
+@shown
+@checked
+@dataclass(frozen=True, eq=False, repr=False)
+class Wavefront:
+    """A wavefront over a pupil, sampled at the centres of square pixels, and how it was obtained.
+
+    Angles are those of the beam that leaves the pupil along the look direction: OPD = a x, light delayed at +x, turns
+    the beam by +a toward +x, and the peak of `psf` is at +a. A distant point seen through the same air appears at -a.
+    All are angles in vacuum: in an ambient medium of index n the beam is turned by a / n.
+
+    Attributes:
+        opd: Optical path difference [m], positive where light is delayed, shape (n, n), axes [y, x]: rows along the
+            pupil's second axis, columns along its first, both ascending, or along those of a pupil that faces along
+            `direction`; NaN where `weight` is 0.
+        weight: Amplitude transmission of each pixel, averaged over its area, shape (n, n).
+        pixel: Side of a pixel [m].
+        wavelength: Vacuum wavelength [m].
+        intensity: Mean intensity in each pixel, shape (n, n). It exceeds `weight` squared where an edge or an
+            apodisation crosses a pixel; None takes `weight` squared.
+        radius: Radius of the unit disc of the Zernike polynomials [m]; None takes half of the map's width.
+        pupil: The pupil, if the map belongs to one.
+        direction: Direction in which the rays left the pupil, shape (3,); None means the pupil's normal.
+        blocked: Share of the pupil's weight whose rays did not arrive behind the field.
+        removed: Names of the terms that were removed.
+        plan: How the rays were traced, if they were.
+        seconds: Wall time by stage: see STAGES in clock.py.
+        varied: Function that returns some of the rays, which are pixels, and how they change by each cause of an error
+            (tracing/variants/causes.py), or None; the errors of all numbers follow from it.
+        budget: Function that returns the error budget of the OPD [m], where no rays are known.
+
+    Raises:
+        TypeError: An argument of the wrong type.
+        ValueError: Shapes disagree, the pixel is not positive, the pupil is empty, the OPD inside the pupil is not
+            finite, a weight is negative, or the wavelength is outside 0.1 to 20 um.
+    """
+
+    opd: np.ndarray
+    weight: np.ndarray
+    pixel: float
+    wavelength: float
+    intensity: np.ndarray | None = None
+    radius: float | None = None
+    pupil: Pupil | None = None
+    direction: np.ndarray | None = None
+    blocked: float = 0.0
+    removed: tuple[str, ...] = ()
+    plan: Any = None
+    seconds: dict[str, float] = field(default_factory=dict)
+    varied: Callable[[], Variants | None] | None = None
+    budget: Callable[[], ErrorBudget] | None = None
+
+    @property
+    def key(self) -> Hashable:
+        """A key for caches that is equal for equal maps, however long they took."""
+        return key_of(
+            [getattr(self, each.name) for each in fields(self) if each.name not in ("seconds", "varied", "budget")]
+        )
+
+    def __post_init__(self):
+        """Check the values and store read-only copies."""
+        if not (self.pupil is None or isinstance(self.pupil, Pupil)):
+            raise TypeError(f"pupil must be one of the pupils, or None, got {type(self.pupil).__name__}")
+        for name in ("opd", "weight", "intensity"):
+            refuse_masked(getattr(self, name), name)
+        opd, weight = np.array(self.opd, dtype=np.float64), np.array(self.weight, dtype=np.float64)
+        if opd.ndim != 2 or opd.shape[0] != opd.shape[1] or opd.shape != weight.shape:
+            raise ValueError(
+                f"opd and weight must be square and have the same shape, got {opd.shape} and {weight.shape}"
+            )
+        pixel = check_positive(self.pixel, "pixel", "m")
+        if not np.isfinite(weight).all() or (weight < 0.0).any() or not weight.any():
+            raise ValueError("weights must be finite, not negative and not all zero")
+        lit = weight > 0.0
+        if not np.isfinite(opd[lit]).all():
+            raise ValueError(
+                f"the wavefront must be finite in the pupil, got {(~np.isfinite(opd[lit])).sum()} bad samples"
+            )
+        opd[~lit] = np.nan
+        radius = 0.5 * len(opd) * pixel if self.radius is None else check_positive(self.radius, "radius", "m")
+        intensity = weight**2 if self.intensity is None else np.array(self.intensity, dtype=np.float64)
+        if intensity.shape == weight.shape:
+            intensity[~lit] = 0.0
+        if (
+            intensity.shape != weight.shape
+            or not np.isfinite(intensity).all()
+            or not (intensity >= weight**2 * (1.0 - 1e-9)).all()
+        ):
+            raise ValueError("the intensity must be finite, have the weights' shape and be nowhere below their square")
+        check_share(self.blocked, "blocked")
+        if self.direction is not None and not (np.shape(self.direction) == (3,) and np.isfinite(self.direction).all()):
+            raise ValueError(f"the direction must be three finite numbers, got {self.direction!r}")
+        for array in (opd, weight, intensity):
+            array.setflags(write=False)
+        checked = {"opd": opd, "weight": weight, "intensity": intensity, "pixel": pixel, "radius": radius}
+        for name, value in {**checked, "wavelength": check_wavelength(self.wavelength)}.items():
+            object.__setattr__(self, name, value)
+
+    @property
+    def sign_convention(self) -> str:
+        """What a positive OPD means."""
+        return SIGN_CONVENTION
+
+    @cached_property
+    def aperture(self) -> Pupil | Projected | None:
+        """The pupil as it is seen along `direction`, on whose grid the map is."""
+        return None if self.pupil is None else seen_along(self.pupil, self.direction)
+
+    @property
+    def coordinate(self) -> np.ndarray:
+        """X of the columns and y of the rows from the pupil's centre [m], shape (n,)."""
+        return self.pixel * (np.arange(len(self.opd)) - 0.5 * (len(self.opd) - 1))
+
+    @property
+    def power(self) -> float:
+        """Sum of the intensity over the pixels."""
+        return float(np.asarray(self.intensity).sum())
+
+    @property
+    def lit(self) -> np.ndarray:
+        """Mask of the pixels inside the pupil (positive weight), shape (n, n)."""
+        return self.weight > 0.0
+
+    @cached_property
+    def points(self) -> np.ndarray:
+        """X and y of the pixels inside the pupil [m], shape (lit count, 2)."""
+        rows, columns = np.nonzero(self.lit)
+        return np.stack([self.coordinate[columns], self.coordinate[rows]], axis=1)
+
+    @property
+    def samples(self) -> tuple[np.ndarray, np.ndarray]:
+        """OPD [m] of the pixels inside the pupil, and weights that sum to 1, each of shape (lit count,)."""
+        weight = self.weight[self.lit]
+        return self.opd[self.lit], weight / weight.sum()
+
+    @cached_property
+    def changes(self) -> Changes | None:
+        """How the map changes by each cause of an error; None if that is not known. Computed when first read."""
+        return changes_of(self)
+
+    @cached_property
+    def error(self) -> ErrorBudget:
+        """Error of the OPD of a pixel from the mean [m], by cause and in "total"; empty if it is not known.
+
+        It is the root mean square over some of the rays, and covers that of 95 pixels in 100. Some rays are traced
+        again when it is first read; seconds["error"] is the time spent on that.
+        """
+        with clocked() as spent, stage("error"):
+            if self.varied is None:
+                found = ErrorBudget() if self.budget is None else ErrorBudget(self.budget())
+            else:
+                found = ErrorBudget() if self.changes is None else of_opd(self)
+        self.seconds["error"] = spent["total"]
+        return found
+
+    @property
+    def opd_error(self) -> float:
+        """Total OPD error [m] of the budget; NaN if it is not known."""
+        return self.error.get("total", float("nan"))
+
+    @classmethod
+    @checked
+    def from_samples(
+        cls,
+        points: Numbers,
+        opd: Numbers,
+        pupil: Pupil,
+        wavelength: float,
+        *,
+        pixel_count: int | None = None,
+        opd_error: float | None = None,
+    ) -> "Wavefront":
+        """Interpolate samples scattered over a pupil to a map: see scattered.py. The error is measured on the samples.
+
+        Args:
+            points: Positions of the samples: x and y in the pupil's plane from its centre [m], shape (n, 2), or points
+                in space, shape (n, 3), such as the starts of traced rays.
+            opd: Their optical path differences [m], positive where light is delayed, shape (n,).
+            pupil: The pupil, whose transmission weights the map.
+            wavelength: Vacuum wavelength [m].
+            pixel_count: As for `wavefront`.
+            opd_error: Error of each sample [m], if known; it is added to the error budget.
+
+        Raises:
+            TypeError: The wavelength is not a number, or `pupil` is not a pupil.
+            ValueError: Shapes disagree; samples are not finite, too few, duplicated or do not cover the pupil; or a
+                number is out of range.
+        """
+        return cls(wavelength=wavelength, **from_scattered(points, opd, pupil, pixel_count, opd_error))
+
+    def remove(self, *terms: str) -> "Wavefront":
+        """Return the wavefront without "piston", "tilt", "focus" or several of them, fitted together by least squares.
+
+        Raises:
+            ValueError: An unknown term.
+        """
+        opd, weight = self.samples
+        flat = np.full(self.opd.shape, np.nan)
+        flat[self.lit] = remove_terms(opd, terms, self.points, weight)
+        return replace(self, opd=flat, removed=tuple(dict.fromkeys((*self.removed, *terms))))
+
+    def without_zernike(self, *indices: int) -> "Wavefront":
+        """Return the wavefront without Zernike polynomials of these Noll indices, fitted with all up to the greatest.
+
+        Raises:
+            ValueError: An index is below 1, or the pupil's samples cannot distinguish so many polynomials.
+        """
+        if not indices:
+            return self
+        indices = tuple(check_count(index, "a Noll index") for index in indices)
+        coefficients = self.zernike(max(indices))
+        kept = np.zeros(len(coefficients))
+        for index in indices:
+            kept[index - 1] = coefficients[index - 1]
+        names = (*self.removed, *(f"Z{index}" for index in indices))
+        return replace(self, opd=self.opd - zernike_surface(self, kept), removed=names)
+
+    def at_wavelength(self, wavelength: float) -> "Wavefront":
+        """Return the same OPD at another wavelength [m].
+
+        Dispersion of air is ignored (Ciddor: 1 % of OPD from 0.5 to 1 um).
+        """
+        return replace(self, wavelength=wavelength)
+
+    def strehl(self) -> float:
+        """Exact Strehl ratio |<exp(i k OPD)>|^2; `quantities` has its error."""
+        opd, weight = self.samples
+        check_metres(opd, weight)
+        return abs(mean_phasor(opd, weight, self.wavelength)) ** 2
+
+    @property
+    def rms(self) -> float:
+        """Weighted root mean square of the OPD about its mean [m]."""
+        opd, weight = self.samples
+        return float(np.sqrt(weighted_mean(weight, (opd - weighted_mean(weight, opd)) ** 2)))
+
+    @property
+    def peak_to_valley(self) -> float:
+        """Greatest OPD minus least OPD [m]."""
+        return float(np.nanmax(self.opd) - np.nanmin(self.opd))
+
+    @property
+    def tilt(self) -> np.ndarray:
+        """Slopes of the least-squares plane along x and y [rad], shape (2,): the deflection of the beam."""
+        opd, weight = self.samples
+        return np.asarray(fit_tilt(opd, self.points, weight).tilt)
+
+    @checked
+    def zernike(self, count: int) -> np.ndarray:
+        """Return the coefficients [m] of the first `count` Zernike polynomials, Noll's index 1 first, shape (count,).
+
+        The polynomials have rms 1 over the disc of `radius` (zernike.py) and are fitted together by weighted least
+        squares: on a pupil that is not a disc they are not orthogonal. `zernike_errors` gives the error of each
+        coefficient.
+
+        Raises:
+            ValueError: A count below 1, or more polynomials than the pupil's samples can distinguish.
+        """
+        return fit_zernike(self, check_count(count, "count"))
+
+    @checked
+    def zernike_errors(self, count: int) -> np.ndarray:
+        """Return the error of each Zernike coefficient [m], shape (count,).
+
+        Each is fitted again to maps that changed, and to finer pixels (changes.py). NaN if that is not
+        known; infinite if the pupil's samples cannot distinguish the polynomials.
+
+        Raises:
+            ValueError: A count below 1.
+        """
+        return zernike_errors(self, check_count(count, "count"))
+
+    @checked
+    def psf(
+        self,
+        angle: Numbers | None = None,
+        *,
+        half_width: float | None = None,
+        padding: int = 8,
+        wavelengths: Numbers | None = None,
+        weights: Numbers | None = None,
+    ) -> PointSpread:
+        """Return the point spread function over the peak of the perfect one; arguments as in `point_spread_function`.
+
+        With `wavelengths` [m], shape (n,), it is the one of polychromatic light with this OPD at all wavelengths.
+        `weights` are the shares of the light at the wavelengths, equal if None: see `over_wavelengths`.
+        """
+        if wavelengths is not None or weights is not None:
+            return polychromatic_psf(self, wavelengths, weights, angle, half_width, padding)
+        options: dict[str, Any] = {"half_width": half_width, "padding": padding, "angle": angle}
+        found = point_spread_function(self.opd, self.weight, self.pixel, self.wavelength, **options)
+        return replace(found, errors=partial(spread_errors, self, found.angle, intensities))
+
+    def otf(self) -> Transfer:
+        """Return the complex optical transfer function."""
+        return replace(transfer_function(self), errors=partial(transfer_errors, self, False))
+
+    def mtf(self) -> Transfer:
+        """Return the modulation transfer function, the magnitude of the OTF."""
+        otf = self.otf()
+        return replace(otf, value=np.abs(otf.value), errors=partial(transfer_errors, self, True))
+
+    @checked
+    def encircled_energy(self, angle: Numbers | None = None, *, center: Numbers | None = None) -> EncircledEnergy:
+        """Return the share of the light within an angle about a point of the image, exact for the pixels of the map.
+
+        All light counts as being within wavelength / (2 pixel) along either axis, the range that the pixels can
+        represent.
+
+        Args:
+            angle: Angles [rad], any shape; None takes 65 up to eight times wavelength / width.
+            center: The point [rad], two numbers along x and y; None takes the centroid.
+
+        Raises:
+            ValueError: An angle is negative or not finite, or `center` is not two finite angles.
+        """
+        width = len(self.opd) * self.pixel
+        angle = np.linspace(0.0, 8.0 * self.wavelength / width, 65) if angle is None else np.asarray(angle, dtype=float)
+        if not (np.isfinite(angle) & (angle >= 0.0)).all():
+            raise ValueError(f"angle must be finite and at least 0 rad, got {angle!r}")
+        point = self.centroid if center is None else np.asarray(center, dtype=float)
+        if center is None and not np.isfinite(point).all():
+            raise ValueError("no pixel has a neighbour, so there is no centroid: give `center` or more pixels")
+        if point.shape != (2,) or not np.isfinite(point).all():
+            raise ValueError(f"center must be two angles along x and y [rad], got {center!r}")
+        errors = partial(encircled_errors, self, angle, None if center is None else point)
+        shares = encircler(self.otf().frequency, angle)(self.otf().value, point)
+        return EncircledEnergy(angle, shares, point, errors)
+
+    @property
+    def centroid(self) -> np.ndarray:
+        """Centroid of the point spread function, along x and y [rad], shape (2,): the mean slope of the OPD."""
+        return centroid(self)
+
+    @cached_property
+    def fwhm(self) -> float:
+        """Full width at half maximum of the point spread function [rad]: see `PointSpread.fwhm`.
+
+        It counts all area above half of the peak, including spots apart from the one that holds the peak.
+        """
+        return spot_width(self)[0]
+
+    def structure_function(self) -> StructureFunction:
+        """Return the mean square OPD difference of pairs of points by their distance."""
+        return structure_function(self)
+
+    @cached_property
+    def quantities(self) -> dict[str, Quantity]:
+        """Quantities with their errors: "strehl", "opd_rms" [m], "peak_to_valley" [m], "tilt_x", "tilt_y" [rad].
+
+        Each error is the change of the number where the rays change by a cause, and where pixels are finer:
+        see changes.py.
+        """
+        tilt, (strehl, rms, *slopes) = self.tilt, of_samples(self)
+        return {
+            "strehl": Quantity(self.strehl(), float(strehl), is_ratio=True),
+            "opd_rms": Quantity(self.rms, float(rms), "m"),
+            "peak_to_valley": Quantity(self.peak_to_valley, of_extremes(self), "m"),
+            "tilt_x": Quantity(float(tilt[0]), float(slopes[0]), "rad"),
+            "tilt_y": Quantity(float(tilt[1]), float(slopes[1]), "rad"),
+        }
+
+    def image_quantities(self) -> dict[str, Quantity]:
+        """Return "centroid_x", "centroid_y" and "fwhm" [rad] of the image with errors as in `quantities`."""
+        return image_quantities(self)
+
+    def __repr__(self) -> str:
+        """The quantities with their errors. Some rays are retraced for them when they are first read."""
+        found = self.quantities
+        count, removed = len(self.opd), ", ".join(self.removed) or "nothing"
+        nanometres = f"{self.wavelength * 1e9:.6g} nm"
+        return "\n".join(
+            [
+                f"Wavefront of {count} x {count} pixels of {self.pixel:.4g} m at {nanometres}: Strehl ratio "
+                f"{found['strehl']}",
+                f"  OPD rms {found['opd_rms'].scaled(1e9, 'nm')}, peak to valley "
+                f"{found['peak_to_valley'].scaled(1e9, 'nm')}; removed: {removed}",
+            ]
+        )
+
+    @classmethod
+    def from_xarray(cls, dataset) -> "Wavefront":
+        """Make the wavefront of a dataset of `to_xarray`, or of one read from its NetCDF file."""
+        return cls(**from_xarray(dataset))
+
+    to_xarray = to_xarray
+    over_wavelengths = over_wavelengths
+    to_poppy = to_poppy
+    to_hcipy = to_hcipy
+    to_prysm = to_prysm
+    to_fits = to_fits
+    to_zemax = to_zemax
+
+    def plot(self, axes=None):
+        """Draw the OPD map on matplotlib axes; returns the axes."""
+        axes = drawn_on(axes)
+        if is_flat(self.opd, "m"):
+            say_flat(axes)
+            return axes
+        half, greatest = 0.5e3 * len(self.opd) * self.pixel, float(np.nanmax(np.abs(self.opd))) * 1e9
+        extent = (-half, half, -half, half)
+        limits = {"vmin": -greatest, "vmax": greatest}
+        picture = axes.imshow(self.opd * 1e9, origin="lower", extent=extent, cmap="RdBu_r", **limits)
+        axes.figure.colorbar(picture, ax=axes, label="OPD [nm], positive where light is delayed")
+        axes.set(xlabel="x in the pupil [mm]", ylabel="y in the pupil [mm]")
+        return axes
