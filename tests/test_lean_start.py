@@ -8,7 +8,7 @@ import sys
 
 import pytest
 
-from aerokernels.tracing.engines.info import cuda_driver_loads
+from aerokernels.tracing.engines.choice import cuda_driver_loads
 
 # What the parser of the command line brings along.
 COMMAND_LINE = {"typer", "rich", "shellingham", "annotated_doc", "markdown_it", "mdurl", "pygments", "click"}
@@ -79,9 +79,9 @@ def test_without_a_cuda_driver_the_choice_of_a_backend_does_not_import_warp():
     code = (
         "import sys\nfrom importlib.metadata import version\n"
         "from aerokernels.tracing.engines.choice import choose_backend\n"
-        "from aerokernels.tracing.engines.info import NO_CUDA, warp_processor\n"
+        "from aerokernels.tracing.engines.choice import NO_CUDA, warp_processor\n"
         "choose_backend('auto', 'cpu')\nassert 'warp' not in sys.modules\n"
-        "from aerokernels.tracing.engines.warp.devices import list_devices\n"
+        "from aerokernels.tracing.engines.warp.library import list_devices\n"
         "assert list_devices() == [warp_processor(version('warp-lang'), NO_CUDA)], list_devices()"
     )
     assert "warp" in imported(code)

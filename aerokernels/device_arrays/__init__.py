@@ -11,12 +11,12 @@ from .array import (
     in_reach,
     is_one_row,
     on_host,
+    read_on_touch,
     rows_begun,
     rows_beside,
     rows_where,
 )
 from .foreign import device_array, host_array, own_copy, plain_array
-from .on_touch import read_on_touch
 
 __all__ = [
     "DeviceArray",

@@ -2,13 +2,12 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
-from .fetching import Coming
 from .foreign import plain_array
-from .pinned import layout_of, to_host
+from .pinned import Coming, layout_of, to_host
 
 
 class DeviceArray:
@@ -158,7 +157,7 @@ def extremes_of(array: np.ndarray | DeviceArray) -> Extremes:
     """Return the extremes of positions or directions, shape (n, 3)."""
     if isinstance(array, DeviceArray):
         if array.extremes is None:
-            from .selection import extremes
+            from .rays import extremes
 
             array.extremes = Extremes(*extremes(array.buffer))
         return array.extremes
@@ -189,7 +188,7 @@ def rows_begun(status: np.ndarray | DeviceArray, code: int) -> Callable[[], Any]
     was launched before.
     """
     if isinstance(status, DeviceArray):
-        from .selection import rows_begun as begun_there
+        from .rays import rows_begun as begun_there
 
         return begun_there(status.buffer, code)
     return lambda: np.flatnonzero(np.asarray(status) == code)
@@ -216,10 +215,43 @@ def rows_where(
         limit: Greatest error; NaN counts as greater.
     """
     if isinstance(status, DeviceArray) and (error is None or isinstance(error, DeviceArray)):
-        from .selection import selected_rows
+        from .rays import selected_rows
 
         return selected_rows(status.buffer, code, None if error is None else error.buffer, limit)
     found = np.asarray(status) == code
     if error is not None:
         found |= ~(np.asarray(error) <= limit)
     return np.flatnonzero(found)
+
+
+C = TypeVar("C", bound=type)
+
+
+class _OnTouch:
+    """Descriptor of an array that is copied to the host when first read; the object's own dictionary holds it."""
+
+    def __init__(self, name: str):
+        self.name = name
+
+    def __get__(self, instance: Any, owner: Any = None) -> Any:
+        if instance is None:
+            return None
+        try:
+            found = instance.__dict__[self.name]
+        except KeyError:
+            raise AttributeError(self.name) from None
+        return found.host if isinstance(found, DeviceArray) else found
+
+    def __set__(self, instance: Any, value: Any) -> None:
+        instance.__dict__[self.name] = value
+
+
+def read_on_touch(*names: str) -> Callable[[C], C]:
+    """Decorate a data class: these fields may hold a DeviceArray, which reads as a NumPy array."""
+
+    def decorate(target: C) -> C:
+        for name in names:
+            setattr(target, name, _OnTouch(name))
+        return target
+
+    return decorate

@@ -10,7 +10,7 @@ from aerokernels.strehl.budget import STANDARD_ERRORS
 from aerokernels.strehl.estimate import PreparedStrehl, prepare_strehl
 from aerokernels.strehl.ratio import combined, met_nothing
 from aerokernels.tracing import RayStatus
-from aerokernels.tracing.engines.reference.pupil import PupilRun
+from aerokernels.tracing.engines.reference.engine import PupilRun
 from aerokernels.tracing.plan import TracePlan
 from aerokernels.tracing.pupil.job import REPLICATES
 from aerokernels.tracing.pupil.quadrature import radial_points

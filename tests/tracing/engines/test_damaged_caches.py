@@ -160,7 +160,7 @@ def test_a_home_that_takes_no_files_gives_the_process_caches_of_its_own(backend,
 
 def test_a_limit_on_files_is_seen_before_pocl_meets_it(monkeypatch):
     """`ulimit -f 200` ended in "LLVM ERROR: IO failure" and SIGABRT."""
-    from aerokernels.tracing.engines.opencl import linker
+    from aerokernels.tracing.engines.opencl import pocl as linker
 
     monkeypatch.setattr(linker, "_greatest_file", lambda: 102400)
     assert "102400 bytes here (ulimit -f)" in linker.linker_trouble(("-DANOTHER",))

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ....device_arrays.pinned_memory import PinnedMemory
+from ....device_arrays.pinned import PinnedMemory
 
 # Work-items of a work-group. Global sizes are rounded up to whole groups, and kernels test `ray < ray_count`.
 WORK_GROUP = 64

@@ -7,7 +7,7 @@ areas of the unit square map to equal shares of the pupil (pupil_shape.py).
 
 import warp as wp
 
-from .....device_arrays.pupil_shape import place_on_pupil
+from .....device_arrays.kernels import place_on_pupil
 from ....pupil.sums import MOMENT_COUNT, SUM_COUNT
 from ....scheme import GROUP, HASHES, REDUCTION_WIDTH
 from ....status import RayStatus
