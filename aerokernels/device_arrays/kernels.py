@@ -1,4 +1,4 @@
-"""Kernels that make, check and select rays of a bundle."""
+"""Kernels that make, check and select rays of a bundle, and the map of the unit square to a pupil (square_map.py)."""
 
 import warp as wp
 

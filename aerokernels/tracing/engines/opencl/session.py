@@ -93,7 +93,7 @@ class Session:
 
 
 class Mapped:
-    """Host memory that the driver of a GPU has pinned; see device_arrays/pinned_memory.py.
+    """Host memory that the driver of a GPU has pinned; see device_arrays/pinned.py.
 
     Attributes:
         size: Its bytes.

@@ -2,7 +2,7 @@
 
 Points are the two-dimensional Sobol sequence (bit reversal, and the sequence of x + 1) with a nested uniform scramble
 by hashing (B. Burley, Practical hash-based Owen scrambling, JCGT 9-4 (2020)), one seed per replicate and axis. Equal
-areas of the unit square map to equal shares of the pupil (pupil_shape.py).
+areas of the unit square map to equal shares of the pupil (device_arrays/kernels.py).
 """
 
 import warp as wp
