@@ -63,13 +63,13 @@ def _options(
     """Declare the global options for --help; `main` accepts them anywhere and removes them before parsing."""
 
 
-for _module in pkgutil.iter_modules(commands.__path__):
-    if not _module.name.startswith("_"):
-        _command = getattr(importlib.import_module(f"{commands.__name__}.{_module.name}"), _module.name)
-        if isinstance(_command, typer.Typer):
-            app.add_typer(_command)
-        else:
-            app.command(_module.name)(_command)
+_modules = [one.name for one in pkgutil.iter_modules(commands.__path__) if not one.name.startswith("_")]
+_commands = {n: c for m in _modules for n, c in importlib.import_module(f"{commands.__name__}.{m}").COMMANDS.items()}
+for _name, _command in sorted(_commands.items()):
+    if isinstance(_command, typer.Typer):
+        app.add_typer(_command)
+    else:
+        app.command(_name)(_command)
 
 
 def exit_status(error: BaseException, line: Sequence[str] = ()) -> int:

@@ -66,17 +66,6 @@ def test_a_full_disk_leaves_an_earlier_file_as_it_was(name: str, tmp_path: Path,
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == made
 
 
-@pytest.mark.parametrize("name", WRITERS)
-def test_a_folder_and_a_missing_one_are_refused_by_name(name: str, tmp_path: Path):
-    place = tmp_path / name
-    place.mkdir()
-    with pytest.raises(ValueError, match=f"{name}.*is a folder: give the name of a file in it"):
-        WRITERS[name](place)
-    if name not in ("flow.png", "reference.tiff"):  # make their folders
-        with pytest.raises(ValueError, match=r"none does not exist: make it"):
-            WRITERS[name](tmp_path / "none" / name)
-
-
 def test_files_that_belong_together_appear_together(tmp_path: Path):
     """A link is followed and stays; what is no regular file is written as it is."""
     first, second, link = tmp_path / "a", tmp_path / "b", tmp_path / "link"

@@ -12,7 +12,7 @@ point of the target. (Group and phase index of air differ by 1.4 %, which is lef
 
     factor      at some of the points on which the beam's power falls, drawn by their shares of it, the factor computed
                 directly, with four times as many rays over the pupil: its changes there have a mean, which counts, and
-                a standard error; the share of the beam that is lost (vacuum.py)
+                a standard error; the share of the beam that is lost (rangefinder.py)
     peaks       twice the rms error of the echo in vacuum where it arrives fractions of a sample later; of the voltage
                 the noise at the peak and half a code of the digitiser
     ranges      the changes of the reading with the factor, of the mean path over the points weighted by it, with the
@@ -31,11 +31,10 @@ from aerokernels.echo.parts import RANGING_METHODS, Setup
 from aerokernels.echo.paths import air_error
 from aerokernels.echo.pulse_curve import peak_height
 from aerokernels.echo.pulses import SPEED_OF_LIGHT
-from aerokernels.echo.rangefinder import Rangefinder
+from aerokernels.echo.rangefinder import Rangefinder, VacuumEcho
 from aerokernels.echo.ranging import AMPLITUDE_METHODS
 from aerokernels.echo.result import EchoResult
 from aerokernels.echo.return_paths import factor_of, is_symmetric, reduce_pupils, upper_half
-from aerokernels.echo.vacuum import VacuumEcho
 from aerokernels.medium import IndexField
 from aerokernels.pupils.base import lengths
 from aerokernels.strehl import StrehlEstimate
@@ -245,7 +244,7 @@ def echo_errors(result: EchoResult, probe: EchoProbe) -> dict[str, ErrorBudget]:
 def _sampling(result: EchoResult, probe: EchoProbe) -> dict[str, float]:
     """Return the errors that no ray shows, by number."""
     strehl, share, path = _factor_errors(result, probe)
-    # The sum over the beam's points has a relative error of 1e-7 (target_points.py).
+    # The sum over the beam's points has a relative error of 1e-7 (paths.py).
     share = math.hypot(share, result.information["lost_share_error"] / result.information["beam_share"], 1e-7)
     power, voltage, place = probe.read_shifted()
     detector, noise, peak_noise = probe.setup.detector, float(result.noise_rms), 0.0

@@ -7,8 +7,7 @@ time has a variance of at least s^2 / sum (dv/dt)^2 (Cramer-Rao), so that
 
 A higher pulse crosses a threshold T earlier: the range walk. For a Gaussian of peak V and 1/e half-width tau the
 crossing is tau sqrt(ln(V / T)) before the peak, so its range is short by c tau sqrt(ln(V / T)) / 2. For other pulses
-the curve is measured: the waveform is scaled to a series of amplitudes, each of which is ranged. A rangefinder takes
-the amplitude of an echo from its peak or, if the amplifier saturates, from the time that it is above the threshold.
+the curve is measured: the waveform is scaled to a series of amplitudes, each of which is ranged.
 """
 
 import contextlib
@@ -248,18 +247,16 @@ LEAST_RATIO, GREATEST_RATIO = 1.0005, 1000.0
 
 @dataclass(frozen=True, eq=False)
 class RangeWalk:
-    """Error of a leading-edge range as a function of the pulse's height, or of its width.
+    """Error of a leading-edge range as a function of the pulse's height.
 
     Attributes:
         threshold: Level of the discriminator [V].
         peak: Peaks of the echo [V], increasing, shape (n,).
-        width: Time for which an echo of that peak is above the threshold [s], increasing, shape (n,).
         error: Range by the threshold minus the range by the time of the peak [m], shape (n,); negative, decreasing.
     """
 
     threshold: float
     peak: np.ndarray
-    width: np.ndarray
     error: np.ndarray
 
     @checked
@@ -269,17 +266,16 @@ class RangeWalk:
         Raises:
             ValueError: The peak is outside the curve.
         """
-        volts = _check_inside(peak, self.peak, "peak", "V", ": lower or raise the threshold")
-        return self._interpolated(_stretched(self.peak / self.threshold), _stretched(volts / self.threshold))
+        from scipy.interpolate import PchipInterpolator
 
-    @checked
-    def at_width(self, width: float) -> float:
-        """Return the error [m] of an echo that is above the threshold for this time [s].
-
-        Raises:
-            ValueError: The time is outside the curve.
-        """
-        return self._interpolated(self.width, _check_inside(width, self.width, "width", "s"))
+        volts = check_positive(peak, "peak", "V")
+        if not self.peak[0] <= volts <= self.peak[-1]:
+            raise ValueError(
+                f"a peak of {volts:g} V is outside the range walk curve, {self.peak[0]:g} to {self.peak[-1]:g} V: "
+                "lower or raise the threshold"
+            )
+        at = PchipInterpolator(_stretched(self.peak / self.threshold), self.error)
+        return float(at(_stretched(volts / self.threshold)))
 
     @checked
     def correct(self, time: Numbers, voltage: Numbers, reading: float, *, peak: float | None = None) -> float:
@@ -296,21 +292,6 @@ class RangeWalk:
         """
         _, volts, _ = as_waveform(time, voltage)
         return check_at_least(reading, "reading") - self.at_peak(peak_height(volts) if peak is None else peak)
-
-    def _interpolated(self, nodes: np.ndarray, at: float) -> float:
-        from scipy.interpolate import PchipInterpolator
-
-        return float(PchipInterpolator(nodes, self.error)(at))
-
-
-def _check_inside(value: float, nodes: np.ndarray, name: str, unit: str, remedy: str = "") -> float:
-    number = check_positive(value, name, unit)
-    if not nodes[0] <= number <= nodes[-1]:
-        raise ValueError(
-            f"a {name} of {number:g} {unit} is outside the range walk curve, "
-            f"{nodes[0]:g} to {nodes[-1]:g} {unit}{remedy}"
-        )
-    return number
 
 
 def _stretched(ratio):
@@ -342,6 +323,5 @@ def range_walk(time: Numbers, voltage: Numbers, threshold: float) -> RangeWalk:
         raise ValueError("the record cuts the pulse off above half its height: begin it earlier or end it later")
     ratios = np.exp(np.square(np.linspace(_stretched(LEAST_RATIO), _stretched(greatest), POINT_COUNT)))
     rises = np.array([curve.first_rise(curve.peak / ratio) for ratio in ratios])
-    falls = np.array([curve.fall_after_peak(curve.peak / ratio) for ratio in ratios])
     error = 0.5 * SPEED_OF_LIGHT * period * (rises - curve.peak_position)
-    return RangeWalk(level, level * ratios, period * (falls - rises), error)
+    return RangeWalk(level, level * ratios, error)

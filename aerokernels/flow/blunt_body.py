@@ -27,17 +27,9 @@ from aerokernels.inputs.checks import check_choice, check_positive
 from aerokernels.medium import Body
 
 CELLS_PER_RADIUS = 50
-
-
 POINTS = 6
-
-
 WALL_POINTS = 180  # around a quarter of the nose
-
-
 LEAST_MACH = 1.5
-
-
 # geometry: (stand-off factor, its exponent, curvature factor, its exponent, power of M - 1)
 _FITS = {"axisymmetric": (0.143, 3.24, 1.143, 0.54, 1.2), "planar": (0.386, 4.67, 1.386, 1.8, 0.75)}
 

@@ -25,24 +25,14 @@ from aerokernels.medium import Body, IndexField
 # Cells of free stream on the grid outside the shock: the width of the averaging kernel, and room for the spline's
 # overshoot to decay.
 MARGIN = 8
-
-
 # Default spacing as a fraction of the body's length.
 DEFAULT_SHARE = 1.0 / 400.0
-
-
 # Weights of the seven half cells about a node; variance of the kernel [cells^2]: of these weights and of a half cell.
 BELL = np.array([1.0, 6.0, 15.0, 20.0, 15.0, 6.0, 1.0]) / 64.0
-
-
 VARIANCE = 6.0 / 16.0 + 1.0 / 48.0
-
-
 # Cells this near the shock, or the tip, are integrated with more Gauss points; those near the tip are also divided
 # into TIP_PARTS x TIP_PARTS parts.
 SHOCK_BAND, TIP_REACH, TIP_PARTS = 2, 16, 8
-
-
 BLOCK = 20_000  # speed only
 
 
@@ -128,14 +118,9 @@ class ConicalFlow(DensityField):
         With "cubic" the node values are corrected for the averaging kernel, so that the kernel's error in the smooth
         flow is of fourth order; the shock overshoots by a few per cent. "linear" and "monotone" use uncorrected values.
 
-        Args:
-            wavelength: Vacuum wavelength [m], for K; stored with the field.
-            relation: "paper", "ciddor", "gladstone-dale" or "lorentz-lorenz": see `refractivity_model`.
-            constant: K [m3/kg].
-            composition: A `Composition` or fractions of species, the same everywhere, from which K is computed.
-            spacing: Greatest node spacing [m], one number, or two for r and z; None takes 1/400 of the length.
-            interpolation: As in IndexField.from_samples.
-            group: Make the field of the group index, by which a pulse travels.
+        The other arguments are those of `SampledDensity.index_field`; a composition is the same everywhere. `spacing`
+        is the greatest node spacing [m], one number, or two for r and z; None takes 1/400 of the length.
+        `interpolation` is one of IndexField.from_samples.
 
         Raises:
             TypeError: The wavelength is not one number.
@@ -265,9 +250,6 @@ def cell_averages(
         shape: Number of nodes in r, starting at r = 0, and in z.
         low: z of the first node [m].
         step: Spacing in r and z [m].
-
-    Returns:
-        Averages over the (r, z) rectangles, shape `shape`; the first cell in r is averaged over its half with r > 0.
     """
     r = step[0] * np.arange(shape[0])
     z = low + step[1] * np.arange(shape[1])

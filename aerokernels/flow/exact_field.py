@@ -19,13 +19,9 @@ from aerokernels.medium import Body, QuadMesh
 
 # A spacing given in the wrong unit could otherwise request more cells than fit in memory.
 CELL_LIMIT = 4_000_000
-
-
 # Default number of cells along the field, cells of undisturbed gas around the disturbed region, and the least number of
 # cells along either axis.
 DEFAULT_CELLS, MARGIN, LEAST_CELLS = 200, 8, 8
-
-
 POINTS, SMOOTH_POINTS = 12, 8
 
 
@@ -91,22 +87,14 @@ class ExactField(CellDensity):
 
 
 def square_step(length: float, spacing: float | None, cells: int = DEFAULT_CELLS) -> float:
-    """Return the side of square cells [m]: the greatest divisor of a length that does not exceed the spacing.
-
-    Raises:
-        ValueError: A length or a spacing that is not positive and finite.
-    """
+    """Return the side of square cells [m]: the greatest divisor of a length that does not exceed the spacing."""
     check_positive(length, "length")
     count = cells if spacing is None else math.ceil(length / check_positive(spacing, "spacing") * (1.0 - 1e-12))
     return length / count
 
 
 def edges(low: float, high: float, spacing: float) -> np.ndarray:
-    """Return the edges of equal cells [m] that cover a range which contains 0; one edge is at 0.
-
-    Raises:
-        ValueError: More than 4 million cells.
-    """
+    """Return the edges of equal cells [m] that cover a range which contains 0; one edge is at 0."""
     below, above = (math.ceil(reach / spacing * (1.0 - 1e-9)) for reach in (-low, high))
     if below + above > CELL_LIMIT:
         raise ValueError(
@@ -116,11 +104,7 @@ def edges(low: float, high: float, spacing: float) -> np.ndarray:
 
 
 def rectangles(y: np.ndarray, z: np.ndarray, geometry: str = "planar") -> QuadMesh:
-    """Return the mesh of rectangles between edges along y (or r) and z [m], with cells in the order [y, z].
-
-    Raises:
-        ValueError: Fewer than 8 cells along an axis, or more than 4 million in all.
-    """
+    """Return the mesh of rectangles between edges along y (or r) and z [m], with cells in the order [y, z]."""
     cells = (len(y) - 1, len(z) - 1)
     if cells[0] * cells[1] > CELL_LIMIT:
         raise ValueError(f"spacing gives {cells[0]} x {cells[1]} cells, more than {CELL_LIMIT}: take a wider one")
@@ -169,9 +153,6 @@ def direction_averages(
         breaks: Angles of its jumps and kinks [rad], -pi to pi.
         y: Edges of the cells along y [m], increasing, shape (ny + 1,).
         z: Edges of the cells along z [m], increasing, shape (nz + 1,).
-
-    Returns:
-        Averages, shape (ny, nz).
     """
     cosine, sine = np.cos(breaks), np.sin(breaks)
     # Means along the edges of constant y and of constant z: each edge belongs to two cells and is integrated once.

@@ -8,7 +8,8 @@ A pulse travels by the group index n_g = n - lambda dn/dlambda. Dispersion formu
 
     n_g = n + 2 s dn/ds,    K_g = K + 2 s dK/ds
 
-K_g is called the group constant. In the linear form n_g = 1 + K_g rho.
+K_g is called the group constant. In the linear form n_g = 1 + K_g rho. A given K is a number without dispersion: its
+group constant is itself. A relation for air is a row of `AIR`, a gas a row of species.py.
 
 Results are refractivities n - 1 or contrasts n - n_ambient, and no step subtracts numbers near 1: at 1 kg/m3 the index
 differs from 1 by only 2e-4.
@@ -17,7 +18,7 @@ differs from 1 by only 2e-4.
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -29,32 +30,9 @@ from aerokernels.inputs.wavelength import LONGEST, SHORTEST, check_wavelength
 from aerokernels.medium import GroupIndex, IndexField, Upstream
 
 RELATIONS = ("gladstone-dale", "lorentz-lorenz")
-
-
+MODELS = ("paper", "ciddor", *RELATIONS)
 # Eq 2 was fitted in the visible; below this wavelength air absorbs and its index rises faster.
 SHORTEST_WAVELENGTH = 200e-9
-
-
-# Gases have constants from xenon's 1.2e-4 to hydrogen's 1.6e-3 m3/kg; values far outside are in another unit.
-LEAST_CONSTANT, GREATEST_CONSTANT = 1e-5, 1e-2
-
-
-MODELS = ("paper", "ciddor", "gladstone-dale", "lorentz-lorenz")
-
-
-# Eq 2 exceeds Ciddor's constant by 1.2 % at 400 nm, 0.84 % at 532 nm, 0.46 % at 905 nm and 0.31 % at 1.6 um.
-PAPER_UNCERTAINTY = 1.2e-2
-
-
-# Its group constant exceeds Ciddor's by 2.5 % at 400 nm, 1.8 % at 532 nm, 0.9 % at 905 nm and 0.5 % at 1.6 um: less
-# than the uncertainty of the constant, or this length over the wavelength where that is more.
-PAPER_GROUP_LENGTH = 1e-8  # [m]
-
-
-PAPER_RANGE = (SHORTEST_WAVELENGTH, LONGEST)
-
-
-ANY_WAVELENGTH = (SHORTEST, LONGEST)
 
 
 @checked
@@ -150,11 +128,38 @@ def _check(gladstone_dale: float | np.ndarray, relation: str) -> None:
     check_choice(relation, "relation", RELATIONS)
     if not (np.size(gladstone_dale) and np.isfinite(gladstone_dale).all() and np.greater(gladstone_dale, 0.0).all()):
         raise ValueError(f"the Gladstone-Dale constant must be positive and finite, got {gladstone_dale!r} m3/kg")
-    if np.min(gladstone_dale) < LEAST_CONSTANT or np.max(gladstone_dale) > GREATEST_CONSTANT:
+    if np.min(gladstone_dale) < 1e-5 or np.max(gladstone_dale) > 1e-2:  # xenon has 1.2e-4, hydrogen 1.6e-3
         raise ValueError(
             f"a Gladstone-Dale constant of {np.max(gladstone_dale):g} m3/kg is outside the range of gases "
-            f"({LEAST_CONSTANT:g} to {GREATEST_CONSTANT:g} m3/kg): air has 2.25e-4 m3/kg, which is 0.225 cm3/g"
+            "(1e-05 to 0.01 m3/kg): air has 2.25e-4 m3/kg, which is 0.225 cm3/g"
         )
+
+
+class _AirRelation(NamedTuple):
+    """A relation for air: wavelengths at which its constant is known [m], its relative uncertainty, source, and itself.
+
+    The uncertainty of the group constant is the same, or `group_length` over the wavelength where that is more.
+    """
+
+    range: tuple[float, float]
+    uncertainty: float
+    source: str
+    constant: Callable[..., float]
+    group_length: float = 0.0
+
+
+def _of_paper(wavelength: float, *, water: float, co2: float, group: bool) -> float:
+    return gladstone_dale_constant(wavelength, group=group)
+
+
+# Eq 2 exceeds Ciddor's constant by 1.2 % at 400 nm, 0.84 % at 532 nm, 0.46 % at 905 nm and 0.31 % at 1.6 um, its group
+# constant by 2.5 %, 1.8 %, 0.9 % and 0.5 %.
+AIR = {
+    "paper": _AirRelation((SHORTEST_WAVELENGTH, LONGEST), 1.2e-2, "the paper's eq 2", _of_paper, 1e-8),
+    "ciddor": _AirRelation(
+        ciddor.RANGE, ciddor.UNCERTAINTY, "P. E. Ciddor, Applied Optics 35 (1996) 1566", ciddor.ciddor_constant
+    ),
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -203,9 +208,11 @@ class RefractivityModel:
             return self.given
         if self.composition is not None:
             return self.composition.constant(wavelength, self.form, ambient=ambient, group=group)
-        if self.name == "ciddor":
-            return ciddor.ciddor_constant(wavelength, water=self.water, co2=self.co2, group=group)
-        return gladstone_dale_constant(wavelength, group=group)
+        return self._air.constant(wavelength, water=self.water, co2=self.co2, group=group)
+
+    @property
+    def _air(self) -> _AirRelation:
+        return AIR.get(self.name, AIR["paper"])
 
     def refractivity(self, density, wavelength: float, *, ambient: bool = False, group: bool = False):
         """Return the refractivity n - 1 at densities [kg/m3] of any shape and a vacuum wavelength [m].
@@ -252,8 +259,8 @@ class RefractivityModel:
             again: Makes the same field anew, with `group=True` that of the group index.
         """
         uncertainty = self.uncertainty
-        if uncertainty == PAPER_UNCERTAINTY:
-            uncertainty = max(uncertainty, PAPER_GROUP_LENGTH / wavelength)
+        if uncertainty == self._air.uncertainty:
+            uncertainty = max(uncertainty, self._air.group_length / wavelength)
         constant, of_group = (self.constant(wavelength, ambient=True, group=one) for one in (False, True))
         made = self.upstream(wavelength, column)
         if group:
@@ -328,25 +335,31 @@ def refractivity_model(
         raise ValueError("give either a constant or a composition: a composition has a constant of its own")
     if relation not in RELATIONS and constant is not None:
         raise ValueError(f"relation {relation!r} has its own constant: with one of yours take 'gladstone-dale'")
-    if relation == "ciddor":
-        return _ciddor(composition)
     if relation == "paper" and composition is not None:
         raise ValueError("relation 'paper' is for air: with a composition take 'gladstone-dale' or 'ciddor'")
-    form = "gladstone-dale" if relation == "paper" else relation
+    if relation == "ciddor":
+        return _of_air(relation, **_moist_air(composition))
     if constant is not None:
-        index_contrast(0.0, 0.0, constant, form)  # raises ValueError for a bad constant
-        return RefractivityModel(relation, form, 0.0, ANY_WAVELENGTH, "given", given=float(constant))
+        index_contrast(0.0, 0.0, constant, relation)  # raises ValueError for a bad constant
+        return RefractivityModel(relation, relation, 0.0, (SHORTEST, LONGEST), "given", given=float(constant))
     if composition is not None:
         mixture = composition if isinstance(composition, Composition) else Composition(composition)
         if not mixture.range[0] < mixture.range[1]:
             raise ValueError(f"the formulas of {', '.join(mixture.fractions)} have no wavelength in common")
         return RefractivityModel(
-            relation, form, mixture.uncertainty, mixture.range, mixture.source, composition=mixture
+            relation, relation, mixture.uncertainty, mixture.range, mixture.source, composition=mixture
         )
-    return RefractivityModel(relation, form, PAPER_UNCERTAINTY, PAPER_RANGE, "the paper's eq 2")
+    return _of_air(relation)
 
 
-def _ciddor(composition) -> RefractivityModel:
+def _of_air(relation: str, **moisture: float) -> RefractivityModel:
+    air = AIR.get(relation, AIR["paper"])
+    form = relation if relation in RELATIONS else "gladstone-dale"
+    return RefractivityModel(relation, form, air.uncertainty, air.range, air.source, **moisture)
+
+
+def _moist_air(composition) -> dict[str, float]:
+    """Return the mole fractions of water vapour in moist air and of carbon dioxide in dry air."""
     fractions = {} if composition is None else composition
     if not isinstance(fractions, Mapping) or not set(fractions) <= {WATER, "CO2"}:
         raise ValueError(
@@ -355,12 +368,4 @@ def _ciddor(composition) -> RefractivityModel:
         )
     water, co2 = float(fractions.get(WATER, 0.0)), float(fractions.get("CO2", ciddor.STANDARD_CO2))
     ciddor.ciddor_constant(905e-9, water=water, co2=co2)  # raises ValueError for bad fractions
-    return RefractivityModel(
-        "ciddor",
-        "gladstone-dale",
-        ciddor.UNCERTAINTY,
-        ciddor.RANGE,
-        "P. E. Ciddor, Applied Optics 35 (1996) 1566",
-        water=water,
-        co2=co2,
-    )
+    return {"water": water, "co2": co2}

@@ -97,11 +97,7 @@ class Series:
     stamp: Callable[[int], str] | None = None
 
     def __post_init__(self) -> None:
-        """Check.
-
-        Raises:
-            ValueError: Times that do not increase, or are not finite.
-        """
+        """Check."""
         time = np.array(seconds(np.asarray(self.time))).reshape(-1)
         if not np.isfinite(time).all():
             raise ValueError("the times of a series must be finite numbers, in seconds")
@@ -121,13 +117,7 @@ class Series:
         return len(self.time)
 
     def __getitem__(self, index: int) -> DensityField:
-        """Return a snapshot.
-
-        Raises:
-            IndexError: No such snapshot.
-            TypeError: Not a whole number.
-            ValueError: Densities that no gas has, or a shape other than the mesh's.
-        """
+        """Return a snapshot."""
         number = self._number(index)
         return self.field(self.read(number), number)
 
@@ -258,11 +248,7 @@ class InOrder:
         return self._ahead[0]
 
     def __call__(self, number: int) -> Any:
-        """Return the item of a number.
-
-        Raises:
-            ValueError: It was already read or skipped, or there are fewer items.
-        """
+        """Return the item of a number."""
         if number < self._next:
             raise ValueError(
                 f"snapshot {number} was read before or skipped: an iterator gives each once, in order; give a "
@@ -282,11 +268,7 @@ class InOrder:
 
 
 def times_of(time: Sequence[float] | None, step: float | None, start: float, count: int | None) -> np.ndarray:
-    """Return the times of a series [s], from a list of times or from a step.
-
-    Raises:
-        ValueError: Neither or both are given, a step that is not positive, or not one time for each snapshot.
-    """
+    """Return the times of a series [s], from a list of times or from a step."""
     if time is not None and step is not None:
         raise ValueError("give either time, one for each snapshot, or time_step")
     if time is not None:

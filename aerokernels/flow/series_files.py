@@ -22,8 +22,6 @@ from aerokernels.medium.labelled_grid import GEOMETRIES
 from aerokernels.process.foreign_files import FileFault, check_file, check_folder, check_room, fault_text
 
 TIME_NAMES = ("time", "t", "Time")
-
-
 # Fraction of a spacing by which nodes may deviate from an even grid: coordinates may be rounded to single precision.
 UNEVEN = 1e-3
 
@@ -37,18 +35,7 @@ class Mixture:
     """
 
     def __init__(self, name: str, data: Any, axes: tuple[str, ...], species: Any):
-        """Find the variables.
-
-        Args:
-            name: The file, for messages.
-            data: The xarray object.
-            axes: The time axis and the axes of the density, in the density's order.
-            species: As in `flow.read`.
-
-        Raises:
-            TypeError: `species` has a wrong type.
-            ValueError: An unknown species, no such variable, or a variable on other axes than the density.
-        """
+        """Find the variables."""
         if not hasattr(data, "data_vars"):
             raise ValueError(
                 f"{name}: a single array has no species: give a dataset with the density and the fractions"
@@ -75,9 +62,6 @@ class Mixture:
             ambient: Density around the grid [kg/m3].
             own: The body and the free stream, by name.
             number: Number of the snapshot.
-
-        Raises:
-            ValueError: Fractions that are not valid, densities that no gas has.
         """
         variables = [one.isel({self._clock: number}) if self._clock in one.dims else one for one in self._shares]
         fractions = np.stack([np.asarray(one.values, dtype=np.float64).ravel() for one in variables])
@@ -94,11 +78,7 @@ class Mixture:
 
 
 def opened(path: Path) -> tuple[Any, dict[str, Any]]:
-    """Open a NetCDF file or a Zarr store: the xarray object, and the attributes of its `Series` that it determines.
-
-    Raises:
-        ValueError: The path is no such file or store.
-    """
+    """Open a NetCDF file or a Zarr store: the xarray object, and the attributes of its `Series` that it determines."""
     if not path.exists():
         raise ValueError(f"{path}: no such file; give a NetCDF file, a Zarr store, or a pattern such as flow_*.vtu")
     if path.is_dir() and not any((path / name).exists() for name in ("zarr.json", ".zgroup", ".zmetadata")):
@@ -136,9 +116,6 @@ def series_of_dataset(data: Any, given: Mapping[str, Any], name: str, identity: 
         given: Arguments of `open_series` by name: those of `TAKES[WITH_TIME]` that the caller gives.
         name: Its name, for messages.
         identity: What identifies it, in plain JSON types.
-
-    Raises:
-        ValueError: Contents of which no series can be made.
     """
     density, species = given.get("density"), given.get("species")
     own: dict[str, Any] = {key: given.get(key) for key in ("body", "conditions")}

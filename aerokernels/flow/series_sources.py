@@ -3,7 +3,7 @@
 import os
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import partial
 from importlib import import_module
@@ -25,12 +25,9 @@ from aerokernels.inputs.wavelength import DEFAULT_WAVELENGTH
 from aerokernels.medium import Body, QuadMesh
 
 FILES, WITH_TIME = "files that are read one by one", "data with a time axis"
-
-
 ARRAYS, FIELDS = "arrays", "density fields"
-
-
-# The arguments of each kind of source, apart from its times. Files take the options of their reader as well.
+# The arguments of each kind of source, apart from its times; all others are rejected, since the snapshots would have
+# the data's own value instead. Files take the options of their reader as well.
 TAKES = {
     FILES: ("density", "ambient_density", "geometry", "spacing", "mesh", "species", "body", "conditions", "read"),
     WITH_TIME: (
@@ -39,154 +36,8 @@ TAKES = {
     ARRAYS: ("ambient_density", "geometry", "origin", "spacing", "mesh", "cell_averages", "body", "conditions"),
     FIELDS: ("ambient_density", "body", "conditions"),
 }  # fmt: skip
-
-
-TIMES = ("time", "time_step", "start_time", "count")
-
-
-# Arguments that turn densities into optical paths, which a series does not.
-OPTICAL = ("wavelength", "relation", "constant", "interpolation")
-
-
-OF_SAMPLES_ALONE = CellDensity, VertexDensity, GridDensity
-
-
-# A difference of the far field is that of another flow if it is this many times the scatter of the densities there, and
-# changes the optical path by more than the default tolerance [waves].
-SCATTERS, WORTH = 3.0, 1e-3
-
-
-SHARES = (0.16, 0.5, 0.84)  # quantiles: the median, and half of the distance of the others as the scatter
-
-
-SAMPLES = 1 << 17  # of the upstream end, about
-
-
+# Numbers in the names of files: a number with a point may be two counters, as in 1.9, 1.10, 1.11, or a time.
 COUNTERS, DECIMALS = r"([0-9]+)", r"([0-9]+(?:\.[0-9]+)?)"
-
-
-# Deviation of a step from the mean of all at which they are still even: times in names are rounded.
-EVEN = 0.25
-
-
-LEAST = 3  # files of which the steps can be compared
-
-
-class SeriesReader:
-    """Reads files, or one file at several times, as density fields; the first one read is the first snapshot.
-
-    All files get the ambient density of the first one, unless the caller gives it or a function that reads them. That
-    of each file would be the median of its own turbulence: on lines of unequal length through the grid its fluctuations
-    would tilt the wavefront. A file of other flow conditions has a far field that differs by more than turbulence, and
-    gets a warning.
-
-    Attributes:
-        options: The options of `flow.read`; None where the caller's function reads.
-    """
-
-    def __init__(self, read: Callable[..., DensityField] | None, options: dict[str, Any], own: Mapping[str, Any]):
-        """Store the function, its options, and attributes that replace those of the fields."""
-        self.options: dict[str, Any] | None = None
-        self._read: Any
-        if read is None:
-            self._read = import_module("aerokernels.flow.reading.read").Reader(**options)
-            self.options = self._read.options
-        else:
-            self._read = partial(read, **options)
-        self._own, self._first = own, np.empty(0)
-        self._is_watched = read is None and "ambient_density" not in options
-
-    def __call__(self, path: Path, **more: Any) -> DensityField:
-        """Read a file, or a time of it. Errors as in `flow.read`."""
-        found = self._read(path, **more)
-        if self._is_watched:
-            self._watch(path, found)
-        changed: DensityField = with_own(found, self._own)
-        return changed
-
-    def _watch(self, path: Path, found: DensityField) -> None:
-        """Hold the ambient density of the first file, and warn of the first other one with another far field."""
-        assert self.options is not None
-        front = import_module("aerokernels.flow.reading.read").far_field(found, self._read.resampling)
-        low, middle, high = np.quantile(front[:: max(1, front.size // SAMPLES)], SHARES)
-        here = np.array([middle, 0.5 * (high - low)])
-        if not self._first.size:
-            self.options["ambient_density"], self._first = found.ambient_density, here
-            return
-        difference, scatter = abs(here[0] - self._first[0]), max(here[1], self._first[1])
-        length = float(found.box[1][-1] - found.box[0][-1])
-        constant = float(refractivity_model("gladstone-dale").constant(DEFAULT_WAVELENGTH))
-        waves = constant * difference * length / DEFAULT_WAVELENGTH
-        if difference > SCATTERS * scatter and waves > WORTH:
-            self._is_watched = False  # one warning for a series
-            warn_caller(
-                f"{path}: the density at its upstream end is {here[0]:.6g} kg/m3, in the first snapshot "
-                f"{self._first[0]:.6g} kg/m3, but all snapshots are taken to be in air of {found.ambient_density:.6g} "
-                f"kg/m3: {waves:.2g} waves along the box at {1e9 * DEFAULT_WAVELENGTH:.0f} nm. Open snapshots of "
-                "different flow conditions as separate series, or give density fields, which keep their own "
-                "ambient_density; if the conditions are the same, give ambient_density"
-            )
-
-
-class Given(NamedTuple):
-    """The arguments that a caller of `open_series` gives.
-
-    Attributes:
-        named: Its named arguments; None where one is not given.
-        options: Further ones.
-    """
-
-    named: dict[str, Any]
-    options: dict[str, Any]
-
-    @property
-    def values(self) -> dict[str, Any]:
-        """All arguments that are given."""
-        return {name: value for name, value in {**self.named, **self.options}.items() if value is not None}
-
-    def check(self, source: str, kind: str) -> None:
-        """Reject an argument that a kind of source has no use for.
-
-        Args:
-            source: The source, for the message.
-            kind: What it was recognised as.
-
-        Raises:
-            TypeError: A name that `open_series` does not have.
-            ValueError: An argument of other sources.
-        """
-        values = self.values
-        optical = [name for name in OPTICAL if name in self.options]
-        if optical and "read" not in values:
-            raise TypeError(f"a series holds densities: give {optical[0]} to optical_series, or to index_field")
-        unused = [name for name in values if name not in TAKES[kind] and (kind != FILES or name not in self.options)]
-        if kind == FILES and isinstance(values.get("mesh"), QuadMesh):
-            unused.append("QuadMesh as mesh")
-        if unused:
-            remedy = " (give density fields, each with its composition)" if unused[0] == "species" else ""
-            raise (TypeError if unused[0] in self.options else ValueError)(
-                f"{source} is taken for {kind}, which take no {unused[0]}{remedy}, but {', '.join(TIMES)}, "
-                f"{', '.join(TAKES[kind])}{' and options of their reader' if kind == FILES else ''}: leave it out"
-            )
-
-    def check_geometry(self, source: str, mesh: GridMesh | QuadMesh | None) -> None:
-        """Reject a geometry other than that which the source has.
-
-        Raises:
-            ValueError: They differ.
-        """
-        geometry = self.named["geometry"]
-        if geometry is not None and mesh is not None and geometry != mesh.geometry:
-            raise ValueError(f"{source} is {mesh.geometry}, not {geometry}: leave geometry out")
-
-    def for_files(self) -> dict[str, Any]:
-        """Return the options with which a file is read: `read` has these arguments under the same names."""
-        names = ("density", "ambient_density", "geometry", "spacing", "mesh", "species")
-        return {name: self.named[name] for name in names if self.named[name] is not None} | self.options
-
-    def of_fields(self) -> dict[str, Any]:
-        """Return the attributes that density fields get in place of their own."""
-        return {name: self.named[name] for name in TAKES[FIELDS] if self.named[name] is not None}
 
 
 def open_series(
@@ -257,69 +108,122 @@ def open_series(
             increase, an argument that the source has no use for, or missing information (the message says what to
             give).
     """
-    given = Given(
-        {
-            "density": density, "ambient_density": ambient_density, "geometry": geometry, "origin": origin,
-            "spacing": spacing, "mesh": mesh, "cell_averages": cell_averages or None, "body": body,
-            "conditions": conditions, "read": read, "species": None if species is False else species,
-        },
-        options,
-    )  # fmt: skip
+    named = {
+        "density": density, "ambient_density": ambient_density, "geometry": geometry, "origin": origin,
+        "spacing": spacing, "mesh": mesh, "cell_averages": cell_averages or None, "body": body,
+        "conditions": conditions, "read": read, "species": None if species is False else species,
+    }  # fmt: skip
+    given = _Arguments({name: value for name, value in named.items() if value is not None}, options)
     if start_time != 0.0 and time_step is None:
         raise ValueError(f"start_time={start_time!r} goes with time_step: give it too")
-    clock = time, time_step, start_time
+    clock = _Clock(time, time_step, start_time)
     if isinstance(source, (str, bytes, os.PathLike)):
-        found = _of_path(check_path(source, "source"), given, *clock)
+        series = _of_path(check_path(source, "source"), given, clock)
     elif type(source).__module__.partition(".")[0] == "xarray":
-        found = _with_times(_of_dataset(source, given, "xarray object", {}), *clock)
+        series = clock.replace_in(_of_dataset(source, given, "xarray object", {}))
     else:
-        found = _of_items(source, given, count, *clock)
-    if count is not None and count != len(found):
-        raise ValueError(f"count={count}, but the source has {len(found)} snapshots: leave count out, or check it")
-    return found
+        series = _of_items(source, given, count, clock)
+    if count is not None and count != len(series):
+        raise ValueError(f"count={count}, but the source has {len(series)} snapshots: leave count out, or check it")
+    return series
 
 
-def _of_path(path: Path, given: Given, time: Sequence[float] | None, step: float | None, start: float) -> Series:
+class _Clock(NamedTuple):
+    """The times that a caller gives: one for each snapshot, or a step and the first."""
+
+    time: Sequence[float] | None
+    step: float | None
+    start: float
+
+    def of(self, count: int | None) -> np.ndarray:
+        return times_of(self.time, self.step, self.start, count)
+
+    def replace_in(self, series: Series) -> Series:
+        """Return a series with these times in place of its own; its own if none are given."""
+        return series if self.time is None and self.step is None else replace(series, time=self.of(len(series)))
+
+
+@dataclass(frozen=True)
+class _Arguments:
+    """The arguments that a caller of `open_series` gives, apart from times: its own by name, and further options."""
+
+    named: dict[str, Any]
+    options: dict[str, Any]
+
+    @property
+    def values(self) -> dict[str, Any]:
+        """All arguments that are given."""
+        return self.named | {name: value for name, value in self.options.items() if value is not None}
+
+    def check(self, source: str, kind: str) -> None:
+        """Reject an argument that a kind of source has no use for: a TypeError for a name that there is not."""
+        optical = [name for name in ("wavelength", "relation", "constant", "interpolation") if name in self.options]
+        if optical and "read" not in self.values:
+            raise TypeError(f"a series holds densities: give {optical[0]} to optical_series, or to index_field")
+        takes = (*TAKES[kind], *(self.options if kind == FILES else ()))
+        unused = [name for name in self.values if name not in takes]
+        if kind == FILES and isinstance(self.named.get("mesh"), QuadMesh):
+            unused.append("QuadMesh as mesh")
+        if unused:
+            remedy = " (give density fields, each with its composition)" if unused[0] == "species" else ""
+            others = ", ".join(TAKES[kind]) + (" and options of their reader" if kind == FILES else "")
+            raise (TypeError if unused[0] in self.options else ValueError)(
+                f"{source} is taken for {kind}, which take no {unused[0]}{remedy}, but time, time_step, start_time, "
+                f"count, {others}: leave it out"
+            )
+
+    def check_geometry(self, source: str, mesh: GridMesh | QuadMesh | None) -> None:
+        """Reject a geometry other than that which the source has."""
+        geometry = self.named.get("geometry")
+        if geometry is not None and mesh is not None and geometry != mesh.geometry:
+            raise ValueError(f"{source} is {mesh.geometry}, not {geometry}: leave geometry out")
+
+    def only(self, *names: str) -> dict[str, Any]:
+        """Return some of the caller's named arguments."""
+        return {name: self.named[name] for name in names if name in self.named}
+
+    def for_files(self) -> dict[str, Any]:
+        """Return the options with which a file is read: `read` has these arguments under the same names."""
+        return self.only("density", "ambient_density", "geometry", "spacing", "mesh", "species") | self.options
+
+    def reader(self, name: str) -> "_Reader":
+        """Return what reads files, of a source of that name."""
+        self.check(name, FILES)
+        return _Reader(self.named.get("read"), self.for_files(), self.only("body", "conditions"))
+
+
+def _of_path(path: Path, given: _Arguments, clock: _Clock) -> Series:
     if any(letter in str(path) for letter in "*?[") and not path.exists():
-        reader = _reader(str(path), given)
-        return _of_files(_matching(path), time, step, start, reader)
+        reader = given.reader(str(path))
+        return _of_files(_matching(path), clock, reader)
     lists = import_module("aerokernels.flow.reading.readers.vtk_collections")
-    if path.suffix.lower() in lists.SUFFIXES and path.is_file():
-        reader = _reader(str(path), given)
-        entries = lists.collection(path)
-        paths, instants = [entry.file for entry in entries], [entry.time for entry in entries]
-        if len(set(instants)) < len(instants):  # several files make up one time: `read` the collection instead
-            found = _at_times(path, np.unique(instants), reader, {"file": path.name})
-        else:
-            found = _of_files(paths, instants, None, 0.0, reader)
-        return _with_times(found, time, step, start)
     case = import_module("aerokernels.flow.reading.readers.foam_case")
-    if path.exists() and case.may_be_case(path) and case.is_case(path):
-        # The time directories from which `flow.read` chooses one.
-        instants = [one.value for one in case.case_times(case.case_folder(path))]
-        found = _at_times(path, np.array(instants), _reader(str(path), given), {"case": path.name})
-        return _with_times(found, time, step, start)
-    times = None
-    if path.is_file():
+    times, kind = None, "file"
+    if path.suffix.lower() in lists.SUFFIXES and path.is_file():
+        entries = lists.collection(path)
+        times = [entry.time for entry in entries]
+        if len(set(times)) == len(times):
+            own = _of_files([entry.file for entry in entries], _Clock(times, None, 0.0), given.reader(str(path)))
+            return clock.replace_in(own)
+        times = np.unique(times)  # several files make up one time: `read` the collection instead
+    elif path.exists() and case.may_be_case(path) and case.is_case(path):
+        times, kind = [one.value for one in case.case_times(case.case_folder(path))], "case"
+    elif path.is_file():
         times = import_module("aerokernels.flow.reading.formats").times_in(path, given.for_files())
     if times is not None:
-        found = _at_times(path, np.array(times), _reader(str(path), given), {"file": path.name})
-    else:
-        data, own = opened(path)
-        found = replace(_of_dataset(data, given, str(path), {"file": path.name}), **own)
-    return _with_times(found, time, step, start)
+        return clock.replace_in(_at_times(path, np.array(times), given.reader(str(path)), {kind: path.name}))
+    data, own = opened(path)
+    return clock.replace_in(replace(_of_dataset(data, given, str(path), {"file": path.name}), **own))
 
 
-def _of_dataset(data: Any, given: Given, name: str, identity: dict[str, Any]) -> Series:
+def _of_dataset(data: Any, given: _Arguments, name: str, identity: dict[str, Any]) -> Series:
     given.check(name, WITH_TIME)
-    found = series_of_dataset(data, given.values, name, identity)
-    given.check_geometry(name, found.mesh)
-    return found
+    series = series_of_dataset(data, given.values, name, identity)
+    given.check_geometry(name, series.mesh)
+    return series
 
 
-def _of_items(
-    items: Any, given: Given, count: int | None, time: Sequence[float] | None, step: float | None, start: float
-) -> Series:
+def _of_items(items: Any, given: _Arguments, count: int | None, clock: _Clock) -> Series:
     """Return the series of a list or an iterator of arrays, density fields or paths."""
     listed = hasattr(items, "__getitem__") and (hasattr(items, "__len__") or len(getattr(items, "shape", ())) > 0)
     if not listed and not isinstance(items, Iterable):
@@ -330,19 +234,17 @@ def _of_items(
     if listed and total == 0:
         raise ValueError("the series is empty: give at least one snapshot")
     if listed and isinstance(items[0], (str, os.PathLike)):
-        return _of_files([Path(item) for item in items], time, step, start, _reader("the list of paths", given))
-    times = times_of(time, step, start, total)
-    own = given.of_fields()
-    once = None if listed else InOrder(with_own(item, own) for item in items)
-    get: Callable[[int], Any] = once or (lambda number: with_own(items[number], own))
-    first = once.first() if once else get(0)
-    where = "the list" if listed else "the iterator"
+        return _of_files([Path(item) for item in items], clock, given.reader("the list of paths"))
+    times, own = clock.of(total), given.only(*TAKES[FIELDS])
+    once = None if listed else InOrder(_with_own(item, own) for item in items)
+    get: Callable[[int], Any] = once or (lambda number: _with_own(items[number], own))
+    first, where = once.first() if once else get(0), "the list" if listed else "the iterator"
     if isinstance(first, DensityField):
         given.check(where, FIELDS)
         return _of_fields(get, times, first, "density fields", once=not listed)
-    array = host_array(first)
+    array, values = host_array(first), given.named
     given.check(where, ARRAYS)
-    mesh, values = given.values.get("mesh"), given.values
+    mesh = values.get("mesh")
     if mesh is not None:
         if not isinstance(mesh, QuadMesh):
             raise TypeError(f"mesh must be a QuadMesh, got {type(mesh).__name__}: see QuadMesh.structured")
@@ -356,52 +258,31 @@ def _of_items(
         mesh = GridMesh(values["geometry"], origin, spacing, array.shape, "cell_averages" in values)
     if "ambient_density" not in values:
         raise ValueError("arrays need an ambient_density, that of the air around them, in kg/m3")
-    around = float(values["ambient_density"])
-    own = {name: values.get(name) for name in ("body", "conditions")}
-    return Series(get, times, mesh, around, **own, provenance="arrays", once=not listed)
+    own = given.only("body", "conditions")
+    return Series(get, times, mesh, float(values["ambient_density"]), **own, provenance="arrays", once=not listed)
 
 
-def _reader(name: str, given: Given) -> SeriesReader:
-    given.check(name, FILES)
-    own = {name: value for name, value in given.of_fields().items() if name != "ambient_density"}
-    return SeriesReader(given.values.get("read"), given.for_files(), own)
-
-
-def _with_times(series: Series, time: Sequence[float] | None, step: float | None, start: float) -> Series:
-    """Return a series with the times that a caller gives, in place of its own; its own if none are given."""
-    if time is None and step is None:
-        return series
-    return replace(series, time=times_of(time, step, start, len(series)))
-
-
-def _matching(pattern: Path) -> list[Path]:
-    """Return the files of a pattern, ordered by the numbers in their names: see numbered_files.py."""
-    parts = pattern.parts
-    first = next(k for k, part in enumerate(parts) if any(letter in part for letter in "*?["))
-    root = Path(*parts[:first]) if first else Path()
-    found = list(root.glob(str(Path(*parts[first:]))))
-    if not found:
-        raise ValueError(f"{pattern}: no file matches; check the folder and the pattern")
-
-    return in_order(found)
-
-
-def _of_files(
-    paths: list[Path],
-    time: Sequence[float] | None,
-    step: float | None,
-    start: float,
-    reader: SeriesReader,
-) -> Series:
+def _of_files(paths: list[Path], clock: _Clock, reader: "_Reader") -> Series:
     missing = [path for path in paths if not path.exists()]
     if missing:
         raise ValueError(f"{missing[0]}: no such file ({len(missing)} of {len(paths)} are missing)")
-    times = times_of(time, step, start, len(paths))
-    if time is None:
-        warn_of_gaps(paths)
-    more = {"identity": {"files": [path.name for path in paths]}, "stamp": lambda number: _stamp(paths[number], reader)}
+    times = clock.of(len(paths))
+    if clock.time is None:
+        _warn_of_gaps(paths)
     described = f"{len(paths)} files from {paths[0].name} to {paths[-1].name}"
-    return _of_fields(lambda number: reader(paths[number]), times, reader(paths[0]), described, **more)
+    return _of_fields(
+        lambda number: reader(paths[number]), times, reader(paths[0]), described,
+        identity={"files": [path.name for path in paths]}, stamp=lambda number: reader.stamp(paths[number]),
+    )  # fmt: skip
+
+
+def _at_times(path: Path, times: np.ndarray, reader: "_Reader", identity: dict) -> Series:
+    """Return the series of a file or case with several times, each read by `reader(path, time=...)`."""
+    return _of_fields(
+        lambda number: reader(path, time=float(times[number])), times, reader(path, time=float(times[0])),
+        f"{path}, {len(times)} times", identity={**identity, "times": times.tolist()},
+        stamp=lambda number: reader.stamp(path, float(times[number])),
+    )  # fmt: skip
 
 
 def _of_fields(get: Callable[[int], Any], times: np.ndarray, first: Any, described: str, **more: Any) -> Series:
@@ -412,68 +293,115 @@ def _of_fields(get: Callable[[int], Any], times: np.ndarray, first: Any, describ
     return Series(get, times, mesh_of(first), first.ambient_density, first.body, conditions, described, **more)
 
 
-def _at_times(path: Path, times: np.ndarray, reader: SeriesReader, identity: dict) -> Series:
-    """Return the series of a file or case with several times, each read by `reader(path, time=...)`."""
-    return _of_fields(
-        lambda number: reader(path, time=float(times[number])),
-        times,
-        reader(path, time=float(times[0])),
-        f"{path}, {len(times)} times",
-        identity={**identity, "times": times.tolist()},
-        stamp=lambda number: _stamp(path, reader, float(times[number])),
-    )
-
-
-def _stamp(path: Path, reader: SeriesReader, time: float | None = None) -> str:
-    """Return a text that changes when one of the files is written again that are read for a path at a time."""
-    behind = import_module("aerokernels.flow.reading.formats")
-    found: str = behind.stamp(behind.files_behind(path, reader.options, time))
-    return found
-
-
-def with_own(found: Any, own: Mapping[str, Any]) -> Any:
-    """Return a density field with attributes in place of its own, by name; anything else as it is.
-
-    Raises:
-        ValueError: The field is a formula.
-    """
-    if not own or not isinstance(found, DensityField):
-        return found
-    if type(found) not in OF_SAMPLES_ALONE:
-        what = f"a {type(found).__name__} is a formula, which has its own {', '.join(own)}"
+def _with_own(item: Any, own: Mapping[str, Any]) -> Any:
+    """Return a density field with attributes in place of its own, by name; anything else as it is."""
+    if not own or not isinstance(item, DensityField):
+        return item
+    if type(item) not in (CellDensity, VertexDensity, GridDensity):
+        what = f"a {type(item).__name__} is a formula, which has its own {', '.join(own)}"
         raise ValueError(f"{what}: leave it out, and make the fields with the values that they are to have")
-    return replace(found, **own)  # type: ignore[type-var]
+    return replace(item, **own)  # type: ignore[type-var]
+
+
+class _Reader:
+    """Reads files, or one file at several times, as density fields; the first one read is the first snapshot.
+
+    All files get the ambient density of the first one, unless the caller gives it or a function that reads them. That
+    of each file would be the median of its own turbulence: on lines of unequal length through the grid its fluctuations
+    would tilt the wavefront. A file of other flow conditions has a far field that differs by more than turbulence, and
+    gets a warning.
+    """
+
+    def __init__(self, read: Callable[..., DensityField] | None, options: dict[str, Any], own: Mapping[str, Any]):
+        """Store the function, None for `flow.read`, its options, and attributes that replace those of the fields."""
+        self.options: dict[str, Any] | None = None  # those of `flow.read`
+        self._read: Any = partial(read, **options) if read is not None else None
+        if read is None:
+            self._read = import_module("aerokernels.flow.reading.read").Reader(**options)
+            self.options = self._read.options
+        self._own, self._first = own, np.empty(0)
+        self._is_watched = read is None and "ambient_density" not in options
+
+    def __call__(self, path: Path, **more: Any) -> DensityField:
+        """Read a file, or a time of it. Errors as in `flow.read`."""
+        field = self._read(path, **more)
+        if self._is_watched:
+            self._watch(path, field)
+        changed: DensityField = _with_own(field, self._own)
+        return changed
+
+    def stamp(self, path: Path, time: float | None = None) -> str:
+        """Return a text that changes when one of the files is written again that are read for a path at a time."""
+        behind = import_module("aerokernels.flow.reading.formats")
+        return str(behind.stamp(behind.files_behind(path, self.options, time)))
+
+    def _watch(self, path: Path, field: DensityField) -> None:
+        """Hold the ambient density of the first file, and warn of the first other one with another far field.
+
+        Its difference is that of another flow if it is three times the scatter of the densities there and changes the
+        optical path by more than the default tolerance.
+        """
+        assert self.options is not None
+        front = import_module("aerokernels.flow.reading.read").far_field(field, self._read.resampling)
+        low, middle, high = np.quantile(front[:: max(1, front.size // 2**17)], (0.16, 0.5, 0.84))
+        here = np.array([middle, 0.5 * (high - low)])
+        if not self._first.size:
+            self.options["ambient_density"], self._first = field.ambient_density, here
+            return
+        difference, scatter = abs(here[0] - self._first[0]), max(here[1], self._first[1])
+        length = float(field.box[1][-1] - field.box[0][-1])
+        constant = float(refractivity_model("gladstone-dale").constant(DEFAULT_WAVELENGTH))
+        waves = constant * difference * length / DEFAULT_WAVELENGTH
+        if difference > 3.0 * scatter and waves > 1e-3:
+            self._is_watched = False  # one warning for a series
+            warn_caller(
+                f"{path}: the density at its upstream end is {here[0]:.6g} kg/m3, in the first snapshot "
+                f"{self._first[0]:.6g} kg/m3, but all snapshots are taken to be in air of {field.ambient_density:.6g} "
+                f"kg/m3: {waves:.2g} waves along the box at {1e9 * DEFAULT_WAVELENGTH:.0f} nm. Open snapshots of "
+                "different flow conditions as separate series, or give density fields, which keep their own "
+                "ambient_density; if the conditions are the same, give ambient_density"
+            )
+
+
+def _matching(pattern: Path) -> list[Path]:
+    """Return the files of a pattern, in order."""
+    parts = pattern.parts
+    first = next(k for k, part in enumerate(parts) if any(letter in part for letter in "*?["))
+    files = list((Path(*parts[:first]) if first else Path()).glob(str(Path(*parts[first:]))))
+    if not files:
+        raise ValueError(f"{pattern}: no file matches; check the folder and the pattern")
+    return in_order(files)
 
 
 def in_order(paths: Sequence[Path]) -> list[Path]:
-    """Return files ordered by the numbers in their names."""
+    """Return files ordered by the numbers in their names.
+
+    Files of a run are written at even steps, so the reading in which the numbers grow evenly is the right one; without
+    one they are counters.
+    """
     for reading in (COUNTERS, DECIMALS):
         ordered = sorted(paths, key=partial(_pieces, reading=reading))
         steps = _steps(ordered, reading)
-        if len(steps) >= LEAST - 1 and _are_even(steps):
+        if len(steps) > 1 and _are_even(steps):
             return ordered
     return sorted(paths, key=partial(_pieces, reading=COUNTERS))
 
 
-def warn_of_gaps(paths: Sequence[Path]) -> None:
+def _warn_of_gaps(paths: Sequence[Path]) -> None:
     """Warn of files whose names have one number that differs, and not by even steps."""
-    found = [_steps(paths, reading) for reading in (COUNTERS, DECIMALS)]
-    if all(len(steps) >= LEAST - 1 and not _are_even(steps) for steps in found):
-        usual = sorted(found[0])[len(found[0]) // 2]
-        odd = next((k for k, step in enumerate(found[0]) if step != usual), 0)
+    both = [_steps(paths, reading) for reading in (COUNTERS, DECIMALS)]
+    if all(len(steps) > 1 and not _are_even(steps) for steps in both):
+        usual = sorted(both[0])[len(both[0]) // 2]
+        odd = next((k for k, step in enumerate(both[0]) if step != usual), 0)
         warn_caller(
             f"the files are not numbered evenly: {paths[odd + 1].name} comes after {paths[odd].name}. A snapshot may "
             "be missing, or there twice; time_step gives all of them even times: give time=, one for each"
         )
 
 
-def _pieces(path: Path, reading: str) -> list[str | int | Fraction]:
+def _pieces(path: Path, reading: str) -> list[str | Fraction]:
     """Return the texts and the numbers of a name, in turn."""
-    return [_number(one) if k % 2 else one for k, one in enumerate(re.split(reading, path.name))]
-
-
-def _number(text: str) -> int | Fraction:
-    return Fraction(text) if "." in text else int(text)
+    return [Fraction(one) if k % 2 else one for k, one in enumerate(re.split(reading, path.name))]
 
 
 def _steps(paths: Sequence[Path], reading: str) -> list[float]:
@@ -482,11 +410,9 @@ def _steps(paths: Sequence[Path], reading: str) -> list[float]:
     if len({len(name) for name in names}) != 1:
         return []
     columns: list[Any] = [column for column in zip(*names, strict=True) if len(set(column)) > 1]
-    if len(columns) != 1:
-        return []
-    return [float(after - before) for before, after in pairwise(columns[0])]
+    return [float(after - before) for before, after in pairwise(columns[0])] if len(columns) == 1 else []
 
 
 def _are_even(steps: Sequence[float]) -> bool:
     mean = sum(steps) / len(steps)
-    return mean > 0 and all(abs(step - mean) <= EVEN * mean for step in steps)
+    return mean > 0 and all(abs(step - mean) <= 0.25 * mean for step in steps)  # times in names are rounded

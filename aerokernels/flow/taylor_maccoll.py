@@ -27,11 +27,7 @@ from aerokernels.inputs.arguments import Numbers, checked
 
 # Below this half angle the shock's strength is less than 1e-24 and the flow is the free stream to double precision.
 LEAST_HALF_ANGLE = 1e-6
-
-
 TOLERANCE = 1e-13
-
-
 # Profile entries per step of the integrator: the cubics between entries are then accurate to 1e-12.
 PARTS = 16
 

@@ -19,7 +19,7 @@ from aerokernels.jobs.figure_layout import house_style, png, styled_figure
 from aerokernels.jobs.page import page, table
 from aerokernels.jobs.plots import ACCENT, MUTED, RAY_COLOUR
 from aerokernels.jobs.recorded import LEAST_SAMPLES, label_text
-from aerokernels.jobs.store import REPORT_FILE, SUMMARY_FILE, to_json, write_folder, write_result, write_summary
+from aerokernels.jobs.store import REPORT_FILE, SUMMARY_FILE, staged_folder, to_json, write_result, write_summary
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -225,15 +225,13 @@ def write_comparison(found: BenchComparison, out: Path) -> list[str]:
     }
     report = _page(found, pictures)
 
-    def write(folder: Path) -> list[str]:
+    with staged_folder(out) as folder:
         _write_csv(folder / TABLE_FILE, rows)
         (folder / FIGURE_FILE).write_bytes(pictures["waveforms"][1])
         write_result(folder / WAVEFORM_FILE, found.to_xarray())
         write_summary(folder / SUMMARY_FILE, summary)
         (folder / REPORT_FILE).write_text(report, encoding="utf-8")
         return sorted(path.name for path in folder.iterdir())
-
-    return write_folder(out, write)
 
 
 def _write_csv(path: Path, rows: Sequence[dict[str, Any]]) -> None:

@@ -16,7 +16,7 @@ from aerokernels.display.shown import extent_of
 from aerokernels.flow import DensityField, shipped_names
 from aerokernels.jobs.figure_layout import house_style, png, styled_figure
 from aerokernels.jobs.plots import ACCENT
-from aerokernels.jobs.store import SUMMARY_FILE, write_folder, write_result, write_summary
+from aerokernels.jobs.store import SUMMARY_FILE, staged_folder, write_result, write_summary
 from aerokernels.medium import IndexField
 from aerokernels.prepare import flow_index
 from aerokernels.scene import Scene, warn_of_unused
@@ -321,13 +321,10 @@ def make_pictures(
 def write_pictures(made: BenchPictures, out: Path) -> list[str]:
     """Write pictures.nc, figure.png, a grey PNG of each kind and summary.json to `out`: all of them, or none.
 
-    What happens on a full disk is described at `write_folder`.
-
     Returns:
         Names of the files written.
     """
-
-    def write(folder: Path) -> list[str]:
+    with staged_folder(out) as folder:
         for kind, picture in made.pictures.items():
             write_picture(folder / f"{kind}.png", picture)
         with house_style():
@@ -337,8 +334,6 @@ def write_pictures(made: BenchPictures, out: Path) -> list[str]:
         write_result(folder / DATASET_FILE, made.to_xarray())
         write_summary(folder / SUMMARY_FILE, made.summary)
         return sorted(path.name for path in folder.iterdir())
-
-    return write_folder(out, write)
 
 
 def _axes(picture: PictureView, count: int) -> "tuple[Figure, list[Axes]]":

@@ -11,14 +11,13 @@ import numpy as np
 
 from aerokernels.echo import EchoResult
 from aerokernels.echo.parts import Setup, trace_options
-from aerokernels.echo.rangefinder import check_echo
+from aerokernels.echo.rangefinder import VacuumEcho, check_echo
 from aerokernels.echo.simulate import echo_through
-from aerokernels.echo.vacuum import VacuumEcho
 from aerokernels.flow import DensityField
 from aerokernels.inputs.arguments import checked
 from aerokernels.jobs.report import draw_pictures, render_report
 from aerokernels.jobs.run_files import RayFan, RunResult, scene_toml
-from aerokernels.jobs.store import REPORT_FILE, RESULT_FILE, SUMMARY_FILE, write_folder, write_result, write_summary
+from aerokernels.jobs.store import REPORT_FILE, RESULT_FILE, SUMMARY_FILE, staged_folder, write_result, write_summary
 from aerokernels.medium import IndexField
 from aerokernels.prepare import Prepared, prepare_field
 from aerokernels.process.clock import clocked
@@ -222,7 +221,7 @@ def run_stages(
 
 
 def write_run(result: RunResult, out: Path) -> dict[str, Any]:
-    """Write summary.json, result.nc and report.html to the folder `out`: all of them, or none; see `write_folder`.
+    """Write summary.json, result.nc and report.html to the folder `out`: all of them, or none; see `staged_folder`.
 
     Returns:
         The summary as it was written; its failures include any figure that could not be drawn.
@@ -231,11 +230,8 @@ def write_run(result: RunResult, out: Path) -> dict[str, Any]:
     pictures, undrawn = draw_pictures(dataset)
     summary = {**result.summary, "failures": {**result.summary["failures"], **undrawn}}
     page = render_report(pictures, summary, scene_toml(result.scene))
-
-    def write(folder: Path) -> None:
+    with staged_folder(out) as folder:
         write_result(folder / RESULT_FILE, dataset)
         (folder / REPORT_FILE).write_text(page, encoding="utf-8")
         write_summary(folder / SUMMARY_FILE, summary)
-
-    write_folder(out, write)
     return summary

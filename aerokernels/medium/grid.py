@@ -25,20 +25,12 @@ from aerokernels.process.threads import copy_and_scan, extremes_of
 # Radius in cells within which the gradient of a linear interpolant is smoothed about r = 0, where the interpolant may
 # have a kink: rays that oscillate about the axis would otherwise reverse at every crossing.
 AXIS_CORE = 1e-4
-
-
 # Greatest and least side of a box in metres (about the Earth's radius, and a few atoms); others are in another unit.
 LARGEST_BOX, SMALLEST_BOX = 1e7, 1e-9
-
-
 # Float64 does not resolve node positions that are closer together than this fraction of their coordinates.
 LEAST_STEP_SHARE = 1e-11
-
-
 # Types of samples that are kept as they are given.
 KINDS = np.dtype(np.float32), np.dtype(np.float64)
-
-
 # Key of a function that copies coefficients from a device.
 FETCH = "fetch coefficients"
 
@@ -57,11 +49,7 @@ def check_finite(array: np.ndarray, what: str) -> None:
 
 
 def as_points(points, dimension: int) -> np.ndarray:
-    """Return points as a float64 array, shape (n, dimension).
-
-    Raises:
-        ValueError: Another shape.
-    """
+    """Return points as a float64 array, shape (n, dimension)."""
     points = np.asarray(points, dtype=np.float64)
     if points.ndim != 2 or points.shape[1] != dimension:
         raise ValueError(f"points need shape (n, {dimension}), got {points.shape}")
@@ -76,11 +64,7 @@ def local_coordinates(points: np.ndarray, geometry: str) -> np.ndarray:
 
 
 def check_box(low: np.ndarray, high: np.ndarray) -> None:
-    """Reject a box [m] whose size no flow has, mostly because its lengths are in another unit.
-
-    Raises:
-        ValueError: A side above 1e7 m or below 1e-9 m.
-    """
+    """Reject a box [m] whose size no flow has, mostly because its lengths are in another unit."""
     extent = high - low
     if extent.max() > LARGEST_BOX or extent.min() < SMALLEST_BOX:
         sides = " by ".join(f"{side:.3g}" for side in extent)
@@ -91,12 +75,7 @@ def check_box(low: np.ndarray, high: np.ndarray) -> None:
 
 
 def checked_axes(shape: tuple[int, ...], origin, spacing) -> tuple[np.ndarray, np.ndarray]:
-    """Return the first node and the spacing [m] of a grid of a shape, as read-only float64 arrays.
-
-    Raises:
-        ValueError: Entries that do not match the shape, are not finite or leave node positions unresolved in float64,
-            or fewer than two nodes along an axis.
-    """
+    """Return the first node and the spacing [m] of a grid of a shape, as read-only float64 arrays."""
     dimension, asked = len(shape), spacing
     origin, given = np.array(origin, dtype=np.float64).reshape(-1), origin
     spacing = np.array(spacing, dtype=np.float64).reshape(-1)
@@ -122,11 +101,7 @@ def checked_axes(shape: tuple[int, ...], origin, spacing) -> tuple[np.ndarray, n
 
 
 def check_starts_on_axis(origin: np.ndarray, spacing: np.ndarray) -> None:
-    """Reject the first node and spacing [m] of an axisymmetric grid that does not start at r = 0.
-
-    Raises:
-        ValueError: It starts elsewhere.
-    """
+    """Reject the first node and spacing [m] of an axisymmetric grid that does not start at r = 0."""
     if abs(origin[0]) > 1e-9 * spacing[0]:
         raise ValueError(f"an axisymmetric grid starts at r = 0, got origin {origin[0]:g} m")
 
@@ -159,12 +134,7 @@ def places_of(shape: tuple[int, ...], origin: np.ndarray, spacing: np.ndarray, e
 
 
 def contrast_array(contrast: Any) -> np.ndarray:
-    """Return a contrast as a NumPy array of real numbers.
-
-    Raises:
-        TypeError: Other entries.
-        ValueError: float16, whose least digit is 6e-8: a contrast of air would have three or four digits.
-    """
+    """Return a contrast as a NumPy array of real numbers."""
     array = plain_array(contrast)
     if not np.issubdtype(array.dtype, np.number) or np.iscomplexobj(array):
         raise TypeError(f"contrast must be an array of real numbers, got dtype {array.dtype}")
@@ -342,12 +312,7 @@ def eq5_step(difference: np.ndarray, size) -> np.ndarray:
 
 
 def checked_walls(walls: Any) -> tuple[np.ndarray, np.ndarray]:
-    """Return positions at walls [m], shape (n, 2), and the contrast there, shape (n,), as float64 arrays.
-
-    Raises:
-        TypeError: Not a pair of arrays of numbers.
-        ValueError: Other shapes, or entries that are not finite.
-    """
+    """Return positions at walls [m], shape (n, 2), and the contrast there, shape (n,), as float64 arrays."""
     if not isinstance(walls, (tuple, list)) or len(walls) != 2 or not all(are_numbers(each) for each in walls):
         raise TypeError(f"walls must be a pair of arrays, points [m] and contrasts, got {type(walls).__name__}")
     points, contrast = (np.asarray(each, dtype=np.float64) for each in walls)

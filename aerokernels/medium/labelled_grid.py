@@ -29,13 +29,7 @@ def check_order(array: Any, name: str, geometry: str, door: str) -> None:
 
 
 def grid_arguments(array) -> dict:
-    """Return the arguments; see `IndexField.from_xarray`.
-
-    Raises:
-        TypeError: Not an xarray array.
-        ValueError: Other dimensions, coordinates that are absent or not even, units that are not lengths, a unit of the
-            contrast that is none of a ratio, values that are not real numbers, contrasts that no medium has.
-    """
+    """Return the arguments; see `IndexField.from_xarray`."""
     if not hasattr(array, "dims") or not hasattr(array, "coords") or hasattr(array, "data_vars"):
         raise TypeError(f"from_xarray takes an xarray DataArray, got {type(array).__name__}: choose one of a Dataset")
     names = {str(dim): dim for dim in array.dims}

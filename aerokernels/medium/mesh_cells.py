@@ -4,16 +4,10 @@ import numpy as np
 
 # Cells that are examined together, which limits the size of arrays.
 PART = 1 << 17  # speed only
-
-
 # Relative tolerance of the containment test, so that a point on an edge belongs to at least one of the two cells.
 EDGE_TOLERANCE = 1e-9
-
-
 # Newton's method converges quadratically: after a step of this size (in xi, eta) only rounding errors remain.
 LAST_STEP = 1e-9
-
-
 MAX_STEPS = 12
 
 

@@ -25,10 +25,6 @@ def mesh_columns(mesh: QuadMesh, values: np.ndarray, position, direction, ends=N
         direction: Unit vectors, shape (line_count, 3) or (3,).
         ends: Distances from its point at which each line begins and ends [m], shape (2, line_count); None takes whole
             lines.
-
-    Raises:
-        ValueError: Points that are not finite, directions that are not unit vectors, or lines along x of a planar mesh,
-            which never leave it.
     """
     position, direction = as_lines(position, direction)
     if not np.isfinite(position).all():

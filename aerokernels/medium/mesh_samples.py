@@ -27,8 +27,6 @@ from aerokernels.medium.mesh import Places, QuadMesh
 from aerokernels.medium.mesh_cells import PART
 
 MESH_INTERPOLATIONS = ("bilinear", "bilinear-barron", "idw", "cells")
-
-
 # Places along an edge at which both sides are compared: along it the gradient of a bilinear interpolant changes slowly.
 PLACES = (0.0, 0.5, 1.0)
 

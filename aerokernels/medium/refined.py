@@ -54,9 +54,6 @@ def cut_in_four(mesh: QuadMesh, values: np.ndarray, gradient: np.ndarray) -> tup
         mesh: The mesh.
         values: At its vertices, shape (vertex_count,).
         gradient: At its vertices [1/m], shape (vertex_count, 2).
-
-    Raises:
-        ValueError: The mesh has two vertices in one place, at a seam.
     """
     finer, a, b, of_edge = _cut(mesh)
     rise = np.sum((gradient[a] - gradient[b]) * (mesh.vertices[b] - mesh.vertices[a]), axis=1)

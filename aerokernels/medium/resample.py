@@ -23,26 +23,14 @@ from aerokernels.process.machine import host_memory
 from aerokernels.sobol import sobol_points
 
 PROBE_COUNT = 4096
-
-
 LINE_COUNT = 64
-
-
 # Greatest and least factor by which halving the spacing is predicted to reduce the error.
 GREATEST_GAIN, LEAST_GAIN = 64.0, 4.0
-
-
 # Most nodes of a grid whose geometry is cached on the mesh that was resampled last: 100 bytes each, and 10 MB.
 KEPT_NODES = 1 << 18  # speed only
-
-
 NODE_LIMIT = 200_000_000
-
-
 # Greatest memory that resampling needs per node, measured on the shipped flows.
 BYTES_PER_NODE = 300
-
-
 # A grid of fewer cells along an axis does not resolve any structure of a flow.
 LEAST_CELLS = 4
 
@@ -82,14 +70,6 @@ def resample(field, spacing=None, *, tolerance=None, wavelength=None, region=Non
         region: Lowest and highest corner along the field's axes [m]; the whole box if None. Beyond the box the field is
             ambient: where it is not ambient at a face, the jump there is smoothed over a cell of the grid.
         interpolation: Interpolant of the result.
-
-    Returns:
-        A field whose `resampling` is the measured ResamplingError.
-
-    Raises:
-        ValueError: Both or neither of spacing and tolerance; numbers that are not positive; a region outside the box;
-            a grid of fewer than four cells along an axis (unless the field has no more) or too large for the memory;
-            a tolerance that no grid of allowed size meets.
     """
     wavelength = field.wavelength_for(wavelength)
     if (spacing is None) == (tolerance is None):
@@ -175,19 +155,12 @@ def _resampled(make, step, region, interpolation):
 
 @dataclass(frozen=True, eq=False)
 class _PointSet:
-    """Points at which a field is evaluated.
-
-    Attributes:
-        count: Number of all points.
-        rows: Indices of the points where the field is evaluated; at the others the result is zero.
-        points: Local coordinates of the points `rows` [m].
-        places: The cells of these points, for a field on a mesh.
-    """
+    """Points at which a field is evaluated: the rows among all of them that are; elsewhere the result is zero."""
 
     count: int
     rows: np.ndarray
-    points: np.ndarray
-    places: Any
+    points: np.ndarray  # of these rows, local coordinates [m]
+    places: Any  # the cells of these points, for a field on a mesh
 
     def contrast(self, field) -> np.ndarray:
         """Return the contrast, shape (count,)."""
@@ -207,29 +180,17 @@ class _PointSet:
 
 @dataclass(frozen=True, eq=False)
 class _ResamplingPoints:
-    """The points at which resampling evaluates a field; they do not depend on the field's values.
+    """The points at which resampling evaluates a field; they do not depend on the field's values."""
 
-    Attributes:
-        nodes: The nodes of the grid.
-        inside: Indices of the nodes inside the body.
-        skin: Points at the wall nearest to these nodes.
-        ahead: These nodes mirrored at the wall, at most two spacings from it.
-        fade: Fraction of the slope at the wall with which each of these nodes is extrapolated.
-        probe: Scattered points of the flow.
-        lines: Points along lines parallel to the last axis, LINE_COUNT times `line_points`.
-        line_points: Number of points on a line.
-        length: Length of the line that each point represents [m].
-    """
-
-    nodes: _PointSet
-    inside: np.ndarray
-    skin: _PointSet
-    ahead: _PointSet
-    fade: np.ndarray
-    probe: _PointSet
-    lines: _PointSet
+    nodes: _PointSet  # of the grid
+    inside: np.ndarray  # indices of the nodes inside the body
+    skin: _PointSet  # points at the wall nearest to these nodes
+    ahead: _PointSet  # these nodes mirrored at the wall, at most two spacings from it
+    fade: np.ndarray  # fraction of the slope at the wall with which each of these nodes is extrapolated
+    probe: _PointSet  # scattered points of the flow
+    lines: _PointSet  # points along lines parallel to the last axis, LINE_COUNT times `line_points`
     line_points: int
-    length: float
+    length: float  # of the line that each point represents [m]
 
 
 def _points(field, low: np.ndarray, high: np.ndarray, step: np.ndarray, count: np.ndarray) -> _ResamplingPoints:
@@ -331,10 +292,6 @@ def node_counts(field, low: np.ndarray, high: np.ndarray, step: np.ndarray) -> n
         low: Lowest corner of the region [m], shape (d,).
         high: Highest corner [m], shape (d,).
         step: Greatest spacing [m], shape (d,).
-
-    Raises:
-        ValueError: A spacing of more than a quarter of the region along an axis, unless the field's own is as great
-            there; or more nodes than fit in memory.
     """
     extent = high - low
     size = " by ".join(f"{side:.3g}" for side in extent) + " m"

@@ -18,9 +18,6 @@ def contrast_on_axes(grid: UniformGrid, axes: list[np.ndarray]) -> np.ndarray:
     Args:
         grid: The samples.
         axes: Coordinates along each of its axes [m], in any order.
-
-    Returns:
-        Contrast, with the lengths of `axes` as shape.
     """
     from scipy.sparse import csr_array
 

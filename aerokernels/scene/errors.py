@@ -9,7 +9,7 @@ from pydantic import BaseModel, ValidationError
 
 from aerokernels.display.plain_text import cut
 from aerokernels.inputs.units import si_unit
-from aerokernels.scene.key_units import dimension_of
+from aerokernels.scene.values import dimension_of
 
 
 class SceneError(ValueError):

@@ -48,7 +48,7 @@ def _lengths(convert: Callable[[Any], Any]) -> BeforeValidator:
     def given(value: Any) -> Any:
         return None if value is None else convert(value)
 
-    given.dimension = "length"  # type: ignore[attr-defined]  # read by `key_units.dimension_of`
+    given.dimension = "length"  # type: ignore[attr-defined]  # read by `values.dimension_of`
     return BeforeValidator(given)
 
 

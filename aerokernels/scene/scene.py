@@ -15,16 +15,14 @@ from aerokernels.scene.echo_tables import AtmosphereTable, BeamTable, ReceiverTa
 from aerokernels.scene.errors import SceneError, scene_error
 from aerokernels.scene.loading import override, read_scene, resolve_paths
 from aerokernels.scene.pupil_table import PupilTable
-from aerokernels.scene.series_table import SeriesTable
-from aerokernels.scene.tables import STATIC, FlowTable, GridTable, StrehlTable, TraceTable
+from aerokernels.scene.tables import STATIC, FlowTable, GridTable, SeriesTable, StrehlTable, TraceTable
 from aerokernels.scene.values import Table
 
 
 class Scene(Table):
     """The scene that a user describes in a TOML file. Loaded numbers are SI.
 
-    The keys are defined in tables.py, echo_tables.py, pupil_table.py, detector_table.py, series_table.py and
-    file_table.py.
+    The keys are defined in tables.py, echo_tables.py, pupil_table.py and detector_table.py.
     """
 
     name: str = Field("scene", description="Short name for files and tables; the file's name if absent.")

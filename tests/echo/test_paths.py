@@ -9,9 +9,8 @@ from scipy.special import j1
 
 from aerokernels import IndexField, Plane, RayBundle, trace
 from aerokernels.echo.parts import Setup
-from aerokernels.echo.paths import transmit_paths
+from aerokernels.echo.paths import target_points, transmit_paths
 from aerokernels.echo.return_paths import return_paths
-from aerokernels.echo.target_points import target_points
 from aerokernels.scene import Scene
 from tests.return_opd import return_opd
 

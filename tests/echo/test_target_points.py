@@ -7,9 +7,8 @@ import pytest
 
 from aerokernels import plane_target_echo
 from aerokernels.echo.parts import Setup
-from aerokernels.echo.paths import vacuum_paths
+from aerokernels.echo.paths import target_points, vacuum_paths
 from aerokernels.echo.pulses import SPEED_OF_LIGHT, sum_of_pulses
-from aerokernels.echo.target_points import target_points
 from aerokernels.scene import Scene
 
 WIDE = {"target.width": 3.0, "target.height": 3.0}

@@ -11,7 +11,7 @@ import writers
 
 from aerokernels import flow
 from aerokernels.cli import exit_status, one_line
-from aerokernels.commands.fields import fields
+from aerokernels.commands.listing import fields
 from aerokernels.scene import Scene, SceneError
 
 

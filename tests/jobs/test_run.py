@@ -1,7 +1,6 @@
 """One run in the library: stages, the views it draws, and what it keeps of the scene."""
 
 from dataclasses import replace
-from importlib import import_module
 
 import numpy as np
 import pytest
@@ -9,8 +8,7 @@ import pytest
 from aerokernels.display.quantities import Quantity, combine
 from aerokernels.jobs import plots
 from aerokernels.jobs.run import STAGES, RunResult, ray_fan, scene_wavefront, simulate
-from aerokernels.jobs.run_files import density_cells, scene_toml
-from aerokernels.medium import QuadMesh
+from aerokernels.jobs.run_files import scene_toml
 from aerokernels.prepare import prepare_field
 from aerokernels.rays import RayBundle
 from aerokernels.scene import Scene, shipped_scenes
@@ -51,20 +49,6 @@ def test_progress_names_every_stage_once_and_never_goes_back():
     simulate(Scene.load("wind-tunnel-static", SMALL), progress=lambda stage, fraction: heard.append((stage, fraction)))
     assert heard == list(STAGES.values())
     assert [fraction for _, fraction in heard] == sorted(fraction for _, fraction in heard)
-
-
-def test_a_run_computes_all_before_its_clock_stops(monkeypatch):
-    """Reading and writing what it made traces nothing more, and its stages add up to its total at most."""
-    made = simulate(Scene.load("wind-tunnel-static", SMALL))
-    for module, name in (("trace", "launch"), ("retrace", "launch"), ("leapfrog.sample_count", "Trials")):
-        tracing = import_module(f"aerokernels.tracing.{module}")
-        monkeypatch.setattr(tracing, name, lambda *_: pytest.fail("rays were traced"))
-    made.to_xarray()
-    summary = made.summary
-    stages = {name: spent for name, spent in summary["stage_seconds"].items() if name != "total"}
-    assert stages["kernel"] == summary["trace_seconds"] > 0.0 and stages["error"] > 0.0
-    assert sum(stages.values()) <= summary["total_seconds"] == summary["stage_seconds"]["total"]
-    assert summary["seconds"]["error"] >= 0.0
 
 
 def test_every_variable_of_the_dataset_has_a_unit_and_a_meaning(still: RunResult):
@@ -111,30 +95,6 @@ def test_the_fan_is_symmetric_and_bends_as_the_optical_path_changes():
     turned = (far[:, 1] - near[:, 1]) / (far[:, 2] - near[:, 2])
     assert 6e-5 < np.abs(slope).max() and np.abs(turned - slope).max() < 0.2 * np.abs(slope).max()
     assert np.all(np.diff(fan.position[..., 2], axis=1) > 0.0)
-
-
-def test_density_picture_of_an_unstructured_mesh_shows_the_same_flow():
-    """Set-up: the shipped field, its mesh with the structure forgotten.
-
-    Expected: at the centre of each raster cell the density of the flow's cell there; the mean over the flow agrees
-    with the structured one. Error: a raster of 400 x 400 on cells of 0.05 to 3 mm, 1 % of the mean.
-    """
-    field = prepare_field(Scene.load("wind-tunnel-mach3")).density
-    mesh = QuadMesh(field.mesh.vertices, field.mesh.cells, field.mesh.geometry)
-    assert mesh.shape is None
-    density, corner_y, corner_z = density_cells(replace(field, mesh=mesh))
-    assert (
-        density.shape
-        == (corner_y.shape[0] - 1, corner_y.shape[1] - 1)
-        == (corner_z.shape[0] - 1, corner_z.shape[1] - 1)
-    )
-    centre = [0.25 * (a[1:, 1:] + a[1:, :-1] + a[:-1, 1:] + a[:-1, :-1]) for a in (corner_y, corner_z)]
-    cell = mesh.locate(np.stack(centre, axis=-1).reshape(-1, 2))
-    inside = (cell >= 0).reshape(density.shape)
-    raster_mean = density[inside].mean()
-    cell_mean = float(field.density @ field.mesh.cell_area / field.mesh.cell_area.sum())
-    assert raster_mean == pytest.approx(cell_mean, rel=0.01)
-    assert np.all(density[~inside] == field.ambient_density)
 
 
 @pytest.mark.parametrize("removed", ["piston", "piston, tilt, focus"])

@@ -1,6 +1,5 @@
 """Sweeps whose machines fail: cases that are tried again, workers that do not start, GPUs that are hidden; refusals."""
 
-import ctypes
 import json
 from concurrent.futures import Executor, Future
 
@@ -9,7 +8,7 @@ import pytest
 
 import aerokernels
 from aerokernels.jobs import store
-from aerokernels.jobs.sweeps import executors, records
+from aerokernels.jobs.sweeps import records
 from aerokernels.jobs.sweeps.definition import define
 from aerokernels.jobs.sweeps.run import check_options
 
@@ -60,34 +59,6 @@ def test_workers_that_die_as_they_start(monkeypatch):
         aerokernels.sweep(SCENE, {"target.tilt": [0.0]})
 
 
-def test_gpus_that_this_process_may_use(monkeypatch):
-    """As the driver counts them, or as CUDA_VISIBLE_DEVICES names them; none without a driver."""
-
-    class Driver:
-        def cuInit(self, flags):
-            return 0
-
-        def cuDeviceGetCount(self, count):
-            count._obj.value = 2
-            return 0
-
-    def absent(name):
-        raise OSError(name)
-
-    monkeypatch.delenv(executors.VISIBLE, raising=False)
-    monkeypatch.setattr(executors, "cuda_driver_loads", lambda: True)
-    monkeypatch.setattr(ctypes, "CDLL", lambda name: Driver())
-    assert executors.visible_gpus() == ["0", "1"]
-    monkeypatch.setattr(Driver, "cuInit", lambda self, flags: 100)
-    assert executors.visible_gpus() == []
-    monkeypatch.setattr(ctypes, "CDLL", absent)
-    assert executors.visible_gpus() == []
-    monkeypatch.setenv(executors.VISIBLE, "3, -1,5")
-    assert executors.visible_gpus() == ["3", "5"]
-    monkeypatch.setattr(executors, "cuda_driver_loads", lambda: False)
-    assert executors.visible_gpus() == []
-
-
 @pytest.mark.parametrize(
     ("call", "fault", "told"),
     [
@@ -106,17 +77,6 @@ def test_gpus_that_this_process_may_use(monkeypatch):
 def test_options_that_do_not_go_together(call, fault, told):
     with pytest.raises(fault, match=told):
         call()
-
-
-def test_another_order_of_the_same_keys_is_another_sweep(tmp_path):
-    found = {"vary": {"a": [1], "b": [2]}, "scene": {}}
-    with pytest.raises(ValueError, match=r"the order of the keys that vary was .*a, b.* and is .*b, a"):
-        records.check_same(tmp_path, found, {"vary": {"b": [2], "a": [1]}, "scene": {}})
-    (tmp_path / records.DEFINITION_FILE).write_text("[]")
-    with pytest.raises(ValueError, match="is not that of a sweep"):
-        records.read_definition(tmp_path)
-    (tmp_path / records.CASES_FILE).write_text('[1]\n{"case": "one"}\n{"case": 1}\n{"case": 2, "error": "x"}\n')
-    assert list(records.Records(tmp_path).done) == [2]
 
 
 def test_folders_that_results_cannot_go_to(tmp_path, monkeypatch):

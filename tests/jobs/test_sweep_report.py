@@ -9,7 +9,7 @@ import pytest
 
 import aerokernels
 from aerokernels.commands._output import output
-from aerokernels.commands.sweep import _finish
+from aerokernels.commands.scene_jobs import _finish
 from aerokernels.jobs.sweeps.definition import define
 from aerokernels.jobs.sweeps.report import sweep_report
 

@@ -1,16 +1,11 @@
 """What a process keeps from one case of a sweep to the next, and in which order cases come."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from aerokernels import simulate
-from aerokernels.flow import shipped
-from aerokernels.flow.series import on_known_geometry
 from aerokernels.jobs.sweeps.case import Stages, make_cases
 from aerokernels.jobs.sweeps.executors import worker_environments
-from aerokernels.medium import QuadMesh
 from aerokernels.scene import Scene
 
 SMALL = {
@@ -54,29 +49,6 @@ def test_another_wavelength_takes_the_flow_and_another_density_does_not():
     (case,) = make_cases(scenes[2:])
     alone, shared = (run.summary for run in (Stages().run(case), found[2]))
     assert all(repr(alone[key]) == repr(shared[key]) for key in ("strehl", "opd_rms_m", "range_m", "errors"))
-
-
-def test_only_equal_meshes_and_bodies_stand_for_each_other():
-    one, same = shipped("mach3"), shipped("mach3").scaled(0.2)
-    assert not one.mesh.equals(shipped("mach2").mesh) and not one.mesh.equals(one.body)
-    shared = on_known_geometry(same, [shipped("mach2"), one])
-    assert shared.mesh is one.mesh and shared.body is one.body and (shared.density == same.density).all()
-    moved = replace(same, mesh=QuadMesh(same.mesh.vertices + 1e-12, same.mesh.cells, "axisymmetric", same.mesh.shape))
-    assert on_known_geometry(moved, [one]).mesh is moved.mesh
-
-
-def test_the_widest_view_of_a_group_is_among_those_sent():
-    """A wide receiver with a near target, one with a far target, and a small one: the last one's view is held."""
-    scenes = [
-        scene(receiver__diameter="12 mm", target__distance="1 m"),
-        scene(receiver__diameter="12 mm", target__distance="3 m"),
-        scene(receiver__diameter="5 mm", target__distance="1 m"),
-        scene(receiver__diameter="5 mm", target__distance="0.5 m"),
-    ]
-    cases = make_cases(scenes)
-    assert len({case.group for case in cases}) == 1
-    distances = [(one.receiver.diameter, one.target.distance) for one in cases[0].widest]
-    assert sorted(distances) == [(0.005, 0.5), (0.012, 1.0)]
 
 
 def test_each_worker_has_a_gpu_of_its_own(monkeypatch: pytest.MonkeyPatch):

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from aerokernels.echo.target_points import target_points
+from aerokernels.echo.paths import target_points
 from aerokernels.flow import CellDensity
 from aerokernels.flow.sampled_density import WallDensity
 from aerokernels.jobs.run import scene_strehl

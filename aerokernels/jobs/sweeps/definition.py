@@ -25,9 +25,6 @@ from aerokernels.scene.changes import changed_scene, key_unit, key_value, with_u
 FORMAT = 1
 MOST_CASES = 100_000
 CASE = "case"  # the dimension of a sweep in mode "zip" or "lhs"
-WHOLE = 1 << 26  # [bytes] a file up to this size is hashed whole; of a larger one, its size and pieces are hashed
-# Of a flow that was computed again both ends may be as they were: numbers of cells, and undisturbed air.
-PIECES, PIECE = 1024, 1 << 14  # evenly from one end to the other; [bytes] of each
 
 
 @dataclass(frozen=True)
@@ -319,15 +316,9 @@ def content_hashes(sources: Iterable[Any]) -> dict[str, str]:
 
 
 def _content_hash(path: Path) -> str:
-    sum_ = hashlib.sha256()
+    whole = hashlib.sha256()
     for file in files_behind(path):
-        size = file.stat().st_size
-        sum_.update(f"{os.path.relpath(file, path) if file != path else ''} {size}\n".encode(errors="surrogateescape"))
+        whole.update(f"{os.path.relpath(file, path) if file != path else ''}\n".encode(errors="surrogateescape"))
         with file.open("rb") as data:
-            if size <= WHOLE:
-                sum_.update(data.read())
-                continue
-            for number in range(PIECES):
-                data.seek(number * (size - PIECE) // (PIECES - 1))
-                sum_.update(data.read(PIECE))
-    return sum_.hexdigest()[:32]
+            whole.update(hashlib.file_digest(data, "sha256").digest())
+    return whole.hexdigest()[:32]

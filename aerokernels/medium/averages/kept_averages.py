@@ -84,9 +84,6 @@ def cut_and_kept(
     """Return the mesh cut in four, values at its vertices that keep the averages, and the average for each part.
 
     A mesh whose cells are parts already is not cut. `walls` has positions [m], shape (n, 2), and the values there.
-
-    Raises:
-        ValueError: A mesh that cannot be cut because it has two vertices in one place.
     """
     if has_seam(mesh):
         raise ValueError(

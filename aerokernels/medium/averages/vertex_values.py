@@ -32,7 +32,6 @@ FIVE_POINT = (
     )
     / 12.0
 )
-
 # A second difference above this fraction of the field's whole range counts as a captured shock; those of smooth flow
 # resolved by twenty cells or more are below it.
 SHOCK_SHARE = 0.05
@@ -54,15 +53,7 @@ def values_and_smooth(mesh: QuadMesh, average: np.ndarray) -> tuple[np.ndarray, 
 
 
 def _along_both_axes(mesh: QuadMesh, average, smooth, limited: bool = True, lesser: bool = False) -> np.ndarray:
-    """Return vertex values on a structured mesh, computed one direction after the other.
-
-    Args:
-        mesh: The mesh.
-        average: Averages, shape (cell_count,).
-        smooth: Cells without a captured shock, shape (ni - 1, nj - 1).
-        limited: Limit values to the range of the averages of the cells that they join.
-        lesser: Beside a shock, extrapolate to the edge of the mesh with the smaller of the two nearest changes.
-    """
+    """Return vertex values on a structured mesh, computed one direction after the other."""
     ni, nj = mesh.shape or (0, 0)
     vertex = mesh.vertices.reshape(ni, nj, 2)
     centroid = mesh.cell_centroid.reshape(ni - 1, nj - 1, 2)

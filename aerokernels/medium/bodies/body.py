@@ -21,20 +21,12 @@ from aerokernels.medium.bodies.wall_tree import WallTree, segment_normals, wall_
 from aerokernels.medium.grid import as_points, check_finite
 
 TILE_POINTS = 512  # points whose nearest walls are sought together; speed only
-
-
 # Points of an axisymmetric profile nearer to the axis than this fraction of the body's size are moved onto the axis.
 ON_AXIS = 1e-12
-
-
 # Fractions of the body's size: the distance from an edge at which its two sides are tested, and the distance below
 # which a point counts as on an edge. Both are some thousand rounding errors of a coordinate.
 BESIDE = 1e-12
-
-
 ON_EDGE = 1e-13
-
-
 # Edges that are tested together for others that meet them.
 BLOCK = 128  # speed only
 

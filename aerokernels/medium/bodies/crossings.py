@@ -23,24 +23,14 @@ from aerokernels.medium.bodies.wall_tree import WallTree
 
 # Lines whose direction is within 1e-12 rad of the axis count as parallel to it: A is then below this.
 PARALLEL = 1e-24
-
-
 # Pairs of a line and a segment that are computed together.
 BLOCK = 1_000_000  # speed only
-
-
 LINES = 4096  # lines that descend the tree together; speed only
-
-
 LEAST_SIDE = 1e-300  # magnitude of e for a line that meets an edge
 
 
 def as_lines(position, direction) -> tuple[np.ndarray, np.ndarray]:
-    """Return a point on each line [m] and its unit vector as float64 arrays, shape (line_count, 3) each.
-
-    Raises:
-        ValueError: Other shapes, or directions whose length is not 1 within 1e-9.
-    """
+    """Return a point on each line [m] and its unit vector as float64 arrays, shape (line_count, 3) each."""
     position = np.atleast_2d(np.asarray(position, dtype=np.float64))
     direction = np.atleast_2d(np.asarray(direction, dtype=np.float64))
     shapes_fit = position.shape[1:] == direction.shape[1:] == (3,)
@@ -61,9 +51,6 @@ def crossings(start: np.ndarray, end: np.ndarray, geometry: str, position, direc
         geometry: "planar": corners are (y, z); "axisymmetric": (r, z).
         position: A point on each line [m], shape (line_count, 3).
         direction: Unit vectors, shape (line_count, 3).
-
-    Raises:
-        ValueError: Directions that are not unit vectors, or other shapes.
     """
     position, direction = as_lines(position, direction)
     function = _planar if geometry == "planar" else _axisymmetric
@@ -167,9 +154,6 @@ def triangle_crossings(tree: WallTree, position, direction) -> np.ndarray:
         tree: The triangles in their tree of boxes.
         position: A point on each line [m], shape (line_count, 3).
         direction: Unit vectors, shape (line_count, 3).
-
-    Raises:
-        ValueError: Directions that are not unit vectors, or other shapes.
     """
     position, direction = as_lines(position, direction)
     lines, distances = [], []

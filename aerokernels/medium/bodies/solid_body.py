@@ -21,11 +21,7 @@ from aerokernels.medium.grid import as_points, check_finite
 
 # Direction of the lines; edges of bodies are unlikely to be parallel to it.
 ASKEW = np.array([0.312_8, 0.541_7, 0.780_2]) / np.linalg.norm([0.312_8, 0.541_7, 0.780_2])
-
-
 PAIRS = 1 << 16  # pairs of a point and a triangle that are computed together; speed only
-
-
 CELLS = 2.0  # cells of the grid for each triangle; speed only
 
 

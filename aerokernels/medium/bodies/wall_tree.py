@@ -11,15 +11,9 @@ import numpy as np
 
 # Most pieces of a leaf.
 LEAF = 4  # speed only
-
-
 # Margin of the boxes around their pieces, as a fraction of the body's size: some million rounding errors.
 MARGIN = 1e-9
-
-
 SMOOTH = np.radians(10.0)
-
-
 CORNERS = 1 << 18  # corners of triangles whose neighbours are in memory together; speed only
 
 

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from aerokernels import tracing
-from aerokernels.commands.backends import backends
+from aerokernels.commands.listing import backends
 from aerokernels.tracing.engines import engine_of
 from aerokernels.tracing.engines.choice import BackendInfo
 from aerokernels.tracing.engines.opencl import devices as opencl_devices
@@ -265,7 +265,7 @@ def test_backends_shows_a_work_around(monkeypatch, capsys):
 def test_without_opencl_backends_says_so_in_one_line(tmp_path):
     """The last line names Warp, and why it is not OpenCL; the plan of a trace says the same."""
     code = (
-        "from aerokernels.commands.backends import backends; backends()\n"
+        "from aerokernels.commands.listing import backends; backends()\n"
         "from aerokernels.tracing.engines.choice import choose_backend; print(choose_backend('auto', 'cpu')[2])"
     )
     done = run_python("import sys; sys.modules['pyopencl'] = None\n" + code, tmp_path)

@@ -1,10 +1,14 @@
-"""`aerokernels fields`: list the shipped flow fields, or the contents of a user's flow file."""
+"""Commands that tell what there is: fields, scenes, backends; and bench, what this machine reaches."""
 
+import json
 import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+from aerokernels.commands._output import note, output, print_table, say
+from aerokernels.display.plain_text import plain
 
 if TYPE_CHECKING:
     from aerokernels.flow import Contents, DensityField
@@ -37,8 +41,6 @@ def fields(
     if path is None:
         _shipped()
         return
-    from aerokernels.commands._output import note
-    from aerokernels.commands._table import print_table
     from aerokernels.flow import contents, read, shipped_names
 
     if str(path) in shipped_names() and not path.exists():
@@ -150,7 +152,6 @@ def _body_in_words(body: "Body | SolidBody | None") -> str:
 
 
 def _shipped() -> None:
-    from aerokernels.commands._table import print_table
     from aerokernels.flow import shipped, shipped_names
 
     rows = []
@@ -172,3 +173,135 @@ def _shipped() -> None:
         )
     columns = ("field", "Mach", "free stream", "pressure", "temperature", "velocity", "density", "mesh", "provenance")
     print_table("Shipped flow fields", columns, rows)
+
+
+scenes = typer.Typer(
+    name="scenes", help="List the shipped scenes, or copy one as a starting point.", add_completion=False
+)
+
+
+@scenes.callback(invoke_without_command=True)
+def show(context: typer.Context) -> None:
+    """List the shipped scenes, or copy one as a starting point."""
+    if context.invoked_subcommand is not None:
+        return
+    from aerokernels.scene import Scene
+    from aerokernels.scene.loading import shipped_scenes
+
+    rows = []
+    for name in shipped_scenes():
+        scene = Scene.load(name)
+        rows.append((name, str(scene.flow.source), f"{scene.target.distance:g} m", scene.title or ""))
+    print_table("Shipped scenes", ("scene", "flow", "target", "title"), rows)
+
+
+@scenes.command("copy")
+def copy(
+    name: Annotated[str, typer.Argument(help="Name of a shipped scene.")],
+    to: Annotated[Path | None, typer.Argument(help="File or folder to copy it to. [default: NAME.toml here]")] = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace an existing file.")] = False,
+) -> None:
+    """Copy a shipped scene to a file, with its comments."""
+    from aerokernels.files.writing import replacing
+    from aerokernels.scene.loading import shipped_scene_text
+
+    text = shipped_scene_text(name)
+    place = Path(f"{name}.toml") if to is None else to / f"{name}.toml" if to.is_dir() else to
+    if not place.parent.is_dir():
+        raise ValueError(f"{place}: the folder {place.parent} does not exist; make it, or choose another one")
+    if place.exists() and not force:
+        raise ValueError(f"{place} already exists: choose another name, or give --force to replace it")
+    with replacing(place) as (draft,):
+        draft.write_text(text, encoding="utf-8")
+    note(f"wrote {place}; run it with: aerokernels run {place} --out out")
+
+
+def backends() -> None:
+    """List this machine's backends and devices.
+
+    Also show active work-arounds, and what `auto` chooses and why.
+    """
+    from dataclasses import asdict
+
+    from aerokernels.tracing import available_backends
+    from aerokernels.tracing.engines.choice import choose_backend
+
+    found = available_backends()
+    backend, device, reason = choose_backend("auto", None)
+    print_table(
+        "Backends and devices",
+        ("backend", "device", "version", "float64", "memory", "what it is"),
+        [
+            (
+                info.backend,
+                info.device,
+                info.version,
+                "-" if info.device == "-" else "yes" if info.float64 else "no",
+                f"{info.memory / 2**30:.1f} GiB" if info.memory else "-",
+                info.description if info.available else f"absent: {info.reason}",
+            )
+            for info in found
+        ],
+        {
+            "backends": [asdict(info) for info in found],
+            "auto": {"backend": backend, "device": device, "reason": reason},
+        },
+    )
+    for info in found:
+        if info.workaround:
+            (note if output.as_json else say)(f"work-around on {info.device}: {info.workaround}")
+    reason = reason.removeprefix(f"backend {backend} on {device}: ")
+    if not output.as_json:
+        say(plain(f"auto chooses {backend} on {device}: {reason}"))
+
+
+def bench(
+    suites: Annotated[
+        list[str] | None, typer.Argument(metavar="[SUITE]...", help="cone, strehl, sweep, bundles [all].")
+    ] = None,
+    backend: Annotated[
+        list[str] | None, typer.Option(help="warp, opencl or reference; repeatable [default: all available].")
+    ] = None,
+    device: Annotated[str | None, typer.Option(help="cpu, cuda:0, or an OpenCL device's name; see `backends`.")] = None,
+    precision: Annotated[
+        list[str] | None, typer.Option(help="float32 or float64; repeatable [default: float32].")
+    ] = None,
+    method: Annotated[list[str] | None, typer.Option(help="Repeatable [default: auto, adaptive and straight].")] = None,
+    tolerance: Annotated[
+        list[float] | None,
+        typer.Option(help="Requested OPD error [waves]; repeatable, for run time against error [default: 1e-3]."),
+    ] = None,
+    rays: Annotated[int, typer.Option(help="Rays per trace and per Strehl ratio.")] = 1_000_000,
+    repeats: Annotated[int, typer.Option(help="Number of timed calls of each run.")] = 5,
+    out: Annotated[Path | None, typer.Option(help="Write everything measured to this JSON file.")] = None,
+) -> None:
+    """Measure the speed and the error of tracing.
+
+    Report rays per second, CPU seconds and the share of the hardware's peak performance.
+    """
+    from aerokernels.benchmark import Settings, run_bench
+    from aerokernels.benchmark.measuring import COLUMNS, table_rows
+    from aerokernels.files.writing import replacing
+
+    settings = Settings(
+        suites=tuple(suites or ()),
+        backends=tuple(backend or ()),
+        device=device,
+        precisions=tuple(precision or Settings.precisions),
+        methods=tuple(method or Settings.methods),
+        tolerances=tuple(tolerance or Settings.tolerances),
+        ray_count=rays,
+        repeats=repeats,
+    )
+    if out is not None and (out.is_dir() or not out.parent.is_dir()):
+        raise ValueError(f"--out {out}: give a file name in an existing folder")
+    measured = run_bench(settings, report=note)
+    if out is not None:
+        with replacing(out, name="--out ") as (draft,):
+            draft.write_text(json.dumps(measured, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    print_table(f"Benchmark on {measured['machine']['cpu']}", COLUMNS, table_rows(measured))
+    if out is not None:
+        note(f"wrote {out}")
+
+
+COMMANDS = {"fields": fields, "scenes": scenes, "backends": backends, "bench": bench}
