@@ -28,7 +28,7 @@ from ..tracing.engines.choice import choose_backend, cuda_driver_loads
 from ..tracing.pupil.air import PupilAir, pupil_air
 from ..tracing.trace import trace
 from ..tracing.variants.causes import Variants, few_rows, sample_size
-from ..wavefront import remove_terms
+from ..wavefronts import remove_terms
 from .line_integrals import LineIntegrals, NotLinearError
 from .pupil_grid import PupilGrid
 

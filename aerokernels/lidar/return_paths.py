@@ -25,7 +25,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from aerokernels.echo.parts import EVERY, Setup
+from aerokernels.lidar.parts import EVERY, Setup
 from aerokernels.medium import IndexField
 from aerokernels.pupils.base import lengths
 from aerokernels.rays import Pupil, RayBundle

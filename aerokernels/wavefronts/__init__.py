@@ -1,6 +1,5 @@
 """Wavefronts over a pupil: fitted terms, Zernike modes, point spread and transfer functions, exchange formats."""
 
-from ..callable_module import make_callable
 from .point_spread import PointSpread, point_spread_function
 from .result import Wavefront
 from .terms import (
@@ -36,5 +35,3 @@ __all__ = [
     "wavefront",
     "weighted_mean",
 ]
-
-make_callable(__name__)

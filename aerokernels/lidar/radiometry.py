@@ -24,10 +24,10 @@ import math
 
 import numpy as np
 
-from aerokernels.echo.parts import LIMITS
-from aerokernels.echo.pulses import SPEED_OF_LIGHT, GaussianPulse, PulseShape, as_pulse
 from aerokernels.inputs.arguments import Numbers, checked
 from aerokernels.inputs.checks import as_finite_array, check_choice, check_positive, check_share, check_tilt
+from aerokernels.lidar.parts import LIMITS
+from aerokernels.lidar.pulses import SPEED_OF_LIGHT, GaussianPulse, PulseShape, as_pulse
 
 SUPPORT = 3.5  # [1/e^2 radii]: 3e-12 of the beam's power is outside
 PANEL_NODES = 16

@@ -22,7 +22,7 @@ from ..tracing.pupil.job import REPLICATES, PupilJob, PupilRequest
 from ..tracing.pupil.new_values import next_job
 from ..tracing.pupil.sums import fit_moments
 from ..tracing.retrace import report_rejected
-from ..wavefront import check_terms
+from ..wavefronts import check_terms
 from .budget import StrehlErrors, StrehlVariants
 from .ratio import StrehlEstimate, combined, met_nothing
 

@@ -22,11 +22,11 @@ from typing import Any
 
 import numpy as np
 
-from aerokernels.echo.chain import DetectorChain, Digitiser, NoiseSources
-from aerokernels.echo.pulses import GaussianPulse, HeliosPulse, PulseShape, SampledPulse, as_pulse
 from aerokernels.inputs.arguments import Numbers, checked
 from aerokernels.inputs.checks import check_choice, check_count, check_positive, check_share, check_tilt
 from aerokernels.inputs.kinds import as_whole
+from aerokernels.lidar.chain import DetectorChain, Digitiser, NoiseSources
+from aerokernels.lidar.pulses import GaussianPulse, HeliosPulse, PulseShape, SampledPulse, as_pulse
 from aerokernels.pupils import Disc, Pupil
 from aerokernels.scene import STATIC_CALIBRATION, Scene
 from aerokernels.scene.echo_tables import orientation, rectangle_corners

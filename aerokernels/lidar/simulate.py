@@ -24,19 +24,19 @@ from typing import Any
 import numpy as np
 
 from aerokernels.display.quantities import Quantity
-from aerokernels.echo.echo_errors import EchoProbe, echo_errors
-from aerokernels.echo.parts import Detector, Laser, Receiver, Setup, Target
-from aerokernels.echo.paths import TransmitPaths, air_error, point_power, still_air
-from aerokernels.echo.pulse_curve import peak_height
-from aerokernels.echo.pulses import SPEED_OF_LIGHT, sum_of_pulses
-from aerokernels.echo.rangefinder import Rangefinder, VacuumEcho, cut_beam
-from aerokernels.echo.result import EchoResult
-from aerokernels.echo.return_paths import ReturnPaths, return_paths
+from aerokernels.focus import StrehlEstimate
 from aerokernels.inputs.arguments import checked
+from aerokernels.lidar.echo_errors import EchoProbe, echo_errors
+from aerokernels.lidar.parts import Detector, Laser, Receiver, Setup, Target
+from aerokernels.lidar.paths import TransmitPaths, air_error, point_power, still_air
+from aerokernels.lidar.pulse_curve import peak_height
+from aerokernels.lidar.pulses import SPEED_OF_LIGHT, sum_of_pulses
+from aerokernels.lidar.rangefinder import Rangefinder, VacuumEcho, cut_beam
+from aerokernels.lidar.result import EchoResult
+from aerokernels.lidar.return_paths import ReturnPaths, return_paths
 from aerokernels.medium import IndexField
 from aerokernels.prepare import prepare_field
 from aerokernels.scene import Scene
-from aerokernels.strehl import StrehlEstimate
 from aerokernels.tracing.variants.causes import FACTOR
 
 

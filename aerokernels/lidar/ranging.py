@@ -21,12 +21,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from aerokernels.echo.doubtful_records import sampling_error, warn_of_sampling, warn_of_saturation
-from aerokernels.echo.parts import RANGING_METHODS
-from aerokernels.echo.pulse_curve import CENTROID_FLOOR, PulseCurve, Shape, best_delay, shaped_curve
-from aerokernels.echo.pulses import SPEED_OF_LIGHT
 from aerokernels.inputs.arguments import Numbers, checked
 from aerokernels.inputs.checks import Waveform, as_finite_array, as_waveform, check_choice, check_positive
+from aerokernels.lidar.doubtful_records import sampling_error, warn_of_sampling, warn_of_saturation
+from aerokernels.lidar.parts import RANGING_METHODS
+from aerokernels.lidar.pulse_curve import CENTROID_FLOOR, PulseCurve, Shape, best_delay, shaped_curve
+from aerokernels.lidar.pulses import SPEED_OF_LIGHT
 
 AMPLITUDE_METHODS = ("leading-edge",)  # methods whose reading depends on the amplitude
 

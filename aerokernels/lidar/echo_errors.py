@@ -27,22 +27,22 @@ from functools import cached_property
 import numpy as np
 
 from aerokernels.display.quantities import ErrorBudget, combine, root_sum_square, unknown
-from aerokernels.echo.parts import RANGING_METHODS, Setup
-from aerokernels.echo.paths import air_error
-from aerokernels.echo.pulse_curve import peak_height
-from aerokernels.echo.pulses import SPEED_OF_LIGHT
-from aerokernels.echo.rangefinder import Rangefinder, VacuumEcho
-from aerokernels.echo.ranging import AMPLITUDE_METHODS
-from aerokernels.echo.result import EchoResult
-from aerokernels.echo.return_paths import factor_of, is_symmetric, reduce_pupils, upper_half
+from aerokernels.focus import StrehlEstimate
+from aerokernels.focus.budget import StrehlVariants
+from aerokernels.focus.estimate import PreparedStrehl
+from aerokernels.lidar.parts import RANGING_METHODS, Setup
+from aerokernels.lidar.paths import air_error
+from aerokernels.lidar.pulse_curve import peak_height
+from aerokernels.lidar.pulses import SPEED_OF_LIGHT
+from aerokernels.lidar.rangefinder import Rangefinder, VacuumEcho
+from aerokernels.lidar.ranging import AMPLITUDE_METHODS
+from aerokernels.lidar.result import EchoResult
+from aerokernels.lidar.return_paths import factor_of, is_symmetric, reduce_pupils, upper_half
 from aerokernels.medium import IndexField
 from aerokernels.pupils.base import lengths
-from aerokernels.strehl import StrehlEstimate
-from aerokernels.strehl.budget import StrehlVariants
-from aerokernels.strehl.estimate import PreparedStrehl
 from aerokernels.tracing.variants.causes import FACTOR, Variants, errors
 from aerokernels.tracing.variants.paths import Rays
-from aerokernels.wavefront import mean_phasor
+from aerokernels.wavefronts import mean_phasor
 
 # The numbers, in order, before the ranges by method; and their units.
 NUMBERS = {"strehl": "", "peak_power": "W", "peak_voltage": "V", "group_path": "m"}

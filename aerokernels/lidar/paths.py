@@ -29,10 +29,10 @@ from itertools import pairwise
 
 import numpy as np
 
-from aerokernels.echo.parts import Setup
-from aerokernels.echo.pulses import SPEED_OF_LIGHT
-from aerokernels.echo.radiometry import plane_echo_power
 from aerokernels.inputs.checks import check_aperture
+from aerokernels.lidar.parts import Setup
+from aerokernels.lidar.pulses import SPEED_OF_LIGHT
+from aerokernels.lidar.radiometry import plane_echo_power
 from aerokernels.medium import IndexField
 from aerokernels.process.opened import OPENED
 from aerokernels.pupils.base import lengths

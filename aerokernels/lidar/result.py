@@ -11,9 +11,9 @@ import numpy as np
 
 from aerokernels.display.quantities import TOTAL, ErrorBudget, Quantity
 from aerokernels.display.shown import drawn_on, shown
-from aerokernels.echo.pulse_curve import peak_height
-from aerokernels.echo.range_error import RangeStatistics
 from aerokernels.files.netcdf_reading import errors_naming
+from aerokernels.lidar.pulse_curve import peak_height
+from aerokernels.lidar.range_error import RangeStatistics
 
 if TYPE_CHECKING:
     import xarray

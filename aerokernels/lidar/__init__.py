@@ -1,11 +1,10 @@
 """Simulate the laser echo of a target behind a flow: radiometry, waveform, detector and ranging."""
 
-from aerokernels.callable_module import make_callable
-from aerokernels.echo.chain import DetectorChain, Digitiser, NoiseSources, excess_noise_factor
-from aerokernels.echo.detector import detect
-from aerokernels.echo.doubtful_records import CoarseSamplingWarning, SaturatedRecordWarning
-from aerokernels.echo.parts import RANGING_METHODS, Detector, Laser, Receiver, Reflector, Target
-from aerokernels.echo.pulses import (
+from aerokernels.lidar.chain import DetectorChain, Digitiser, NoiseSources, excess_noise_factor
+from aerokernels.lidar.detector import detect
+from aerokernels.lidar.doubtful_records import CoarseSamplingWarning, SaturatedRecordWarning
+from aerokernels.lidar.parts import RANGING_METHODS, Detector, Laser, Receiver, Reflector, Target
+from aerokernels.lidar.pulses import (
     GaussianPulse,
     HeliosPulse,
     SampledPulse,
@@ -14,8 +13,8 @@ from aerokernels.echo.pulses import (
     pulse_energy,
     pulse_tau_from_fwhm,
 )
-from aerokernels.echo.radiometry import plane_target_echo, tilted_pulse_tau
-from aerokernels.echo.range_error import (
+from aerokernels.lidar.radiometry import plane_target_echo, tilted_pulse_tau
+from aerokernels.lidar.range_error import (
     RangeStatistics,
     RangeWalk,
     chain_range_statistics,
@@ -23,9 +22,9 @@ from aerokernels.echo.range_error import (
     range_statistics,
     range_walk,
 )
-from aerokernels.echo.ranging import estimate_range
-from aerokernels.echo.result import EchoResult
-from aerokernels.echo.simulate import echo, simulate_echo
+from aerokernels.lidar.ranging import estimate_range
+from aerokernels.lidar.result import EchoResult
+from aerokernels.lidar.simulate import echo, simulate_echo
 
 __all__ = [
     "RANGING_METHODS",
@@ -61,5 +60,3 @@ __all__ = [
     "simulate_echo",
     "tilted_pulse_tau",
 ]
-
-make_callable(__name__)

@@ -23,9 +23,6 @@ from itertools import pairwise
 
 import numpy as np
 
-from aerokernels.echo.detector import GREATEST_ORDER, RESPONSES, detect, low_pass_gain, memory_time
-from aerokernels.echo.pulse_curve import PulseCurve
-from aerokernels.echo.pulses import SPEED_OF_LIGHT
 from aerokernels.inputs.arguments import Numbers, checked
 from aerokernels.inputs.checks import (
     as_finite_array,
@@ -36,6 +33,9 @@ from aerokernels.inputs.checks import (
     check_positive,
     check_share,
 )
+from aerokernels.lidar.detector import GREATEST_ORDER, RESPONSES, detect, low_pass_gain, memory_time
+from aerokernels.lidar.pulse_curve import PulseCurve
+from aerokernels.lidar.pulses import SPEED_OF_LIGHT
 
 ELEMENTARY_CHARGE = 1.602176634e-19  # [C], exact
 

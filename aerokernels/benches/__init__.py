@@ -1,6 +1,5 @@
 """Synthetic schlieren pictures, shadowgraphs and interferograms of a field, and measurements on them."""
 
-from ..callable_module import make_callable
 from .bench import Bench
 from .fringes import Interferogram, fringe_picture, interferogram
 from .knife_edge import SchlierenImage, knife_edge_picture, schlieren
@@ -33,5 +32,3 @@ __all__ = [
     "shadowgraph",
     "write_picture",
 ]
-
-make_callable(__name__)

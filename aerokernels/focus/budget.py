@@ -17,7 +17,7 @@ from ..tracing.pupil.sums import fit_moments, rms_about
 from ..tracing.status import reached
 from ..tracing.trace import rerun
 from ..tracing.variants.causes import Variants, errors, sample_size, variants
-from ..wavefront.terms import NUMBERS, PupilNumbers
+from ..wavefronts.terms import NUMBERS, PupilNumbers
 
 # Standard errors of a mean over 16 replicates within which it is 95 times of 100 (Student's t).
 STANDARD_ERRORS = 2.13

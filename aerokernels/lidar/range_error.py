@@ -17,12 +17,12 @@ from functools import partial
 
 import numpy as np
 
-from aerokernels.echo.chain import DetectorChain
-from aerokernels.echo.pulse_curve import PulseCurve, peak_height
-from aerokernels.echo.pulses import SPEED_OF_LIGHT
-from aerokernels.echo.ranging import Reading, Template
 from aerokernels.inputs.arguments import Numbers, checked
 from aerokernels.inputs.checks import as_waveform, check_at_least, check_count, check_positive, check_share
+from aerokernels.lidar.chain import DetectorChain
+from aerokernels.lidar.pulse_curve import PulseCurve, peak_height
+from aerokernels.lidar.pulses import SPEED_OF_LIGHT
+from aerokernels.lidar.ranging import Reading, Template
 
 
 @dataclass(frozen=True)

@@ -20,9 +20,9 @@ from typing import Protocol
 
 import numpy as np
 
-from aerokernels.echo.pulse_curve import PulseCurve
 from aerokernels.inputs.arguments import Numbers, checked
 from aerokernels.inputs.checks import as_finite_array, check_positive
+from aerokernels.lidar.pulse_curve import PulseCurve
 
 SPEED_OF_LIGHT = 299_792_458.0  # in vacuum [m/s], exact
 LEAST_SAMPLES = 4

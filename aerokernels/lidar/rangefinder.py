@@ -17,15 +17,22 @@ from functools import cached_property, partial
 
 import numpy as np
 
-from aerokernels.echo.detector import sample_times
-from aerokernels.echo.parts import RANGING_METHODS, Detector, Setup
-from aerokernels.echo.paths import TargetPoints, TransmitPaths, point_power, target_points, transmit_paths, vacuum_paths
-from aerokernels.echo.pulse_curve import PulseCurve, Shape, peak_height, shaped_curve
-from aerokernels.echo.pulses import SPEED_OF_LIGHT, sum_of_pulses
-from aerokernels.echo.range_error import RangeStatistics, RangeWalk, chain_range_statistics, range_walk
-from aerokernels.echo.ranging import Reading, template_curve
-from aerokernels.echo.return_paths import check_ahead
 from aerokernels.inputs.checks import Waveform, as_waveform
+from aerokernels.lidar.detector import sample_times
+from aerokernels.lidar.parts import RANGING_METHODS, Detector, Setup
+from aerokernels.lidar.paths import (
+    TargetPoints,
+    TransmitPaths,
+    point_power,
+    target_points,
+    transmit_paths,
+    vacuum_paths,
+)
+from aerokernels.lidar.pulse_curve import PulseCurve, Shape, peak_height, shaped_curve
+from aerokernels.lidar.pulses import SPEED_OF_LIGHT, sum_of_pulses
+from aerokernels.lidar.range_error import RangeStatistics, RangeWalk, chain_range_statistics, range_walk
+from aerokernels.lidar.ranging import Reading, template_curve
+from aerokernels.lidar.return_paths import check_ahead
 from aerokernels.medium import IndexField
 from aerokernels.scene import Scene
 

@@ -16,9 +16,9 @@ from functools import partial
 
 import numpy as np
 
-from aerokernels.echo.pulse_curve import PLATEAU, PulseCurve, Shape
-from aerokernels.echo.pulses import SPEED_OF_LIGHT
 from aerokernels.inputs.checks import warn_caller
+from aerokernels.lidar.pulse_curve import PLATEAU, PulseCurve, Shape
+from aerokernels.lidar.pulses import SPEED_OF_LIGHT
 
 # Samples across a pulse's width at half height from which every method reads it correctly and no error is measured.
 ENOUGH_SAMPLES = 8.0

@@ -24,7 +24,15 @@ from ..medium import IndexField
 from ..process.clock import clocked, stage
 from ..tracing.lines import box_size, greatest_contrast
 from ..tracing.pupil.sums import rms_about
-from ..wavefront import check_metres, check_terms, check_wavefront, map_points, mean_phasor, remove_terms, weighted_mean
+from ..wavefronts import (
+    check_metres,
+    check_terms,
+    check_wavefront,
+    map_points,
+    mean_phasor,
+    remove_terms,
+    weighted_mean,
+)
 
 
 @checked
