@@ -1,8 +1,8 @@
 """Arrays on a device: imported from other libraries or made there, and copied to the host when they are first read.
 
 Warp owns the memory. `array.py` has arrays of one number or three per ray, and attributes that are copied to the host
-when they are first read, `pinned.py` the copies, `rays.py` rays that are checked, made or selected on the device,
-`foreign.py` arrays of other libraries. Nothing here imports Warp before it is used.
+when they are first read, `pinned.py` the copies, `rays.py` rays that are checked or made on the device,
+`selection.py` rays found there, `foreign.py` arrays of other libraries. Nothing here imports Warp before it is used.
 """
 
 from .array import (

@@ -157,7 +157,7 @@ def extremes_of(array: np.ndarray | DeviceArray) -> Extremes:
     """Return the extremes of positions or directions, shape (n, 3)."""
     if isinstance(array, DeviceArray):
         if array.extremes is None:
-            from .rays import extremes
+            from .selection import extremes
 
             array.extremes = Extremes(*extremes(array.buffer))
         return array.extremes
@@ -188,7 +188,7 @@ def rows_begun(status: np.ndarray | DeviceArray, code: int) -> Callable[[], Any]
     was launched before.
     """
     if isinstance(status, DeviceArray):
-        from .rays import rows_begun as begun_there
+        from .selection import rows_begun as begun_there
 
         return begun_there(status.buffer, code)
     return lambda: np.flatnonzero(np.asarray(status) == code)
@@ -215,7 +215,7 @@ def rows_where(
         limit: Greatest error; NaN counts as greater.
     """
     if isinstance(status, DeviceArray) and (error is None or isinstance(error, DeviceArray)):
-        from .rays import selected_rows
+        from .selection import selected_rows
 
         return selected_rows(status.buffer, code, None if error is None else error.buffer, limit)
     found = np.asarray(status) == code

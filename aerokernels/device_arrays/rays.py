@@ -1,4 +1,4 @@
-"""Rays on a device: checks of rays from other libraries, rays made there, and rays selected by status or place."""
+"""Rays on a device: checks of rays from other libraries, and rays made there."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -11,8 +11,8 @@ from ..inputs.checks import check_count
 from ..pupils.square_map import SquareMap
 from ..sobol import sobol_numbers
 from .array import DeviceArray
-from .kernels import FAULTS, PLACE, WAY, ZERO, check_rays, find_extremes, make_rays, select
-from .launching import launch, sort_rows
+from .kernels import FAULTS, PLACE, WAY, ZERO, check_rays, make_rays
+from .launching import launch
 from .pinned import to_host
 
 
@@ -144,64 +144,3 @@ def made_rays(
 
 def _put(values: np.ndarray, kind: type, device: Any) -> Any:
     return wp.array(np.ascontiguousarray(values), dtype=kind, device=device)
-
-
-# Capacity of the first list of rows, and threads that search for extremes.
-ROOM, THREADS = 1 << 12, 1 << 14
-
-
-def selected_rows(status: Any, code: int, error: Any, limit: float) -> np.ndarray:
-    """Return the rows of `array.rows_where`; `status` and `error` are Warp arrays, `error` may be None."""
-    rows, found = _begun(status, code, error, limit, 1)()
-    return np.sort(to_host(rows[:found])) if found else np.zeros(0, np.int32)
-
-
-def rows_begun(status: Any, code: int) -> Callable[[], Any]:
-    """Start to select the rays with a status; return a function that waits for their numbers, a warp.array."""
-    begun = _begun(status, code, None, 0.0, 2)
-
-    def wait() -> Any:
-        rows, found = begun()
-        if not found:
-            return wp.empty(0, dtype=wp.int32, device=status.device)
-        if found > 1:
-            sort_rows(rows, found)
-        return rows[:found]
-
-    return wait
-
-
-def _begun(status: Any, code: int, error: Any, limit: float, copies: int) -> Callable[[], tuple[Any, int]]:
-    """Start to select rays; return a function that waits for their unordered numbers and their count.
-
-    The array of numbers has room for at least `copies` times as many.
-    """
-    device = status.device
-
-    def launched(room: int) -> tuple[Any, Any]:
-        rows, count = wp.empty(room, dtype=wp.int32, device=device), wp.zeros(1, dtype=wp.int32, device=device)
-        given = [status, code, int(error is not None), error, limit, rows, count]
-        launch(select, len(status), given, device)
-        return rows, count
-
-    def wait() -> tuple[Any, int]:
-        rows, count = first
-        while copies * (found := int(to_host(count)[0])) > len(rows):
-            rows, count = launched(copies * found)
-        return rows, found
-
-    first = launched(ROOM)
-    return wait
-
-
-def extremes(values: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the least and greatest of each component of vectors, both shape (3,), and the rows that have them (6,)."""
-    device, threads = values.device, min(THREADS, len(values))
-    low, high = (wp.empty(threads, dtype=wp.vec3d, device=device) for _ in range(2))
-    low_row, high_row = (wp.empty(threads, dtype=wp.vec3i, device=device) for _ in range(2))
-    launch(find_extremes, threads, [values, threads, low, high, low_row, high_row], device)
-    lows, highs = to_host(low), to_host(high)
-    axes = np.arange(3)
-    least, greatest = lows.argmin(axis=0), highs.argmax(axis=0)
-    rows = np.stack([to_host(low_row)[least, axes], to_host(high_row)[greatest, axes]], axis=1)
-    return lows[least, axes], highs[greatest, axes], rows.ravel()

@@ -7,7 +7,7 @@ import pytest
 
 import aerokernels
 from aerokernels import Body, Disc, IndexField, Plane, RayBundle, available_backends, flow, trace
-from aerokernels.tracing.engines.reference import engine as reference_pupil
+from aerokernels.tracing.engines.reference import pupil as reference_pupil
 from aerokernels.tracing.pupil import run as pupil_run
 from aerokernels.tracing.pupil.quadrature import RADIAL_RAYS, radial_points
 from aerokernels.tracing.pupil.sums import PupilTask

@@ -28,7 +28,7 @@ from typing import TYPE_CHECKING, Any
 
 from aerokernels import __version__
 from aerokernels.process.machine import core_count
-from aerokernels.tracing.engines.choice import cuda_driver_loads
+from aerokernels.tracing.engines.info import cuda_driver_loads
 
 if TYPE_CHECKING:
     from aerokernels.jobs.sweeps.case import Case

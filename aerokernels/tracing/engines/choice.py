@@ -1,94 +1,26 @@
-"""Describe and list the engines that can trace on this machine, and choose the one for "auto".
+"""List the engines that can trace on this machine, and choose the one for "auto".
 
 The order is fixed, so that the same installation always makes the same choice: a GPU before a CPU, and on either OpenCL
 if it has a device that can trace, else Warp. docs/backend-speed.md has the speeds of both. The variables
 AEROKERNELS_CPU_BACKEND and AEROKERNELS_GPU_BACKEND, set to "warp" or "opencl", put that backend first.
 """
 
-import ctypes
 import importlib.util
-import math
 import os
 import sys
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from importlib.metadata import PackageNotFoundError, version
 
 from aerokernels.process.kernel_cache import NoCacheError
 
-from ...process.machine import core_count, host_memory
 from ...process.opened import OPENED
+from .info import NO_CUDA, BackendInfo, absent, cuda_driver_loads, known_memory, warp_processor
 
-NO_CUDA = "no CUDA device"
 BACKENDS = ("auto", "warp", "opencl", "reference")
 # Environment variables that choose between Warp and OpenCL on a kind of device.
 VARIABLES = {"cpu": "AEROKERNELS_CPU_BACKEND", "gpu": "AEROKERNELS_GPU_BACKEND"}
 KINDS = ("gpu", "cpu")
-
-
-@dataclass(frozen=True)
-class BackendInfo:
-    """A backend on a device.
-
-    Attributes:
-        backend: "warp", "opencl" or "reference".
-        device: The name to pass as `device`.
-        description: What the device is.
-        version: Version of the backend's library.
-        available: Whether it can trace.
-        float64: Whether it computes in float64.
-        memory: Memory of the device [bytes], or None if unknown.
-        reason: Why "auto" chooses it or not.
-        workaround: The workaround applied to the driver, and how to switch it off; empty if there is none.
-    """
-
-    backend: str
-    device: str
-    description: str
-    version: str
-    available: bool
-    float64: bool
-    memory: int | None
-    reason: str
-    workaround: str = ""
-
-    @property
-    def is_gpu(self) -> bool:
-        """Whether the device is a GPU."""
-        return self.device != "cpu" if self.backend == "warp" else self.description.startswith("GPU")
-
-
-def known_memory() -> int | None:
-    """Return the memory that this process may use [bytes], or None if the system does not report it."""
-    memory = host_memory()
-    return int(memory) if memory < math.inf else None
-
-
-def absent(backend: str, reason: str) -> BackendInfo:
-    """Return the entry of a backend without a device that can trace."""
-    return BackendInfo(backend, "-", "-", "-", False, False, None, reason)
-
-
-def warp_processor(version: str, reason: str, memory: bool = False) -> BackendInfo:
-    """Return the description of Warp's CPU device; with `memory`, including how much this process may use."""
-    text = f"{core_count()} cores, launches chunked over threads"
-    return BackendInfo("warp", "cpu", text, version, True, True, known_memory() if memory else None, reason)
-
-
-def cuda_driver_loads() -> bool:
-    """Whether the CUDA driver's library loads; without it there is no CUDA device."""
-    return bool(OPENED.once("CUDA driver", _cuda_driver_loads))
-
-
-def _cuda_driver_loads() -> bool:
-    names = {"win32": ("nvcuda.dll",), "darwin": ()}.get(sys.platform, ("libcuda.so.1", "libcuda.so"))
-    for name in names:
-        try:
-            ctypes.CDLL(name)
-        except OSError:
-            continue
-        return True
-    return False
 
 
 def available_backends() -> list[BackendInfo]:

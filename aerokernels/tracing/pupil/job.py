@@ -355,7 +355,7 @@ def _check_size(field: IndexField, pupil: Pupil) -> None:
 def _runner(task: PupilTask):
     """Prepare a task on the backend of its plan."""
     if task.plan.backend == "reference":
-        from ..engines.reference.engine import PupilRun as ReferencePupilRun
+        from ..engines.reference.pupil import PupilRun as ReferencePupilRun
 
         return ReferencePupilRun(task)
     with memory_of(task.plan.device):

@@ -15,7 +15,7 @@ import pytest
 from aerokernels import tracing
 from aerokernels.commands.listing import backends
 from aerokernels.tracing.engines import engine_of
-from aerokernels.tracing.engines.choice import BackendInfo
+from aerokernels.tracing.engines.info import BackendInfo
 from aerokernels.tracing.engines.opencl import devices as opencl_devices
 from aerokernels.tracing.engines.opencl import pocl as opencl_pocl
 from aerokernels.tracing.engines.opencl.devices import (

@@ -18,7 +18,7 @@ from aerokernels.process.kernel_cache import NoCacheError, why_untrusted, why_un
 
 from ....process.machine import patient_threads
 from ....process.opened import OPENED
-from ..choice import BackendInfo, absent
+from ..info import BackendInfo, absent
 from .drivers import POCL, broken_drivers, no_platform, why_no_devices
 from .pocl import linker_trouble, name_processor, workaround
 from .pocl_cache import cache_folder, make_safe, remove_damaged

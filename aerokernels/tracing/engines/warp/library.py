@@ -10,7 +10,7 @@ import warp as wp
 
 from ....process.opened import OPENED, Opened
 from ....process.quiet_warp import start_warp
-from ..choice import NO_CUDA, BackendInfo, warp_processor
+from ..info import NO_CUDA, BackendInfo, warp_processor
 from ..layout import STRUCTS, Value
 
 PLAIN = {
