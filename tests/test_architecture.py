@@ -238,7 +238,8 @@ NAMES = (
 OLD = (
     "with warnings.catch_warnings(record=True) as told:\n"
     "    warnings.simplefilter('always')\n"
-    "    old = [importlib.import_module(f'aerokernels.{name}') for name in ('echo', 'schlieren', 'strehl', 'wavefront')]\n"
+    "    names = ('echo', 'schlieren', 'strehl', 'wavefront')\n"
+    "    old = [importlib.import_module(f'aerokernels.{name}') for name in names]\n"
     "assert [one.category for one in told] == 4 * [DeprecationWarning] and 'lidar' in str(told[0].message), told\n"
     "assert callable(old[0].plane_target_echo) and callable(old[1].shadowgraph) and callable(old[3].Wavefront)\n"
     "assert abs(ak.strehl([0.0, 0.0], 1e-6) - 1.0) < 1e-12 and callable(ak.echo)\n"

@@ -1,4 +1,4 @@
-"""Convert high-order cells to linear ones, and merge the points that discontinuous elements write once per element.
+"""Cells of VTK's data: high-order ones become linear, points that discontinuous elements write once each are merged.
 
 A Lagrange quadrilateral or hexahedron becomes the linear cells between its nodes. Points of different elements at the
 same place become one point with the mean of their values: in a resolved flow these differ little. So do points in which
@@ -6,25 +6,39 @@ the pieces of a partitioned mesh meet.
 """
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from aerokernels.flow.reading.dataset import (
+    CORNERS,
+    DAMAGED,
+    FLAT,
     GREATEST_COORDINATE,
     HEXAHEDRON,
+    LINE,
     PRISM,
     QUAD,
+    SOLID,
     TETRAHEDRON,
     TRIANGLE,
     Block,
     Cells,
+    Faces,
     ReadError,
 )
+from aerokernels.flow.reading.volumes.solids import FACES
 
 TENSOR = {70: (QUAD, 2), 72: (HEXAHEDRON, 3)}  # VTK's Lagrange cells, the linear cells between their nodes, dimensions
 # Other types keep their corners; at these point counts (first and second order) only nodes between them are lost.
 BY_CORNERS = {69: (TRIANGLE, 3, (3, 6, 7)), 71: (TETRAHEDRON, 4, (4, 10)), 73: (PRISM, 6, (6, 15, 18))}
+STRUCTURED_ORDER = {11: [0, 1, 3, 2, 4, 5, 7, 6], 8: [0, 1, 3, 2]}  # voxel and pixel corners in hexahedron, quad order
+LINEAR = {11: 12, 8: 9}
+# Quadratic cells, which list their corners first, and the linear cell of each.
+QUADRATIC = {21: 3, 35: 3, 22: 5, 34: 5, 23: 9, 28: 9, 30: 9, 24: 10, 25: 12, 29: 12, 33: 12, 26: 13, 31: 13, 32: 13,
+             27: 14, 37: 14}  # fmt: skip
+NO_FLOW = (0, 1, 2, 3, 4, 51, 60, 68, 75)  # empty cells, points, lines and curves
 SAME = 1e-13  # of a mesh's size: points this close differ by rounding
 LEAST_SHARE = 0.05  # of the points: from this share of duplicates on, elements have points of their own
 
@@ -173,3 +187,111 @@ def _are_of_pieces(cells: Cells, number: np.ndarray) -> bool:
     links = coo_array((np.ones(len(first), np.int8), (first, cells.points)), (count, count))
     pieces = connected_components(links, directed=False)[1]
     return len(np.unique(np.stack([number, pieces]), axis=1).T) == count
+
+
+def cells_of(path: Path | str, data, notes: dict[str, None]) -> tuple[Cells | None, np.ndarray | None]:
+    """Return the cells, and the file's cell that each came from if high-order cells were divided, else None."""
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+    from vtkmodules.vtkCommonDataModel import vtkPolyData
+
+    if not data.GetNumberOfCells():
+        return None, None
+    if isinstance(data, vtkPolyData):
+        return _polygons(path, data), None
+    array = data.GetCells()
+    start = vtk_to_numpy(array.GetOffsetsArray()).astype(np.int64)
+    points = vtk_to_numpy(array.GetConnectivityArray()).astype(np.int64)
+    kinds = np.array([data.GetCellType(0)]) if len(start) == 2 else vtk_to_numpy(_types(data))
+    kinds = kinds.astype(np.uint8)
+    if second := _read_by_corners(kinds, np.diff(start)):
+        notes[f"{second} of {len(kinds)} cells are of second order: they are read by their corners alone"] = None
+    start, points, kinds = _linear(start, points, kinds)
+    start, points, kinds, parent = linear_cells(path, start, points, kinds)
+    if len(unknown := np.setdiff1d(kinds, [*NO_FLOW, *FLAT, *SOLID])):
+        raise ReadError(
+            path, f"it has cells of VTK's type {unknown[0]}, which are not read", "write triangles, quadrilaterals, "
+            "polygons, tetrahedra, hexahedra, prisms, pyramids or polyhedra"
+        )  # fmt: skip
+    faces = None
+    if (kinds == 42).any():
+        if parent is not None:
+            raise ReadError(path, "it has polyhedra and cells of high order", "write linear cells")
+        faces = _polyhedra(path, data, start, points, kinds)
+    return Cells(kinds, start, points, faces), parent
+
+
+def _types(data):
+    from vtkmodules.vtkCommonCore import vtkVersion
+
+    # VTK 9.6 renamed the method.
+    named_anew = (vtkVersion.GetVTKMajorVersion(), vtkVersion.GetVTKMinorVersion()) >= (9, 6)
+    return data.GetCellTypes() if named_anew else data.GetCellTypesArray()
+
+
+def _polygons(path: Path | str, data) -> Cells | None:
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+
+    array = data.GetPolys()
+    count = array.GetNumberOfCells()
+    if not count:
+        return None
+    if count != data.GetNumberOfCells():
+        raise ReadError(path, "it mixes polygons with lines or points", "give a surface of polygons, or a grid")
+    start = vtk_to_numpy(array.GetOffsetsArray()).astype(np.int64)
+    return Cells(np.full(count, 7, np.uint8), start, vtk_to_numpy(array.GetConnectivityArray()).astype(np.int64))
+
+
+def _linear(start, points, kinds):
+    """Convert voxels and pixels to hexahedra and quadrilaterals, and quadratic cells to their corners."""
+    for kind, order in STRUCTURED_ORDER.items():
+        own = np.flatnonzero(kinds == kind)
+        if len(own):
+            place = start[own][:, None] + np.array(order)
+            points = points.copy()
+            points[start[own][:, None] + np.arange(len(order))] = points[place]
+            kinds = np.where(kinds == kind, LINEAR[kind], kinds).astype(np.uint8)
+    if np.isin(kinds, list(QUADRATIC)).any():
+        width = np.diff(start)
+        keep = width.copy()
+        for kind, plain in QUADRATIC.items():
+            keep[kinds == kind] = {LINE: 2, **CORNERS}[plain]
+            kinds = np.where(kinds == kind, plain, kinds).astype(np.uint8)
+        within = np.arange(len(points)) - np.repeat(start[:-1], width)
+        points = points[within < np.repeat(keep, width)]
+        start = np.concatenate([[0], np.cumsum(keep)])
+    return start, points, kinds
+
+
+def _read_by_corners(kinds: np.ndarray, width: np.ndarray) -> int:
+    """Return how many cells of the flow have points between their corners that are left out."""
+    corners = {**{kind: CORNERS.get(plain, 2) for kind, plain in QUADRATIC.items()},
+               **{kind: count for kind, (_, count, _) in BY_CORNERS.items()}}  # fmt: skip
+    return sum(int(((kinds == kind) & (width > count)).sum()) for kind, count in corners.items() if count > 2)
+
+
+def _polyhedra(path, data, start: np.ndarray, points: np.ndarray, kinds: np.ndarray) -> Faces:
+    """Return the faces of all cells; a face between two cells is listed twice, once for each."""
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+
+    faces, of_cells = data.GetPolyhedronFaces(), data.GetPolyhedronFaceLocations()
+    if faces is None or of_cells is None or of_cells.GetNumberOfCells() != len(kinds):
+        raise ReadError(path, "its polyhedra have no faces", DAMAGED)
+    begin, flat, first, number = (
+        vtk_to_numpy(array).astype(np.int64)
+        for own in (faces, of_cells)
+        for array in (own.GetOffsetsArray(), own.GetConnectivityArray())
+    )
+    if len(number) and (number.min() < 0 or number.max() >= len(begin) - 1):
+        raise ReadError(path, "its polyhedra name faces that are not there", DAMAGED)
+    width = np.diff(begin)[number]
+    at = np.arange(width.sum()) + np.repeat(begin[number] - (np.cumsum(width) - width), width)
+    widths, corners, owner = [width], [flat[at]], [np.repeat(np.arange(len(kinds)), np.diff(first))]
+    for kind, table in FACES.items():
+        own = np.flatnonzero(kinds == kind)
+        for face in table:
+            ring = list(dict.fromkeys(face))  # a triangle names its last corner twice
+            corners.append(points[start[own][:, None] + ring].ravel())
+            widths.append(np.full(len(own), len(ring)))
+            owner.append(own)
+    ends = np.concatenate([[0], np.cumsum(np.concatenate(widths))])
+    return Faces(ends, np.concatenate(corners), np.concatenate(owner), np.empty(0, np.int64))
