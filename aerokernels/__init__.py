@@ -14,7 +14,17 @@ __version__ = "0.1.0"
 _NAMES_IN = {
     "": ("echo", "flow", "schlieren", "strehl", "wavefront", "zernike"),
     "compare": ("compare_waveforms",),
-    "echo": ("EchoResult", "estimate_range", "plane_target_echo", "range_statistics"),
+    "echo": (
+        "Detector",
+        "EchoResult",
+        "Laser",
+        "Receiver",
+        "Target",
+        "estimate_range",
+        "plane_target_echo",
+        "range_statistics",
+        "simulate_echo",
+    ),
     "fldi": ("FLDI", "fldi_response"),
     "flow": ("DensityField",),
     "imaging": ("Camera", "DotPattern", "background_displacement", "bos", "image_through"),
@@ -28,7 +38,16 @@ _NAMES_IN = {
     "series": ("look_map", "optical_series", "statistics"),
     "strehl": ("StrehlEstimate", "strehl_marechal"),
     "strehl.estimate": ("estimate_strehl", "prepare_strehl"),
-    "tracing": ("ArcLength", "BackendInfo", "Plane", "RayStatus", "TraceResult", "available_backends", "trace"),
+    "tracing": (
+        "ArcLength",
+        "BackendInfo",
+        "Plane",
+        "RayStatus",
+        "TraceOptions",
+        "TraceResult",
+        "available_backends",
+        "trace",
+    ),
     "vtk_files": ("field_to_vtk", "rays_to_vtk"),
     "wavefront": ("Wavefront", "point_spread_function"),
     "waves": ("Validity", "Wave", "split_step", "validity"),
@@ -43,22 +62,27 @@ __all__ = [
     "Body",
     "Camera",
     "DensityField",
+    "Detector",
     "Disc",
     "DotPattern",
     "EchoResult",
     "IndexField",
+    "Laser",
     "Mask",
     "Plane",
     "Polygon",
     "QuadMesh",
     "RayBundle",
     "RayStatus",
+    "Receiver",
     "Rectangle",
     "RunResult",
     "Scene",
     "Sensor",
     "SolidBody",
     "StrehlEstimate",
+    "Target",
+    "TraceOptions",
     "TraceResult",
     "Validity",
     "Wave",
@@ -85,6 +109,7 @@ __all__ = [
     "schlieren",
     "shadowgraph",
     "simulate",
+    "simulate_echo",
     "split_step",
     "statistics",
     "strehl",
@@ -118,7 +143,18 @@ def __dir__() -> list[str]:
 if TYPE_CHECKING:
     from . import flow, zernike
     from .compare import compare_waveforms
-    from .echo import EchoResult, echo, estimate_range, plane_target_echo, range_statistics
+    from .echo import (
+        Detector,
+        EchoResult,
+        Laser,
+        Receiver,
+        Target,
+        echo,
+        estimate_range,
+        plane_target_echo,
+        range_statistics,
+        simulate_echo,
+    )
     from .fldi import FLDI, fldi_response
     from .flow import DensityField
     from .imaging import Camera, DotPattern, background_displacement, bos, image_through
@@ -132,7 +168,7 @@ if TYPE_CHECKING:
     from .series import look_map, optical_series, statistics
     from .strehl import StrehlEstimate, strehl, strehl_marechal
     from .strehl.estimate import estimate_strehl, prepare_strehl
-    from .tracing import ArcLength, BackendInfo, Plane, RayStatus, TraceResult, available_backends
+    from .tracing import ArcLength, BackendInfo, Plane, RayStatus, TraceOptions, TraceResult, available_backends
     from .tracing.trace import trace
     from .vtk_files import field_to_vtk, rays_to_vtk
     from .wavefront import Wavefront, point_spread_function, wavefront

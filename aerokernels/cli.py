@@ -1,8 +1,8 @@
 """The command line: load the commands, run one, and turn a failure into one line of text and an exit status.
 
 Exit status: 0 done; 1 failed; 2 bad input (the line names the file, the key and the remedy); 3 all files are
-written, but the answer is not meaningful (display/verdict.py); 130 interrupted (143 by SIGTERM, 129 by a terminal that
-closed). `--debug`, anywhere on the line, also shows the traceback; `--json` prints results as JSON, and `--quiet`
+written, but the answer is not meaningful (display/quantities.py); 130 interrupted (143 by SIGTERM, 129 by a terminal
+that closed). `--debug`, anywhere on the line, also shows the traceback; `--json` prints results as JSON, and `--quiet`
 silences notes and progress. Results go to stdout, everything else to stderr.
 """
 
@@ -63,13 +63,13 @@ def _options(
     """Declare the global options for --help; `main` accepts them anywhere and removes them before parsing."""
 
 
-for _module in pkgutil.iter_modules(commands.__path__):
-    if not _module.name.startswith("_"):
-        _command = getattr(importlib.import_module(f"{commands.__name__}.{_module.name}"), _module.name)
-        if isinstance(_command, typer.Typer):
-            app.add_typer(_command)
-        else:
-            app.command(_module.name)(_command)
+_modules = [one.name for one in pkgutil.iter_modules(commands.__path__) if not one.name.startswith("_")]
+_commands = {n: c for m in _modules for n, c in importlib.import_module(f"{commands.__name__}.{m}").COMMANDS.items()}
+for _name, _command in sorted(_commands.items()):
+    if isinstance(_command, typer.Typer):
+        app.add_typer(_command)
+    else:
+        app.command(_name)(_command)
 
 
 def exit_status(error: BaseException, line: Sequence[str] = ()) -> int:

@@ -1,4 +1,4 @@
-"""Cache the results of functions on an object that they are given, under keys that hold all other arguments."""
+"""Results of functions, cached on one of their arguments under a key of all others: `@cached_on("field")`."""
 
 from collections.abc import Callable, Hashable
 from dataclasses import fields, is_dataclass
@@ -10,21 +10,14 @@ from weakref import ref
 
 import numpy as np
 
-from .read_only import ReadOnly
-
 P = ParamSpec("P")
 R = TypeVar("R")
 
-# Marks a key without a cached result, since a result may be None.
-NOTHING = object()
-# Arguments of these types are in a key themselves.
-PLAIN = frozenset((type(None), bool, int, str, bytes, frozenset))
-# Larger arrays are in a key by a digest [bytes].
-LARGE = 256  # speed only
+NOTHING = object()  # marks a key without a result, since a result may be None
 
 
 class Cached(Generic[P, R]):
-    """What `cached_on` makes of a function."""
+    """What `cached_on` makes of a function, which is its `function`."""
 
     def __init__(self, function: Callable[P, R], owner: str, most: int):
         """Take the function, the name of its parameter that owns the results, and how many of them to cache."""
@@ -32,20 +25,20 @@ class Cached(Generic[P, R]):
         self.place = list(signature(function).parameters).index(owner)
         self.__doc__ = function.__doc__
 
-    def __call__(self, *given: P.args, **named: P.kwargs) -> R:
+    def __call__(self, *arguments: P.args, **named: P.kwargs) -> R:
         """Return the result for these arguments; the owner is given by position."""
-        results, key = self._place(given, named)
-        found = results.get(key, NOTHING)
-        return _keep(results, key, self.function(*given, **named), self.most) if found is NOTHING else found
+        results, key = self._place(arguments, named)
+        cached = results.get(key, NOTHING)
+        return _keep(results, key, self.function(*arguments, **named), self.most) if cached is NOTHING else cached
 
-    def keep(self, result: R, *given: P.args, **named: P.kwargs) -> None:
+    def keep(self, result: R, *arguments: P.args, **named: P.kwargs) -> None:
         """Let this be the result for these arguments, unless there is one."""
-        _keep(*self._place(given, named), result, self.most)
+        _keep(*self._place(arguments, named), result, self.most)
 
-    def _place(self, given: tuple, named: dict[str, Any]) -> tuple[dict[Hashable, Any], Hashable]:
+    def _place(self, arguments: tuple, named: dict[str, Any]) -> tuple[dict[Hashable, Any], Hashable]:
         """The results of the owner, and the key of the other arguments."""
-        others = given[: self.place] + given[self.place + 1 :]
-        return _results(given[self.place], self.function), tuple(map(key_of, (*others, *named.items())))
+        others = arguments[: self.place] + arguments[self.place + 1 :]
+        return _results(arguments[self.place], self.function), tuple(map(key_of, (*others, *named.items())))
 
 
 def cached_on(owner: str, most: int = 1) -> Callable[[Callable[P, R]], Cached[P, R]]:
@@ -68,7 +61,7 @@ def key_of(value: Any) -> Hashable:
         TypeError: An object that may change, or a function that hides what it depends on.
     """
     kind = type(value)
-    if kind in PLAIN:
+    if value is None or kind in (bool, int, str, bytes, frozenset):
         return kind, value
     if kind is float:
         return value.hex()  # 0.0 and -0.0 are equal
@@ -76,7 +69,7 @@ def key_of(value: Any) -> Hashable:
         return kind, *map(key_of, value)
     if isinstance(value, (np.ndarray, np.generic)):
         content = value.tobytes()
-        return value.dtype.str, value.shape, content if len(content) <= LARGE else blake2b(content).digest()
+        return value.dtype.str, value.shape, content if len(content) <= 256 else blake2b(content).digest()
     if isinstance(value, slice):  # cannot be hashed
         return kind, value.start, value.stop, value.step
     if hasattr(kind, "key"):
@@ -92,6 +85,24 @@ def key_of(value: Any) -> Hashable:
     raise TypeError(f"{kind.__name__} is no argument of a cached function: pass what the result depends on")
 
 
+class ReadOnly:
+    """A data class whose arrays are read-only, also after pickling and copying.
+
+    A pickle contains the fields only; cached results are computed again when needed.
+    """
+
+    def __getstate__(self) -> dict:
+        """Return the fields by name."""
+        return {entry.name: getattr(self, entry.name) for entry in fields(self)}  # type: ignore[arg-type]
+
+    def __setstate__(self, state: dict) -> None:
+        """Set the fields; arrays are made read-only again, because NumPy does not pickle that flag."""
+        for name, value in state.items():
+            if isinstance(value, np.ndarray):
+                value.setflags(write=False)
+            object.__setattr__(self, name, value)
+
+
 class Derived(ReadOnly):
     """A base of immutable data classes that cache what later stages compute: bounds, tables, copies on a device.
 
@@ -100,17 +111,13 @@ class Derived(ReadOnly):
     """
 
     def derive(self, key: Hashable, make: Callable[[], Any], most: int | None = None) -> Any:
-        """Return the result under this key, computed by `make()` at the first call.
+        """Return the result under a key, computed by `make()` at the first call; `cached_on` makes keys by itself.
 
-        Args:
-            key: Names the result among all of this object's; the first entry of a tuple names the kind. `cached_on`
-                makes keys by itself: use it where the result depends on anything but this object.
-            make: Computes the result from this object.
-            most: Greatest number of results of the kind to cache, the latest; None for all.
+        The first entry of a tuple names the kind of result, of which `most` are cached, all if None.
         """
         results = _results(self, key[0] if isinstance(key, tuple) else key)
-        found = results.get(key, NOTHING)
-        return _keep(results, key, make(), most) if found is NOTHING else found
+        cached = results.get(key, NOTHING)
+        return _keep(results, key, make(), most) if cached is NOTHING else cached
 
     def held(self, key: Hashable) -> Any:
         """Return the cached result under a key; None if there is none."""
@@ -133,8 +140,7 @@ def _results(owner: Any, kind: Hashable) -> dict[Hashable, Any]:
 def _keep(results: dict[Hashable, Any], key: Hashable, result: Any, most: int | None) -> Any:
     """Cache a result, unless there is one under its key, and return what is cached; drop the oldest above `most`."""
     kept = results.setdefault(key, result)
-    keys = list(results)
-    for old in keys[: 0 if most is None else max(0, len(keys) - most)]:
+    for old in list(results)[: 0 if most is None else max(0, len(results) - most)]:
         results.pop(old, None)  # another thread may have dropped it
     return kept
 

@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .device_arrays import DeviceArray, device_array, is_one_row, plain_array, read_on_touch, rows_beside
-from .display.shown import shown
-from .inputs.arguments import GREAT, SMALL, Numbers, checked
-from .pupils import (
+from aerokernels.derived import ReadOnly
+from aerokernels.device_arrays import DeviceArray, device_array, is_one_row, plain_array, read_on_touch, rows_beside
+from aerokernels.display.shown import shown
+from aerokernels.inputs.arguments import GREAT, SMALL, Numbers, checked
+from aerokernels.pupils import (
     Annulus,
     Disc,
     Mask,
@@ -25,10 +26,8 @@ from .pupils import (
     transverse_axes,
     unit_disc_samples,
 )
-from .pupils.base import SAMPLINGS
-from .pupils.square_map import RING, SquareMap
-from .pupils.vectors import lengths
-from .read_only import ReadOnly
+from aerokernels.pupils.base import SAMPLINGS, lengths
+from aerokernels.pupils.square_map import RING, SquareMap
 
 __all__ = [
     "SAMPLINGS",
@@ -144,7 +143,7 @@ class RayBundle(ReadOnly):
 
     def _take_from_device(self, position: Any, direction: Any) -> None:
         """Take over positions and directions of which at least one is on a device; None if it is on the host."""
-        from .device_arrays.rays import checked_rays
+        from aerokernels.device_arrays.rays import checked_rays
 
         position, direction = checked_rays(
             plain_array(self.position) if position is None else position,
@@ -292,7 +291,7 @@ class RayBundle(ReadOnly):
         normal = as_unit_vector(axis, "axis")
         first, second = transverse_axes(normal)
         if device is not None:
-            from .device_arrays.rays import Made, sampled_rays
+            from aerokernels.device_arrays.rays import Made, sampled_rays
 
             made = Made(
                 "divergent", as_vector(apex, "apex"), first, second, normal, 2.0 * np.sin(0.5 * half_angle) ** 2
@@ -343,7 +342,7 @@ class RayBundle(ReadOnly):
         cls, kind: str, device: str, pupil: Pupil, axis: np.ndarray, ray_count: int, sampling: str, seed: int
     ) -> "RayBundle":
         """Return rays from a pupil's points, made on a device."""
-        from .device_arrays.rays import Made, sampled_rays
+        from aerokernels.device_arrays.rays import Made, sampled_rays
 
         made = Made(kind, pupil.center, *pupil.axes, axis, pupil.reach)
         samples = partial(pupil.flat_sample, ray_count, sampling, seed)

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .inputs.arguments import Numbers, checked
-from .inputs.checks import check_at_least, check_count, check_positive
+from aerokernels.inputs.arguments import Numbers, checked
+from aerokernels.inputs.checks import check_at_least, check_count, check_positive
 
 if TYPE_CHECKING:
     pass

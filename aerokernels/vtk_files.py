@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
-from .inputs.arguments import checked
-from .inputs.checks import check_count
-from .medium import IndexField
-from .rays import RayBundle
-from .tracing import Plane, RayStatus, trace
-from .tracing.status import reached
+from aerokernels.inputs.arguments import checked
+from aerokernels.inputs.checks import check_count
+from aerokernels.medium import IndexField
+from aerokernels.rays import RayBundle
+from aerokernels.tracing import Plane, RayStatus, trace
+from aerokernels.tracing.status import reached
 
 POINT_COUNT = 33
 

@@ -14,7 +14,7 @@ import math
 
 import numpy as np
 
-from .inputs.arguments import Numbers, checked
+from aerokernels.inputs.arguments import Numbers, checked
 
 __all__ = [
     "ansi_to_nm",

@@ -4,7 +4,6 @@
 // The ray tracer as a Warp kernel, one ray per thread.
 
 #include "prelude.h"
-#include "generated/behind_faces.h"
 #include "generated/edges.h"
 #include "generated/ends.h"
 #include "generated/error.h"

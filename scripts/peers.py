@@ -3,7 +3,7 @@
 Each is used as its documentation recommends. `aerokernels bench cone bundles` measures this package.
 
 All of them read this package's own B-spline coefficients of the gridded field and integrate the equations of
-aerokernels/benchmark/truth.py in deviation form, so that a peer has no disadvantage by a coarser interpolant or by
+aerokernels/benchmark/scenes.py in deviation form, so that a peer has no disadvantage by a coarser interpolant or by
 float32's rounding of a long path. Their kernel time ends when results are ready on the device; the wall time includes
 float64 arrays on the host. Rays are on the device before the clock starts.
 
@@ -25,20 +25,23 @@ from typing import Any
 
 import numpy as np
 
-from aerokernels.benchmark.bundle_scenes import KINDS, bundle_scene
-from aerokernels.benchmark.cone import (
+from aerokernels.benchmark.measuring import chosen_rays, clocks, cone_error, errors, installed, measure, millions
+from aerokernels.benchmark.scenes import (
     CONE_AMBIENT,
     CONE_HALF,
     CONE_SPACING,
+    KINDS,
     LONGEST_STEP,
+    SIZES,
+    Truth,
+    bundle_scene,
     cone_field,
     cone_rays,
     cone_truth,
+    end_direction,
+    integrate,
+    slopes,
 )
-from aerokernels.benchmark.errors import chosen_rays, errors
-from aerokernels.benchmark.measuring import clocks, installed, measure
-from aerokernels.benchmark.table import cone_error, millions
-from aerokernels.benchmark.truth import SIZES, Truth, end_direction, integrate, slopes
 from aerokernels.medium import IndexField
 from aerokernels.medium.grid import UniformGrid
 from aerokernels.process.foreign_files import fault_text

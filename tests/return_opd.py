@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from aerokernels.echo.pupil_reduction import _trace_rays, check_ahead, receiver_pupil
+from aerokernels.echo.parts import Setup
+from aerokernels.echo.return_paths import _trace_rays, check_ahead
 from aerokernels.medium import IndexField
 from aerokernels.scene import Scene
 from aerokernels.tracing import TraceResult
@@ -23,8 +24,9 @@ def return_opd(scene: Scene, index: IndexField, target: np.ndarray) -> tuple[np.
         ValueError: The target is not ahead of the flow.
     """
     check_ahead(index, target)
-    start, weight = receiver_pupil(scene)
+    setup = Setup.of_scene(scene)
+    start, weight = setup.receiver.pupil.sample(setup.receiver.ray_count, "gauss")
     position, point = np.tile(start, (len(target), 1)), np.repeat(target, len(start), axis=0)
-    opd, result = _trace_rays(scene, index, position, point)
+    opd, result = _trace_rays(setup, index, position, point)
     opd = opd.reshape(len(target), -1)
     return opd, np.where(result.ok.reshape(opd.shape), weight, 0.0), result

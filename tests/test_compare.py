@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from aerokernels import compare_waveforms
-from aerokernels.compare import correlation_by_lag, correlation_degree, pearson_correlation
+from aerokernels.compare import pearson_correlation
 
 TIME = np.arange(200) * 0.5e-9
 
@@ -31,26 +31,6 @@ def test_correlation_is_numpys(count, seed, offset, scale):
     assert pearson_correlation(scale * a, b) == pytest.approx(r, abs=1e-12)
     assert pearson_correlation(-a, b) == pytest.approx(-r, abs=1e-12)
     assert pearson_correlation(a + offset, b) == pytest.approx(r, abs=1e-12 + 1e-13 * abs(offset))
-
-
-@settings(max_examples=30, deadline=None)
-@given(st.integers(20, 60), st.integers(0, 2**32 - 1))
-def test_every_lag_is_the_correlation_of_what_is_in_common(count, seed):
-    a, b = np.random.default_rng(seed).normal(size=(2, count))
-    found = correlation_by_lag(a, b, 10)
-    for shift in range(-10, 11):
-        one = a[max(shift, 0) : count + min(shift, 0)]
-        other = b[max(-shift, 0) : count + min(-shift, 0)]
-        assert found[10 + shift] == pytest.approx(np.corrcoef(one, other)[0, 1], abs=1e-11)
-
-
-def test_identical_waveforms():
-    found = compare_waveforms(TIME, pulse(), pulse())
-    assert (found.peak_error, found.peak_error_of_recorded, found.lag) == pytest.approx((0.0, 0.0, 0.0), abs=1e-18)
-    assert found.correlation == pytest.approx(1.0, abs=1e-14) and found.best_correlation == pytest.approx(
-        1.0, abs=1e-14
-    )
-    assert found.degree == found.best_degree == "highly correlated"
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.02])
@@ -90,62 +70,6 @@ def test_a_shift_is_found_and_explains_a_small_correlation(shift, scale):
     assert found.best_correlation >= found.correlation
     if abs(shift) > 6e-9:
         assert found.correlation < 0.7
-
-
-@pytest.mark.parametrize("peak", [1.878, 1.809, 1.738])
-def test_a_lower_pulse_crosses_a_fixed_level_later(peak):
-    """A Gaussian of peak V rises through T at t0 - tau sqrt(ln(V / T)): Table 3's peaks against 2.019 V, T = 1 V.
-
-    Error: the quintic spline of 12 samples a tau, (1/12)^6 of tau: below 1e-14 s. Reading 29: +40, +61, +85 mm.
-    """
-    found = compare_waveforms(TIME, pulse(peak=peak), pulse(peak=2.019), threshold=1.0)
-    exact = 6e-9 * (math.sqrt(math.log(2.019)) - math.sqrt(math.log(peak)))
-    assert found.edge_shift == pytest.approx(exact, abs=1e-13)
-    assert found.range_difference == pytest.approx(0.5 * 299_792_458.0 * exact, abs=2e-5)
-    assert found.edge_level == 1.0
-    halved = compare_waveforms(TIME, pulse(50e-9 + 1.3e-9, peak=peak), pulse(peak=peak))
-    assert halved.edge_level == pytest.approx(0.5 * peak, rel=2e-3) and halved.edge_shift == pytest.approx(
-        1.3e-9, abs=1e-13
-    )
-
-
-def test_an_edge_that_is_not_there():
-    assert math.isnan(compare_waveforms(TIME, pulse(peak=0.9), pulse(), threshold=1.0).edge_shift)
-    assert math.isnan(compare_waveforms(TIME, pulse(5e-9), pulse(), threshold=0.1).range_difference)
-    with pytest.raises(ValueError, match="threshold"):
-        compare_waveforms(TIME, pulse(), pulse(), threshold=-1.0)
-
-
-def test_an_inverted_pair_is_negative():
-    wiggle = np.sin(TIME * 2e8)
-    found = compare_waveforms(TIME, 1.0 + wiggle, 1.0 - wiggle, greatest_lag=20e-9)
-    assert found.correlation == pytest.approx(-1.0, abs=1e-12)
-    assert found.degree == "highly correlated"
-    assert found.best_correlation > 0.9  # half a period away
-    assert abs(abs(found.lag) - math.pi / 2e8) < 0.2e-9
-
-
-@pytest.mark.parametrize(
-    ("r", "degree"),
-    [
-        (0.0, "micro"),
-        (0.2999, "micro"),
-        (0.3, "real"),
-        (-0.4999, "real"),
-        (0.5, "significant"),
-        (0.7981, "significant"),
-        (-0.8, "highly"),
-        (1.0, "highly"),
-    ],
-)
-def test_degrees_are_half_open(r, degree):
-    assert correlation_degree(r).startswith(degree)
-
-
-@pytest.mark.parametrize("r", [1.1, math.nan, -math.inf])
-def test_no_degree_for_what_is_no_correlation(r):
-    with pytest.raises(ValueError, match="between -1 and 1"):
-        correlation_degree(r)
 
 
 def test_bad_waveforms_are_refused():
@@ -198,15 +122,3 @@ def test_another_pulse_shows_in_noise_and_by_its_tail():
     tailed = compare_waveforms(TIME, 2.0 * 0.25 * u**2 * np.exp(2.0 - u), pulse())
     assert tailed.recorded_width == pytest.approx(tailed.simulated_width, rel=1e-3)
     assert tailed.same_pulse is False
-
-
-def test_a_pulse_that_the_record_cuts_has_no_width():
-    found = compare_waveforms(TIME[:101], pulse()[:101], pulse()[:101])
-    assert found.same_pulse is None and math.isnan(found.recorded_width) and math.isnan(found.width_range)
-
-
-def test_lags_of_up_to_half_the_record_are_tried():
-    """A pulse later by 0.45 of the record is found there, to a thousandth of a sample."""
-    time = np.arange(200) * 1e-9
-    pulse = [np.exp(-(((time - place) / 5e-9) ** 2)) for place in (30e-9, 120e-9)]
-    assert compare_waveforms(time, pulse[1], pulse[0]).lag == pytest.approx(90e-9, abs=1e-12)

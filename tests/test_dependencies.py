@@ -3,9 +3,7 @@
 It reads what lies beside the interpreter and asks no network.
 """
 
-import ast
 import re
-import sys
 import tomllib
 from importlib import metadata
 from pathlib import Path
@@ -78,35 +76,6 @@ def test_everything_installed_with_the_package_has_a_permissive_licence(root: Pa
     assert len(found) > 30, "the environment was not found"
     wrong = {name: licence(name, one) for name, (one, names) in found.items() if not allowed(licence(name, one), names)}
     assert not wrong
-
-
-def test_the_audit_notices_what_it_is_for():
-    assert allowed("Apache-2.0 OR LGPL-2.1-or-later", PERMISSIVE) and allowed("BSD-3-Clause AND Zlib", PERMISSIVE)
-    for words in ("GPL-3.0-only", "LGPL-2.1-or-later", "BSD-3-Clause AND GPL-2.0", "", "Proprietary", "MPL-2.0"):
-        assert not allowed(words, PERMISSIVE)
-    assert allowed("MPL-2.0", OF_TOOLS)
-
-
-def test_what_is_imported_is_declared_and_what_is_declared_is_imported(root: Path):
-    about = project(root)
-    declared = {plain(Requirement(one).name) for one in about["dependencies"]}
-    optional = {plain(Requirement(one).name) for extra in about["optional-dependencies"].values() for one in extra}
-    owners = metadata.packages_distributions()
-    imported: dict[str, str] = {}
-    for path in (root / "aerokernels").rglob("*.py"):
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.Import):
-                names = [alias.name for alias in node.names]
-            else:
-                names = [node.module or ""] if isinstance(node, ast.ImportFrom) and not node.level else []
-            imported |= {name.partition(".")[0]: path.name for name in names if name}
-    outside = {name: where for name, where in imported.items() if name not in sys.stdlib_module_names}
-    outside.pop("aerokernels", None)
-    by_owner = {plain(owner): where for name, where in outside.items() for owner in owners.get(name, ())}
-    absent = {name for name in outside if name not in owners}
-    undeclared = {name: where for name, where in by_owner.items() if name not in declared | optional | LOOKED_UP.keys()}
-    assert not undeclared and {plain(name) for name in absent} <= optional | IMPORTED_IF_THERE
-    assert declared - set(by_owner) == UNSEEN
 
 
 # Imported where a user has them, and no part of an extra.

@@ -5,7 +5,6 @@ import importlib
 import importlib.util
 import re
 import sys
-import tomllib
 from pathlib import Path
 
 import pytest
@@ -65,23 +64,6 @@ def test_made_pages_hold_what_they_are_made_from():
         assert f"| {name} |" in validation_pages.page()
 
 
-@pytest.mark.parametrize(
-    ("page", "mark", "table"), [("figure1", "figure1", "figure1"), ("sweep-mach", "sweep_mach", "sweep_mach")]
-)
-def test_tables_of_pages_are_those_that_were_written(page: str, mark: str, table: str):
-    text = (ROOT / "docs" / f"{page}.md").read_text(encoding="utf-8")
-    shown = text.partition(f"<!-- {mark}:begin -->\n")[2].partition(f"<!-- {mark}:end -->")[0]
-    assert shown == (ROOT / "docs" / table / "table.md").read_text(encoding="utf-8")
-
-
-def test_docstrings_become_restructuredtext():
-    from plain_docstrings import readable
-
-    assert readable(["With |a|^2 * b_ and `x * y`."]) == [r"With \|a\|^2 \* b\_ and `x * y`."]
-    assert readable(["It is:", "", "    a * b", "", "And on."]) == ["It is::", "", "    a * b", "", "And on."]
-    assert readable(["Args:", "    x: one * two."]) == ["Args:", r"    x: one \* two."]
-
-
 @pytest.fixture
 def builder():
     """scripts/docs.py as a module."""
@@ -106,13 +88,6 @@ def test_dead_links_of_a_site_are_found(builder, tmp_path: Path):
     (tmp_path / "index.html").write_text(alive + dead)
     found = [link.partition(": ")[2] for link in builder.dead_links(tmp_path)]
     assert found == ["gone.png", "part/gone.html", "part/page.html#gone"]
-
-
-def test_a_record_is_noted_by_its_name_alone(builder):
-    text = '[one]\ncommit = "aaa"\ndate = "2026-01-01"\n\n[two]\ncommit = "bbb"\ndate = "2026-01-02"\n'
-    noted = tomllib.loads(builder.noted(text, "one", "ccc", "2026-02-03"))
-    assert noted["one"] == {"commit": "ccc", "date": "2026-02-03"}
-    assert noted["two"] == {"commit": "bbb", "date": "2026-01-02"}
 
 
 def modules_with_examples() -> list[str]:

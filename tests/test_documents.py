@@ -114,14 +114,6 @@ def test_every_page_is_reached_from_the_index():
     assert not left_out, f"in no toctree: {sorted(map(named, left_out))}"
 
 
-@pytest.mark.parametrize("path", PAGES, ids=named)
-def test_files_that_are_named_exist(path: Path):
-    """Paths in backticks that begin with a folder of the checkout."""
-    for text in re.findall(r"`([^`\n]+)`", prose_of(path)):
-        for name in re.findall(r"^(?:aerokernels|kernels|scripts|tests|docs)/[\w./*-]*", text.split(" ")[0]):
-            assert name.rstrip("/") in ("docs/validation/made.toml",) or any(ROOT.glob(name.rstrip("/."))), name
-
-
 def command_lines(path: Path) -> list[str]:
     """Every `aerokernels ...` of a page: in blocks, behind a `!`, and in backticks."""
     lines = []
@@ -261,14 +253,6 @@ def test_python_of_pages_uses_names_and_keywords_that_exist(path: Path):
                 continue  # a method of an object, which only running the page can find
             if not any(one.kind is one.VAR_KEYWORD for one in parameters.values()):
                 assert keywords <= set(parameters), f"{named(path)}: {name}({', '.join(keywords - set(parameters))}=)"
-
-
-def test_readme_is_short_and_has_its_commands():
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
-    assert len(text.splitlines()) < 120
-    assert "scripts/run out" in text and "scripts/test" in text
-    (code,) = [body for kind, body in blocks(ROOT / "README.md") if kind == "python"]
-    assert len([line for line in code.splitlines() if line.strip()]) <= 10
 
 
 def test_every_generated_table_has_a_record():

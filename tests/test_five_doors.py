@@ -25,7 +25,7 @@ from aerokernels import (
     wavefront,
 )
 from aerokernels.pupils import direction_of
-from aerokernels.tracing.beyond import plane_beyond
+from aerokernels.tracing.stop import plane_beyond
 
 WAVELENGTH = 905e-9
 SIDE, FINER, RAYS = 0.0613, 3, 32768  # boxes [m]; cells of the truth's grid in one; rays

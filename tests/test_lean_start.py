@@ -6,10 +6,6 @@ Seconds are measured elsewhere (docs/performance.md); what costs them is held he
 import subprocess
 import sys
 
-import pytest
-
-from aerokernels.tracing.engines.info import cuda_driver_loads
-
 # What the parser of the command line brings along.
 COMMAND_LINE = {"typer", "rich", "shellingham", "annotated_doc", "markdown_it", "mdurl", "pygments", "click"}
 COMMAND_LINE |= {"attr", "attrs"}  # rich imports them where they are installed
@@ -66,22 +62,3 @@ def test_a_field_is_prepared_by_arrays_and_linear_algebra_alone():
         "assert prepare_field(Scene.load('wind-tunnel-mach3')).resampling.opd_rms > 0.0"
     )
     assert not slow(modules)
-
-
-def test_rays_are_launched_without_statistics():
-    modules = imported("import aerokernels; aerokernels.RayBundle.collimated(aerokernels.Disc(1e-3), 64)")
-    assert not slow(modules) and not [name for name in modules if name.startswith("scipy")]
-
-
-@pytest.mark.skipif(cuda_driver_loads(), reason="there is a CUDA driver here: Warp is asked for its devices")
-def test_without_a_cuda_driver_the_choice_of_a_backend_does_not_import_warp():
-    """Set-up: no CUDA driver. Expected: the processor is described as Warp does it, without importing Warp."""
-    code = (
-        "import sys\nfrom importlib.metadata import version\n"
-        "from aerokernels.tracing.engines.choice import choose_backend\n"
-        "from aerokernels.tracing.engines.info import NO_CUDA, warp_processor\n"
-        "choose_backend('auto', 'cpu')\nassert 'warp' not in sys.modules\n"
-        "from aerokernels.tracing.engines.warp.devices import list_devices\n"
-        "assert list_devices() == [warp_processor(version('warp-lang'), NO_CUDA)], list_devices()"
-    )
-    assert "warp" in imported(code)

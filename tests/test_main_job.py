@@ -85,13 +85,3 @@ def test_refining_the_grid_moves_the_answer_within_its_budget(density):
     for k in (0, 1):
         assert errors[k + 1] < errors[k]
         assert abs(estimates[k + 1].value - estimates[k].value) < estimates[k].error["total"]
-
-
-def test_the_mesh_itself_gives_the_same_strehl_ratio():
-    """No resampling at all, rays through the curvilinear mesh: within the budgets of both."""
-    source = flow.shipped("mach3").index_field()
-    pupil = Disc(6e-3, (0.0, 0.0, -8e-3))
-    grid = source.resample(5e-5, region=((0.0, -9e-3), (9e-3, 6e-3)))
-    on_grid = estimate_strehl(grid, pupil, wavelength=905e-9, ray_count=16_384)
-    on_mesh = estimate_strehl(source, pupil, wavelength=905e-9, ray_count=16_384)
-    assert abs(on_grid.value - on_mesh.value) < on_grid.error["total"]

@@ -10,7 +10,6 @@ import pytest
 
 import aerokernels as ak
 from aerokernels import flow
-from aerokernels.schlieren import interferogram, shadowgraph
 
 SMALL = {"strehl.ray_count": 160, "beam.ray_count": 25, "receiver.ray_count": 64, "grid.spacing": "0.4 mm"}
 HERE = {"backend": "warp", "device": "cpu"}
@@ -81,14 +80,6 @@ def test_an_estimate_comes_back_and_still_knows_its_error(field: ak.IndexField):
     same(found, estimate, "StrehlEstimate")
     assert found.error == estimate.error and np.isfinite(found.error["total"])
     assert found.quantities == estimate.quantities and repr(found) == repr(estimate)
-
-
-def test_pictures_come_back(field: ak.IndexField):
-    options = {"view": "x", "pixel_count": 16, **HERE}
-    for make, more in ((ak.schlieren, {}), (shadowgraph, {"distance": 0.1}), (interferogram, {})):
-        picture = make(field, **more, **options)
-        same(again(picture), picture, type(picture).__name__)
-        assert again(picture).to_xarray().identical(picture.to_xarray())
 
 
 def run_small(settings: dict) -> ak.RunResult:

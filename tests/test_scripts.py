@@ -5,18 +5,12 @@ import csv
 import importlib
 import importlib.util
 import os
-import shutil
 import subprocess
 import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
-from scipy.interpolate import make_interp_spline
-
-from scripts.studies.paper import figure1 as schemes
-from scripts.studies.report import filled, marks
 
 
 def run_script(root: Path, name: str, *arguments: object) -> subprocess.CompletedProcess[str]:
@@ -65,24 +59,6 @@ def test_each_link_is_to_a_script(root: Path):
     assert {str(os.readlink(root / "scripts" / name)) for name in links} == {"in_environment"}
 
 
-@pytest.mark.skipif(shutil.which("bash") is None, reason="needs bash")
-def test_a_link_runs_its_script_in_the_environment(root: Path, tmp_path: Path):
-    """The environment is ready: nothing is installed, and arguments arrive as they were given, in any folder."""
-    folder, binaries = tmp_path / "scripts", tmp_path / ".venv" / "bin"
-    folder.mkdir()
-    binaries.mkdir(parents=True)
-    (binaries / "python").symlink_to(sys.executable)
-    for name in ("environment.sh", "in_environment"):
-        shutil.copy2(root / "scripts" / name, folder / name)
-    shutil.copy2(root / "pyproject.toml", tmp_path)
-    (folder / "given").symlink_to("in_environment")
-    (folder / "given.py").write_text("import sys; print(sys.argv[1:])", encoding="utf-8")
-    stamp = 'source scripts/environment.sh; environment_key > ".venv/.aerokernels-installed[dev]"'
-    subprocess.run(["bash", "-c", stamp], cwd=tmp_path, check=True)
-    done = subprocess.run([folder / "given", "--a", "b c"], cwd="/", capture_output=True, encoding="utf-8")
-    assert (done.returncode, done.stdout) == (0, "['--a', 'b c']\n"), done.stderr
-
-
 @pytest.fixture(scope="module")
 def figure1(root: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("figure1")
@@ -124,48 +100,6 @@ def test_figure1_errors(figure1: Path):
         assert error["ours, float64: eq 5"] < 1e-10
         if float(row["x0_m"]) >= 0.5e-3:
             assert error["ours, float64: adaptive 1e-4 waves"] < 1e-8
-
-
-def test_figure1_control_shows_the_splines_own_error():
-    """In a medium that no polynomial fits, what is left of our error is that of cubic splines, and not the tracer's.
-
-    Set-up: n = n0 sech(g y), 0.25 mm cells, rays from 0.5 mm (a row of nodes) and 1.6 mm (between rows), 0.2 mm steps.
-    Formula: exact sinh(g y) = sinh(g x0) cos(g z); SciPy's spline of n^2 / 2, its derivative, d2y/dz2 = s'(y) / T_z^2.
-    Expected: the greatest error of the independent route, 1.67e-5 and 2.73e-6; steps add less than 1e-9.
-    Tolerance: 1 %, for the two splines' ends.
-    """
-    height, planes = np.array([0.5e-3, 1.6e-3]), np.linspace(0.0, 62e-3, 32)[1:]
-    scheme = next(s for s in schemes.SCHEMES if (s.name, s.rule) == ("ours, float64", "fixed 0.2 mm"))
-    medium = schemes.SECH
-    ours = schemes.run_scheme(scheme, medium, schemes.sampled_field(medium, "cubic"), height, planes).error.max(axis=0)
-
-    y = np.arange(-16, 17) * 0.25e-3
-    spline = make_interp_spline(y, 0.5 * (1.5 / np.cosh(100.0 * y)) ** 2, k=3)
-    slope = spline.derivative()
-    for start, error in zip(height, ours, strict=True):
-        squared = 2.0 * spline(start)
-        path = solve_ivp(
-            lambda _, q, squared=squared: [q[1], slope(q[0]) / squared],
-            (0.0, 62e-3),
-            [start, 0.0],
-            t_eval=planes,
-            rtol=1e-10,
-            atol=1e-14,
-            max_step=1e-4,
-        )
-        expected = np.abs(path.y[0] - medium.exact(start, planes)).max() / start
-        assert abs(error - expected) < 0.01 * expected
-
-
-def test_figure1_refuses_what_makes_no_sense(root: Path, tmp_path: Path):
-    for arguments, word in (
-        (("--height", "1 s"), "length"),
-        (("--height", "1 m"), "outside"),
-        (("--planes", 1), "few"),
-    ):
-        done = run_script(root, "figure1.py", *arguments, "--out", tmp_path / "out")
-        assert done.returncode == 2 and word in done.stderr, done.stderr
-    assert not (tmp_path / "out").exists()
 
 
 @pytest.mark.skipif(
@@ -217,56 +151,6 @@ def test_paper_writes_pictures_numbers_and_waveforms(paper: Path):
     assert all(np.isfinite(float(row[side])) for row in rows for side in ("paper", "ours") if row[side])
 
 
-def test_paper_says_what_is_known_without_it(paper: Path):
-    """What does not depend on how many rays, pixels and trials there are.
-
-    Walk of a 1 V threshold on Table 3: 40, 61, 85 mm; the other methods stay. Isentropic densities. A bow shock that
-    leans back with the Mach number but stays steeper than the Mach wave. Shocks that fade in the tunnel's picture, and
-    deflect in proportion to the density, but for the 1 % by which dense air moves its rays. Peaks that fall as the
-    Strehl ratios do.
-    """
-    rows = read_csv(paper / "paper.csv")
-
-    def ours(quantity: str, density: str = "") -> dict[int, float]:
-        return {
-            int(row["mach"]): float(row["ours"])
-            for row in rows
-            if row["quantity"] == quantity and row["density"] == density and row["ours"]
-        }
-
-    assert [round(1e3 * shift) for shift in ours("leading-edge").values()] == [40, 61, 85]
-    for method in ("constant-fraction", "centroid", "matched-filter"):
-        assert max(map(abs, ours(method).values())) < 0.5e-3
-    density = ours("free-stream density", "tunnel")
-    assert [density[mach] for mach in (2, 3, 4)] == pytest.approx([0.5287, 0.3319, 0.2108], abs=1e-4)
-    angle = ours("angle of the first shock", "tunnel")
-    assert angle[2] > angle[3] > angle[4]
-    assert all(np.degrees(np.arcsin(1.0 / mach)) < angle[mach] < 60.0 for mach in (2, 3, 4))
-    for shock in ("bow", "nose cone", "step"):
-        thin, dense = (ours(f"deflection across the edge, {shock}", air) for air in ("tunnel", "atmospheric"))
-        assert thin[3] > thin[4] and (thin[2] > thin[3] or shock == "bow")  # which a coarse grid blurs
-        assert all(dense[mach] / thin[mach] == pytest.approx(1.225 / density[mach], rel=2e-2) for mach in (2, 3, 4))
-    for air in ("tunnel", "atmospheric"):
-        peak, strehl = ours("echo peak", air), ours("Strehl ratio of the way back", air)
-        assert all(peak[mach] / peak[0] == pytest.approx(strehl[mach], rel=1e-3) for mach in (2, 3, 4))
-
-
-def test_tables_go_between_their_marks(tmp_path: Path):
-    page = tmp_path / "page.md"
-    (a, b), (c, d) = marks("one"), marks("two")
-    page.write_text(f"before\n{a}\nold\n{b}\nbetween\n{c}\n{d}\nafter\n", encoding="utf-8")
-    expected = f"before\n{a}\n| 1 |\n{b}\nbetween\n{c}\n| 2 |\n{d}\nafter\n"
-    for _ in range(2):  # again gives the same
-        page.write_text(filled(page, {"one": "| 1 |\n", "two": "| 2 |\n"}), encoding="utf-8")
-        assert page.read_text(encoding="utf-8") == expected
-    with pytest.raises(ValueError, match="three"):
-        filled(page, {"one": "| new |\n", "three": ""})
-    page.write_text(f"{b}\n{a}\n", encoding="utf-8")
-    for wrong in (page, tmp_path / "absent.md"):
-        with pytest.raises(ValueError, match="no lines"):
-            filled(wrong, {"one": "| new |\n"})
-
-
 PAGES = {
     "docs/paper.md": (
         *("figure1", "steps", "scheme", "table2", "figure5", "shocks"),
@@ -276,9 +160,3 @@ PAGES = {
     "docs/figure1.md": ("figure1",),
     "docs/sweep-mach.md": ("sweep_mach",),
 }
-
-
-@pytest.mark.parametrize("name", PAGES)
-def test_pages_have_a_place_for_each_table(root: Path, name: str):
-    page = filled(root / name, {table: f"| {table} |\n" for table in PAGES[name]})
-    assert all(f"-->\n| {table} |\n<!--" in page for table in PAGES[name])

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from aerokernels import Disc, IndexField, QuadMesh, RayBundle, field_to_vtk, rays_to_vtk, trace
+from aerokernels import Disc, IndexField, RayBundle, field_to_vtk, rays_to_vtk, trace
 
 pytest.importorskip("vtkmodules")
 
@@ -35,13 +35,6 @@ def test_a_grid_keeps_places_and_values(tmp_path, geometry: str):
     assert path.suffix == ".vti" and len(place) == contrast.size
     assert arrays["contrast"] == pytest.approx(field.contrast_at(place), abs=1e-15)
     assert arrays["index"] - 1.1 == pytest.approx(arrays["contrast"], abs=1e-15)
-
-
-def test_a_mesh_keeps_its_cells(tmp_path):
-    y, z = np.meshgrid(np.linspace(0.0, 1.0, 4), np.linspace(0.0, 2.0, 5), indexing="ij")
-    field = IndexField.from_mesh(QuadMesh.structured(y, z + 0.2 * y, "planar"), 1e-4 * y)
-    data, place, arrays = read(field_to_vtk(field, tmp_path / "mesh.vtu"), "UnstructuredGrid")
-    assert data.GetNumberOfCells() == 12 and arrays["contrast"] == pytest.approx(1e-4 * place[:, 1], abs=1e-18)
 
 
 def test_rays_are_polylines(tmp_path):
@@ -76,16 +69,3 @@ def test_a_ray_stays_where_it_met_a_body(tmp_path):
     assert place[:, 2].reshape(2, 8)[0, 3:] == pytest.approx(-5e-4, abs=1e-8)
     assert arrays["opd"].reshape(2, 8)[0, -1] == pytest.approx(ends.opd[0], rel=1e-3)
     assert place[15, 2] == pytest.approx(2e-3)
-
-
-def test_what_is_refused_of_rays(tmp_path):
-    field = IndexField.from_samples(np.zeros((4, 4)), origin=(0.0, 0.0), spacing=(0.1, 0.1), geometry="planar")
-    rays = RayBundle([[0.0, 0.1, 0.1], [0.0, 0.2, 0.2]], [[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]])
-    with pytest.raises(ValueError, match=r"there is no folder .*none; make it, or choose another path"):
-        field_to_vtk(field, tmp_path / "none" / "field")
-    with pytest.raises(ValueError, match="no mean"):
-        rays_to_vtk(field, rays, tmp_path / "rays", length=0.1)
-    with pytest.raises(TypeError, match=r"length must be a number of metres, got '4 mm': give 0.004"):
-        rays_to_vtk(field, rays, tmp_path / "rays", length="4 mm")
-    with pytest.raises(TypeError, match="until is not for rays_to_vtk"):
-        rays_to_vtk(field, rays, tmp_path / "rays", length=0.1, until=None)

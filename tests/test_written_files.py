@@ -11,7 +11,7 @@ from aerokernels import Camera, Disc, Wavefront, flow
 from aerokernels.files.writing import OutputError, replacing, write_grey
 from aerokernels.imaging.bos import BackgroundPictures
 from aerokernels.imaging.shift import BackgroundDisplacement
-from aerokernels.jobs.flow_figure import save_flow_figure
+from aerokernels.jobs.plots import save_flow_figure
 from aerokernels.schlieren import Picture, write_picture
 
 NOISE = np.random.default_rng(1).random((60, 70))
@@ -64,17 +64,6 @@ def test_a_full_disk_leaves_an_earlier_file_as_it_was(name: str, tmp_path: Path,
     with pytest.raises(OutputError, match=f"^{place}: .*: make room, or choose another place$"):
         WRITERS[name](place)
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == made
-
-
-@pytest.mark.parametrize("name", WRITERS)
-def test_a_folder_and_a_missing_one_are_refused_by_name(name: str, tmp_path: Path):
-    place = tmp_path / name
-    place.mkdir()
-    with pytest.raises(ValueError, match=f"{name}.*is a folder: give the name of a file in it"):
-        WRITERS[name](place)
-    if name not in ("flow.png", "reference.tiff"):  # make their folders
-        with pytest.raises(ValueError, match=r"none does not exist: make it"):
-            WRITERS[name](tmp_path / "none" / name)
 
 
 def test_files_that_belong_together_appear_together(tmp_path: Path):

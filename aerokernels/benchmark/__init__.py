@@ -6,18 +6,16 @@
     sweep     a Strehl ratio for every shipped flow at three densities, for new values of a known field, and anew
     bundles   a million rays of any kind through the cone's volume and a turbulent one, interpolated and ray by ray
 
-docs/performance-bench.md describes the file. The modules: `scenes` (what is traced) and `errors` (against the true
-rays), `targets` (which backends and devices), `measuring` (clocks), `ceiling` (the greatest rates of a device),
-`suites`, `table`. The true rays are those of `cone`, by `truth`.
+docs/performance-bench.md describes the file.
 """
 
 from collections.abc import Callable
 from datetime import UTC, datetime
 from typing import Any
 
-from aerokernels.benchmark.targets import SUITES, Settings, find_targets
+from aerokernels.benchmark.measuring import SUITES, Settings, find_targets
 
-SCHEMA = "aerokernels-bench/1"
+SCHEMA = "aerokernels-bench/2"
 
 __all__ = ["SCHEMA", "SUITES", "Settings", "find_targets", "run_bench"]
 
@@ -32,22 +30,17 @@ def run_bench(settings: Settings, report: Callable[[str], None] = lambda line: N
     Raises:
         ValueError: A backend or device that is not available; nothing is measured then.
     """
-    from aerokernels.benchmark.ceiling import measure_ceiling
     from aerokernels.benchmark.measuring import machine
     from aerokernels.benchmark.suites import RUNS
     from aerokernels.jobs.store import to_json
 
     targets = find_targets(settings)
     begun = datetime.now(UTC).isoformat(timespec="seconds")
-    ceilings = {}
-    for backend, device in targets:
-        report(f"ceiling of {device}")
-        ceilings[f"{backend} {device}"] = measure_ceiling(backend, device)
     runs = []
     for suite in settings.wanted:
         report(f"suite {suite}")
-        for run in RUNS[suite](settings, targets, ceilings):
+        for run in RUNS[suite](settings, targets):
             made = run["settings"]
             report(f"  {made['method']}, {made['precision']} on {made['backend']} {made['device']}: done")
             runs.append(run)
-    return to_json({"schema": SCHEMA, "begun": begun, "machine": machine(), "ceilings": ceilings, "runs": runs})
+    return to_json({"schema": SCHEMA, "begun": begun, "machine": machine(), "runs": runs})

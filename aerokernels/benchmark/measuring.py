@@ -1,4 +1,4 @@
-"""Clocks, their spread, and a description of the machine, as values for JSON."""
+"""The choices of a benchmark, its clocks and errors as values for JSON, and its table of text."""
 
 import os
 import platform
@@ -11,7 +11,31 @@ from typing import Any
 
 import numpy as np
 
+from aerokernels.benchmark.scenes import CONE_AMBIENT, CONE_HALF, WAVELENGTH, Truth
+from aerokernels.inputs.checks import check_choice, check_count, check_positive
+from aerokernels.tracing.engines.choice import available_backends, choose_backend
+from aerokernels.tracing.plan import METHODS, PRECISIONS
+
 PACKAGES = ("aerokernels", "numpy", "scipy", "warp-lang", "pyopencl", "pocl-binary-distribution")
+TRUTH_RAYS = 256
+# Optical path of an undisturbed ray from face to face [m].
+UNDISTURBED = CONE_AMBIENT * 2.0 * CONE_HALF[2]
+SUITES = ("cone", "strehl", "sweep", "bundles")
+DEFAULT_METHODS = ("auto", "adaptive", "straight")
+RAY_COUNT = 1_000_000
+# The reference traces one ray at a time in Python: more rays would take hours.
+REFERENCE_RAYS = 10_000
+COLUMNS = (
+    "suite",
+    "who",
+    "how",
+    "M rays/s, kernel",
+    "per core",
+    "end to end",
+    "per CPU s",
+    "evaluations",
+    "error",
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,3 +151,179 @@ def _cpu_model() -> str:
         lines = []
     named = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
     return named[0] if named else platform.processor() or platform.machine()
+
+
+def chosen_rays(ray_count: int) -> np.ndarray:
+    """Up to TRUTH_RAYS row numbers, sorted, of the rays compared with the truth; the same at every call."""
+    return np.sort(np.random.default_rng(905).choice(ray_count, min(TRUTH_RAYS, ray_count), replace=False))
+
+
+def errors(truth: Truth, direction: Any, opd: Any, good: Any = None) -> dict:
+    """OPD errors in waves, without removing piston, and the greatest angle error [urad], over the rays that arrived.
+
+    Args:
+        truth: The true ends.
+        direction: Unit tangents of the same rays, shape (n, 3).
+        opd: Their optical paths less the undisturbed ones [m], shape (n,).
+        good: Which rays arrived, shape (n,); None for all.
+    """
+    good = np.ones(len(opd), dtype=bool) if good is None else np.asarray(good)
+    found: dict[str, float | None] = dict.fromkeys(("opd_rms_waves", "opd_max_waves", "direction_max_urad"))
+    if good.any():
+        waves = (np.asarray(opd) - truth.opd)[good] / WAVELENGTH
+        angle = np.linalg.norm((np.asarray(direction) - truth.direction)[good], axis=1)
+        found["opd_rms_waves"] = float(np.sqrt(np.mean(waves**2)))
+        found["opd_max_waves"] = float(np.abs(waves).max())
+        found["direction_max_urad"] = float(1e6 * angle.max())
+    return {**found, "ray_count": int(good.sum()), "lost_ray_count": int((~good).sum())}
+
+
+@dataclass(frozen=True)
+class Settings:
+    """The choices of a benchmark.
+
+    Attributes:
+        suites: Names from SUITES, none for all.
+        backends: Names of backends; none for all that are available except the reference.
+        device: A device's name, None for the best of each backend.
+        precisions: "float32", "float64" or both.
+        methods: Tracing methods, see `trace`.
+        tolerances: Requested OPD errors [waves]; several show run time against error.
+        ray_count: Rays of a trace or of a Strehl ratio.
+        repeats: Timed calls of each run, after one that compiles.
+
+    Raises:
+        ValueError: A name that is not known or a number that makes no sense.
+    """
+
+    suites: tuple[str, ...] = ()
+    backends: tuple[str, ...] = ()
+    device: str | None = None
+    precisions: tuple[str, ...] = ("float32",)
+    methods: tuple[str, ...] = DEFAULT_METHODS
+    tolerances: tuple[float, ...] = (1e-3,)
+    ray_count: int = RAY_COUNT
+    repeats: int = 5
+
+    def __post_init__(self) -> None:
+        """Check names and numbers."""
+        for what, names, known in (
+            ("suite", self.suites, SUITES),
+            ("precision", self.precisions, PRECISIONS),
+            ("method", self.methods, [name for name in METHODS if name != "fixed"]),
+            ("backend", self.backends, ("warp", "opencl", "reference")),
+        ):
+            for name in names:
+                check_choice(name, what, known)
+        for name, least in (("repeats", 1), ("ray_count", 16)):
+            object.__setattr__(self, name, check_count(getattr(self, name), name, least))
+        for tolerance in self.tolerances:
+            check_positive(tolerance, "tolerance", "waves")
+        if "reference" in self.backends and self.ray_count > REFERENCE_RAYS:
+            raise ValueError(
+                f"backend 'reference' traces one ray at a time: {self.ray_count} rays would take hours, give at most "
+                f"{REFERENCE_RAYS}"
+            )
+
+    @property
+    def wanted(self) -> tuple[str, ...]:
+        """The suites to run, each once, in the order of SUITES."""
+        return tuple(name for name in SUITES if name in (self.suites or SUITES))
+
+
+def find_targets(settings: Settings) -> list[tuple[str, str]]:
+    """Pairs of backend and device to measure.
+
+    Raises:
+        ValueError: A named backend or device is not available.
+    """
+    backends = settings.backends or _present(settings.device)
+    return [choose_backend(backend, settings.device)[:2] for backend in dict.fromkeys(backends)]
+
+
+def _present(device: str | None) -> tuple[str, ...]:
+    """The available backends that have the device, except the reference."""
+    here = {info.backend for info in available_backends() if info.available} - {"reference"}
+    found = []
+    for backend in sorted(here, reverse=True):  # warp, then opencl
+        try:
+            choose_backend(backend, device)
+        except ValueError:
+            continue
+        found.append(backend)
+    if not found:
+        choose_backend("auto", device)  # raises an error that names what is available
+        raise ValueError(f"device {device!r} is not there: see `aerokernels backends`")
+    return tuple(found)
+
+
+def on_processor(backend: str, device: str) -> bool:
+    """Whether a device is the computer's own CPU."""
+    return device == "cpu" or any(
+        (info.backend, info.device) == (backend, device) and info.description.startswith("CPU")
+        for info in available_backends()
+    )
+
+
+def table_rows(bench: dict[str, Any]) -> list[tuple[str, ...]]:
+    """One row for each run, in the order of COLUMNS."""
+    return [_run_row(run) for run in bench["runs"]]
+
+
+def _run_row(run: dict) -> tuple[str, ...]:
+    made, chosen = run["settings"], run["plan"]["method"]
+    method = made["method"] if made["method"] == chosen else f"{made['method']}: {chosen}"
+    symmetry = made.get("symmetry")
+    if run["suite"] == "bundles":
+        method = f"{made['kind']}, bundle {made['bundle']}: {chosen}"
+    how = f"{method}, {made['precision']}, {made['tolerance']:g} wave" + (
+        f", symmetry {symmetry}" if symmetry is not None else ""
+    )
+    return (
+        run["suite"],
+        f"{made['backend']} {made['device']}",
+        how,
+        millions(run.get("kernel_rays_per_second")),
+        millions(run.get("kernel_rays_per_core_second")),
+        _end_to_end(run),
+        millions(run.get("rays_per_cpu_second")),
+        f"{run['evaluations_per_ray']:.1f}",
+        _error(run),
+    )
+
+
+def _end_to_end(run: dict) -> str:
+    if run["suite"] in ("cone", "bundles"):
+        return millions(run["rays_per_second"])
+    if run["suite"] == "strehl":
+        return _spread(run["wall_seconds"], 1e3, "ms")
+    return _spread(run["ratios_per_second"], 1.0, "ratios/s")
+
+
+def _error(run: dict) -> str:
+    if run["suite"] in ("cone", "bundles"):
+        return cone_error(run["error"])
+    if run["suite"] == "strehl":
+        return f"{run['error']['value']:+.1e}"
+    return "-"
+
+
+def cone_error(error: dict) -> str:
+    """The errors of a run over the true rays."""
+    if error["opd_rms_waves"] is None:
+        return "no ray arrived"
+    lost = f", {error['lost_ray_count']} lost" if error["lost_ray_count"] else ""
+    return f"{error['opd_rms_waves']:.1e} wave rms, {error['direction_max_urad']:.2g} urad{lost}"
+
+
+def millions(measured: dict | None) -> str:
+    """A rate and its error, in millions a second."""
+    return "-" if measured is None else _spread(measured, 1e-6, "")
+
+
+def _spread(measured: dict | None, scale: float, unit: str) -> str:
+    if measured is None:
+        return "-"
+    error = measured["standard_error"]
+    text = f"{measured['median'] * scale:.3g}" + ("" if error is None else f" ± {error * scale:.1g}")
+    return f"{text} {unit}".rstrip()

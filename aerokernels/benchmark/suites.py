@@ -1,6 +1,6 @@
 """The suites: the cone scene ray by ray, one Strehl ratio of a million rays, and many of them over flow and density."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
 from itertools import product
@@ -8,23 +8,40 @@ from typing import Any
 
 import numpy as np
 
-from aerokernels.benchmark.bundle_suite import bundle_runs
-from aerokernels.benchmark.ceiling import share
-from aerokernels.benchmark.cone import cone_field, cone_rays, cone_truth
-from aerokernels.benchmark.errors import UNDISTURBED, chosen_rays, errors
-from aerokernels.benchmark.measuring import Timing, measure, plan_facts, rate, spread, traced_clocks
-from aerokernels.benchmark.scenes import WAVELENGTH, PupilScene, strehl_scene
-from aerokernels.benchmark.targets import Settings, on_processor
+from aerokernels.benchmark.measuring import (
+    UNDISTURBED,
+    Settings,
+    chosen_rays,
+    errors,
+    measure,
+    on_processor,
+    plan_facts,
+    rate,
+    spread,
+    traced_clocks,
+)
+from aerokernels.benchmark.scenes import (
+    KINDS,
+    WAVELENGTH,
+    BundleScene,
+    PupilScene,
+    Truth,
+    bundle_scene,
+    cone_field,
+    cone_rays,
+    cone_truth,
+    rays_on,
+    strehl_scene,
+)
 from aerokernels.flow import shipped
 from aerokernels.flow.shipped import PLANE_NAMES
 from aerokernels.medium import IndexField
 from aerokernels.rays import RayBundle
 from aerokernels.strehl import StrehlEstimate, strehl
 from aerokernels.strehl.estimate import PreparedStrehl, estimate_strehl, prepare_strehl
-from aerokernels.tracing import Plane, trace
+from aerokernels.tracing import Plane, TraceResult, trace
 from aerokernels.tracing.engines.choice import choose_backend
 
-OUTPUTS = ("direction", "optical_path")
 # Rays of the radial quadrature whose Strehl ratio serves as the truth.
 TRUTH_RAYS = 1 << 15
 TRUTH_TOLERANCE = 1e-5  # [waves]
@@ -33,13 +50,15 @@ DENSITIES = (0.5, 1.0, 2.0)
 Targets = list[tuple[str, str]]
 
 
-def cone_runs(settings: Settings, targets: Targets, ceilings: dict[str, dict]) -> Iterator[dict]:
+def cone_runs(settings: Settings, targets: Targets) -> Iterator[dict]:
     """The cone scene by every method, precision and target."""
     field, rays = cone_field(), cone_rays(settings.ray_count)
     rows = chosen_rays(rays.ray_count)
     truth = cone_truth(rays[rows])
     for options in _choices(settings, targets):
-        timing = measure(partial(trace, field, rays, outputs=OUTPUTS, **options), settings.repeats)
+        timing = measure(
+            partial(trace, field, rays, outputs=("direction", "optical_path"), **options), settings.repeats
+        )
         result = timing.results[-1]
         # The counts are a separate output, which the timed calls do not request.
         counted = trace(field, rays, outputs=("evaluation_count",), **options)
@@ -51,16 +70,15 @@ def cone_runs(settings: Settings, targets: Targets, ceilings: dict[str, dict]) -
             "plan": plan_facts(result.plan),
             **traced_clocks(timing, rays.ray_count, on_processor(options["backend"], options["device"])),
             "fresh_field_seconds": measure(
-                partial(trace, cone_field(), rays, outputs=OUTPUTS, **options), 0
+                partial(trace, cone_field(), rays, outputs=("direction", "optical_path"), **options), 0
             ).first_seconds,
             "rays_traced": rays.ray_count,
             "evaluations_per_ray": evaluations,
             "error": errors(truth, result.direction[rows], result.optical_path[rows] - UNDISTURBED, result.ok[rows]),
-            "ceiling": _share(field, options, evaluations * rays.ray_count, timing, ceilings),
         }
 
 
-def strehl_runs(settings: Settings, targets: Targets, ceilings: dict[str, dict]) -> Iterator[dict]:
+def strehl_runs(settings: Settings, targets: Targets) -> Iterator[dict]:
     """The Strehl ratio of the shipped Mach 3 field, from launch to value, with and without using the symmetry."""
     scene = strehl_scene()
     # The reference would take an hour for the radial quadrature.
@@ -84,11 +102,10 @@ def strehl_runs(settings: Settings, targets: Targets, ceilings: dict[str, dict])
                 "converged_value": true_value,
                 "error": {"value": found.value - true_value, "budget": found.error},
                 "blocked": found.blocked,
-                "ceiling": _share(scene.field, options, found.evaluation_count, timing, ceilings),
             }
 
 
-def sweep_runs(settings: Settings, targets: Targets, ceilings: dict[str, dict]) -> Iterator[dict]:
+def sweep_runs(settings: Settings, targets: Targets) -> Iterator[dict]:
     """A Strehl ratio for every shipped flow and some densities, each with a new field that is uploaded.
 
     They are computed with a prepared pupil, by `PreparedStrehl.for_fields` and one after the other by `with_field`, and
@@ -150,9 +167,6 @@ def _new_values(scene: PupilScene) -> IndexField:
     return replace(scene.field, samples=replace(scene.field.samples))
 
 
-RUNS = {"cone": cone_runs, "strehl": strehl_runs, "sweep": sweep_runs, "bundles": bundle_runs}
-
-
 def radial_strehl(scene: PupilScene, target: tuple[str, str]) -> float:
     """The Strehl ratio of an axisymmetric scene from rays along a radius, for equal shares of the area.
 
@@ -196,13 +210,97 @@ def _settings(options: dict, settings: Settings) -> dict:
     return {**options, "ray_count": settings.ray_count, "repeats": settings.repeats}
 
 
-def _share(field: IndexField, options: dict, evaluations: float, timing: Timing, ceilings: dict[str, dict]) -> dict:
-    per_second = rate(evaluations, [result.seconds["kernel"] for result in timing.results])
-    plan = timing.results[-1].plan
-    return share(
-        None if plan.bundle is not None else field,  # ceiling.py counts lookups of a field, not of interpolated rays
-        options["precision"],
-        None if per_second is None else per_second["median"],
-        ceilings[f"{options['backend']} {options['device']}"],
-        leapfrog=plan.sample_count > 0,
+# The tolerance of the float64 traces that serve as the truth where there is no formula, over the requested tolerance.
+TIGHT = 0.02
+WAYS = ("auto", "off")
+
+
+def bundle_runs(settings: Settings, targets: list[tuple[str, str]]) -> Iterator[dict]:
+    """Every bundle on every target, interpolated and ray by ray."""
+    for kind in KINDS:
+        scene = bundle_scene(kind)
+        field, rays = scene.make_field(), scene.make_rays(settings.ray_count, 1)
+        rows = chosen_rays(rays.ray_count)
+        truth = _truth(scene, rays[rows], settings, targets)
+        for backend, device in targets:
+            for tolerance, bundle in product(settings.tolerances, WAYS):
+                yield _run(scene, field, rays, rows, truth, settings, (backend, device), tolerance, bundle)
+
+
+def _run(
+    scene: BundleScene,
+    field: IndexField,
+    rays: RayBundle,
+    rows: np.ndarray,
+    truth: Truth,
+    settings: Settings,
+    target: tuple[str, str],
+    tolerance: float,
+    bundle: str,
+) -> dict:
+    backend, device = target
+    options: dict[str, Any] = {
+        "until": scene.until,
+        "tolerance": tolerance,
+        "wavelength": WAVELENGTH,
+        "backend": backend,
+        "device": device,
+        "precision": settings.precisions[0],
+        "bundle": bundle,
+    }
+    call: Callable[..., TraceResult] = partial(trace, outputs=("direction", "opd"), **options)
+    compiled = measure(lambda: call(field, rays), 0)
+    fresh = measure(lambda: call(replace(field), rays), 0)
+    others = [scene.make_rays(settings.ray_count, seed) for seed in range(2, 2 + settings.repeats)]
+    seeded = [measure(partial(call, field, some), 0).first_seconds for some in others]
+    timing = measure(lambda: call(field, rays), settings.repeats)
+    on_cpu, kernels = on_processor(backend, device), None
+    if backend == "warp" and not on_cpu:
+        there = rays_on(device, rays)
+        kernels = measure(lambda: call(field, there), settings.repeats)
+    result = timing.results[-1]
+    assert result.direction is not None and result.opd is not None
+    counts = result.plan.bundle
+    traced = rays.ray_count if counts is None else counts.traced + counts.one_by_one
+    predicted = result.plan.predicted_evaluations
+    return {
+        "suite": "bundles",
+        "settings": {
+            **{name: options[name] for name in ("backend", "device", "precision", "tolerance", "bundle")},
+            "method": "auto",
+            "kind": scene.kind,
+            "ray_count": rays.ray_count,
+            "repeats": settings.repeats,
+        },
+        "plan": plan_facts(result.plan),
+        "fresh_field_seconds": fresh.first_seconds,
+        "new_seed_seconds": spread(seeded),
+        **traced_clocks(timing, rays.ray_count, on_cpu, kernels),
+        "first_call_seconds": compiled.first_seconds,
+        "compile_seconds": compiled.first.seconds["compile"],
+        "rays_traced": traced,
+        "evaluations_per_ray": predicted if predicted is not None else float("nan"),
+        "error": errors(truth, result.direction[rows], result.opd[rows], result.ok[rows]),
+    }
+
+
+def _truth(scene: BundleScene, rays: RayBundle, settings: Settings, targets: list[tuple[str, str]]) -> Truth:
+    if scene.kind != "turbulence":
+        return cone_truth(rays)
+    backend, device = targets[0]
+    found = trace(
+        scene.make_field(),
+        rays,
+        until=scene.until,
+        method="adaptive",
+        precision="float64",
+        tolerance=TIGHT * min(settings.tolerances),
+        wavelength=WAVELENGTH,
+        backend=backend,
+        device=device,
     )
+    assert found.position is not None and found.direction is not None and found.opd is not None
+    return Truth(found.position, found.direction, found.opd)
+
+
+RUNS = {"cone": cone_runs, "strehl": strehl_runs, "sweep": sweep_runs, "bundles": bundle_runs}

@@ -1,1 +1,1 @@
-"""The commands of the command line: each module holds one function of its own name, and cli.py finds it by that."""
+"""The commands of the command line: each module without an underscore has some, by their names, in COMMANDS."""

@@ -3,9 +3,15 @@
 `cli.main` reads --json and --quiet anywhere on the line and stores them here before a command begins.
 """
 
+import contextlib
+import importlib
+import io
 import json
 import os
+import re
 import sys
+import threading
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
@@ -13,6 +19,7 @@ from typing import Any
 import typer
 
 from aerokernels.display.plain_text import plain, plain_json
+from aerokernels.display.quantities import Verdict
 from aerokernels.files.writing import FULL
 
 
@@ -104,3 +111,114 @@ def json_text(data: Any) -> str:
     from aerokernels.jobs.store import to_json
 
     return plain_json(json.dumps(to_json(data), indent=2, allow_nan=False, ensure_ascii=False))
+
+
+Progress = Callable[[str, float], None]
+LINE_EVERY = 0.1  # share of the steps between two lines, where no terminal shows a bar
+
+
+@contextlib.contextmanager
+def shown_progress(title: str) -> Iterator[Progress]:
+    """Yield a function to call with the name of each stage as it begins and the fraction of the job done before it."""
+    if output.quiet or not sys.stderr.isatty():
+        yield lambda stage, fraction: note(f"{title}: {stage}")
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
+    from rich.progress import Progress as Bar
+
+    columns = (
+        TextColumn("{task.fields[title]}", markup=False),
+        BarColumn(),
+        TextColumn("{task.description}", markup=False),
+        TimeElapsedColumn(),
+    )
+    screen: Any = Screen(sys.stderr)
+    with Bar(*columns, console=Console(file=screen), transient=True) as bar:
+        task = bar.add_task("", total=1.0, title=plain(title))
+        yield lambda stage, fraction: bar.update(task, description=plain(stage), completed=fraction)
+
+
+def every_tenth(progress: Progress) -> Progress:
+    """Return a progress function that shows every step on a terminal's bar, elsewhere one line for each tenth."""
+    if sys.stderr.isatty():
+        return progress
+    last = -LINE_EVERY
+
+    def shown(text: str, share: float) -> None:
+        nonlocal last
+        if share >= last + LINE_EVERY or share >= 1.0:
+            last = share
+            progress(text, share)
+
+    return shown
+
+
+def print_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]], data: Any = None) -> None:
+    """Print rows of texts: a drawn table on a terminal, lines with tabs between the columns otherwise.
+
+    With --json, print `data` instead; without `data`, print the table as a title and a list of objects.
+    """
+    if output.as_json:
+        listed = {"title": title, "rows": [dict(zip(columns, row, strict=True)) for row in rows]}
+        say(json_text(listed if data is None else data))
+        return
+    from rich.console import Console
+    from rich.table import Table
+    from rich.text import Text
+
+    console = Console()
+    if not console.is_terminal:
+        for row in (columns, *rows):
+            say("\t".join(re.sub(r"[\t\n]+", " ", plain(cell)) for cell in row))
+        return
+    from rich import box
+
+    table = Table(box=box.SIMPLE_HEAD, title=Text(plain(title)), title_justify="left")
+    for column in columns:
+        table.add_column(Text(column), overflow="fold")
+    for row in rows:
+        table.add_row(*(Text(plain(cell)) for cell in row))
+    drawn = io.StringIO()
+    Console(file=drawn, force_terminal=True, width=console.width, color_system=console.color_system).print(table)  # type: ignore[arg-type]
+    say(drawn.getvalue().rstrip("\n"))
+
+
+WORTHLESS_ANSWER = 3  # beside 1, failed, and 2, bad input (cli.py)
+
+
+def leave_with(verdict: Verdict) -> None:
+    """Print a warning or worthless verdict to stderr; leave with exit status 3 if it is worthless.
+
+    Raises:
+        typer.Exit: The answer is not meaningful given its error.
+    """
+    if verdict:
+        warn(f"{'not meaningful' if verdict.worthless else 'warning'}: {verdict.reason}")
+    if verdict.worthless:
+        raise typer.Exit(WORTHLESS_ANSWER)
+
+
+# Libraries that write and draw a run's results. None of them imports a module that the tracer imports: two threads
+# that import each other's modules would wait for each other.
+REPORT = ("matplotlib.figure", "matplotlib.backends.backend_agg", "xarray", "h5netcdf")
+
+
+def import_ahead(names: Iterable[str]) -> threading.Thread:
+    """Start a thread that imports modules; the error of one that cannot be imported shows where it is used.
+
+    At exit the process waits for the current module and imports no further one: a thread that Python ends inside a
+    library's code ends the process by SIGABRT.
+    """
+    alive = threading.main_thread().is_alive
+
+    def bring() -> None:
+        for name in names:
+            if not alive():
+                return
+            with suppress(Exception):
+                importlib.import_module(name)
+
+    thread = threading.Thread(target=bring, name="imports ahead")
+    thread.start()
+    return thread

@@ -1,7 +1,8 @@
 """Options that all commands on a scene share, and how they change the scene."""
 
 import contextlib
-from collections.abc import Iterator
+import re
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -76,3 +77,66 @@ def naming_scene(scene: str) -> Iterator[None]:
         yield
     except ValueError as error:
         raise ValueError(f"{scene}: {error}") from error
+
+
+_SPAN = re.compile(r"(.+):(.+):(\d+)")
+
+
+def parse_vary(options: Sequence[str]) -> dict[str, list]:
+    """Parse the command line's --vary options into a list of values for each key.
+
+    A value may be written as in a scene file ("10 deg", 0.3, '["piston", "tilt"]'). LOW:HIGH:COUNT means COUNT values
+    of a quantity, evenly spaced from LOW to HIGH.
+
+    Raises:
+        ValueError: An option that is not KEY=V1,V2,..., a key given twice, or an invalid LOW:HIGH:COUNT.
+    """
+    from aerokernels.scene.changes import key_dimension
+
+    found: dict[str, list] = {}
+    for option in options:
+        key, separator, text = option.partition("=")
+        key = key.strip()
+        if not (separator and key and text.strip()):
+            raise ValueError(
+                f"--vary {option!r} is not KEY=V1,V2,...: write, say, --vary target.tilt='0 deg,10 deg,20 deg'"
+            )
+        if key in found:
+            raise ValueError(f"--vary {key} is given twice: write all its values in one, {key}=V1,V2,...")
+        span = _SPAN.fullmatch(text.strip())
+        if span and key_dimension(key) is not None:
+            found[key] = _spaced(key, text, *span.groups())
+        else:
+            found[key] = [part.strip() for part in split_at_commas(text)]
+    return found
+
+
+def split_at_commas(text: str) -> list[str]:
+    """Split a text at the commas that are outside brackets and quotes."""
+    parts, depth, quote = [""], 0, ""
+    for letter in text:
+        if quote:
+            quote = "" if letter == quote else quote
+        elif letter in "\"'":
+            quote = letter
+        elif letter in "[{":
+            depth += 1
+        elif letter in "]}":
+            depth -= 1
+        if letter == "," and depth == 0 and not quote:
+            parts.append("")
+        else:
+            parts[-1] += letter
+    return parts
+
+
+def _spaced(key: str, text: str, low: str, high: str, count: str) -> list[float]:
+    from aerokernels.scene.changes import key_value
+
+    first, last, number = key_value(key, low), key_value(key, high), int(count)
+    if not isinstance(first, float) or not isinstance(last, float) or number < 2 or first == last:
+        raise ValueError(
+            f"--vary {key}={text}: write LOW:HIGH:COUNT with two quantities and at least 2 values, such as "
+            "target.tilt='0 deg:30 deg:7'"
+        )
+    return [first + (last - first) * k / (number - 1) for k in range(number - 1)] + [last]

@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from aerokernels.commands._output import note, print_table, shown_progress
 from aerokernels.commands._scene import Backend, Device, Precision, Settings, naming_scene, scene_changes
 
 Place = Annotated[
@@ -104,9 +105,6 @@ def schlieren(
 
     Rays are traced through the flow of a scene or a shipped flow.
     """
-    from aerokernels.commands._output import note
-    from aerokernels.commands._progress import shown_progress
-    from aerokernels.commands._table import print_table
     from aerokernels.display.quantities import Quantity
     from aerokernels.files.writing import only_writer
     from aerokernels.jobs.pictures import KINDS, PictureOptions, make_pictures, picture_scene, write_pictures
@@ -195,3 +193,6 @@ def _numbers(option: str, text: str, dimension: str, count: int) -> tuple[float,
     if len(parts) != count:
         raise ValueError(f"{option} {text!r}: give {count} values with commas between them")
     return tuple(_number(option, part, dimension) for part in parts)
+
+
+COMMANDS = {"schlieren": schlieren}

@@ -13,7 +13,7 @@ the same flow, in 95 or more. Errors of independent causes add as the root of th
 """
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 # Significant digits of a value without a usable error; the least and the most that a value is written with.
@@ -22,6 +22,35 @@ PLAIN_DIGITS, LEAST_DIGITS, MOST_DIGITS = 6, 3, 9
 LEAST_POWER, GREATEST_POWER = -4, 6
 # An error greater than the value by more powers of ten is written with a power of its own.
 GREATEST_GAP = 4
+CAUSES = (
+    "step",
+    "precision",
+    "interpolation",
+    "jumps",
+    "resampling",
+    "truncation",
+    "refractivity",
+    "bundle",
+    "sampling",
+)
+TOTAL = "total"
+# Units in which a budget is printed, with their factor from SI.
+PRINTED = {"m": ("nm", 1e9), "rad": ("urad", 1e6)}
+# Causes of an error in words, each with its remedy.
+REMEDIES = {
+    "step": "the steps of the rays: ask for a smaller tolerance",
+    "precision": "the precision of the kernels: trace in float64",
+    "interpolation": "the samples of the field itself: give it finer cells",
+    "jumps": "jumps of the index between samples: give the field finer cells, or averages of cells",
+    "resampling": "the uniform grid: give it a smaller spacing",
+    "truncation": "air beyond the region that was resampled: give it a larger region",
+    "refractivity": "the refractivity model: take one of a smaller uncertainty, such as 'ciddor' in air",
+    "sampling": "the number of rays: take more",
+}
+# Error of a Strehl ratio above which there is always a warning; and effect below which the flow counts as having none.
+GREAT_ERROR, NO_EFFECT = 0.1, 1e-6
+FINE, WARNING, WORTHLESS = "fine", "warning", "worthless"
+LEVELS = (FINE, WARNING, WORTHLESS)
 
 
 @dataclass(frozen=True)
@@ -160,3 +189,109 @@ def _power(number: float, digits: int = LEAST_DIGITS) -> int:
 def root_sum_square(errors: Iterable[float]) -> float:
     """Return the error of a number from the errors of independent causes."""
     return math.sqrt(sum(error * error for error in errors))
+
+
+class ErrorBudget(dict[str, float]):
+    """Errors by cause, and their "total": a dictionary that prints as one line of rounded numbers.
+
+    Attributes:
+        unit: Unit of the entries; empty for a ratio.
+    """
+
+    unit: str = ""
+
+    def __repr__(self) -> str:
+        """Return the errors with two digits: "ErrorBudget [nm]: step 0.0021, ..., total 1.5"."""
+        unit, factor = PRINTED.get(self.unit, (self.unit, 1.0))
+        entries = ", ".join(f"{cause} {two_digits(factor * error)}" for cause, error in self.items())
+        return f"ErrorBudget{f' [{unit}]' if unit else ''}: {entries or 'not known'}"
+
+
+def combine(causes: Mapping[str, float], unit: str = "") -> ErrorBudget:
+    """Return the budget of errors by cause, 0 for a cause that is not given, with their root sum of squares."""
+    found = ErrorBudget({cause: float(causes.get(cause, 0.0)) for cause in CAUSES})
+    found[TOTAL] = math.sqrt(sum(error * error for error in found.values()))
+    found.unit = unit
+    return found
+
+
+def unknown(unit: str = "") -> ErrorBudget:
+    """Return a budget in which no entry is known."""
+    return combine(dict.fromkeys(CAUSES, math.nan), unit)
+
+
+def two_digits(error: float) -> str:
+    """Return an error with two digits, "not known" for NaN."""
+    return "not known" if math.isnan(error) else f"{error:.2g}"
+
+
+def main_cause(budget: Mapping[str, float]) -> str:
+    """Return the cause of the greatest part of an error and its remedy, in words; empty for an empty budget."""
+    causes = {cause: error for cause, error in budget.items() if cause != TOTAL}
+    if not causes:
+        return ""
+    unknown = [cause for cause, error in causes.items() if math.isnan(error)]
+    worst = unknown[0] if unknown else max(causes, key=lambda cause: causes[cause])
+    words = REMEDIES.get(worst, worst)
+    return f"not known is the part of {words}" if unknown else f"most of it comes from {words}"
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Whether a number is meaningful given its error.
+
+    Attributes:
+        level: "fine"; "warning": read the number with its error in mind; "worthless": the number is not meaningful.
+        reason: Why, in one sentence; empty if the level is "fine".
+    """
+
+    level: str = FINE
+    reason: str = ""
+
+    @property
+    def worthless(self) -> bool:
+        """Whether the number is not meaningful."""
+        return self.level == WORTHLESS
+
+    def __bool__(self) -> bool:
+        """Return whether there is a warning or worse."""
+        return self.level != FINE
+
+
+def judge(numbers: Mapping[str, Quantity], main_cause: str = "") -> Verdict:
+    """Return the verdict on an answer: the worst of those on its main numbers, the first of equals.
+
+    Worthless is a ratio whose error allows anything from 0 to 1, another number whose error is greater than itself, and
+    a number that there is not. A warning: an error that is not known; of a ratio an error above a tenth of 1, above the
+    ratio itself, or above the effect 1 - ratio, so that the flow may have no effect. An effect below 1e-6 counts as
+    none, and an error of that size gives no warning.
+
+    Args:
+        numbers: The numbers by what they are called, such as "Strehl ratio".
+        main_cause: The main cause of the errors, with the remedy, in words.
+    """
+    found = [(*_judged(number), name) for name, number in numbers.items()]
+    level, why, name = max(found, key=lambda one: LEVELS.index(one[0]))
+    cause = f"; {main_cause}" if main_cause else ""
+    return Verdict() if level == FINE else Verdict(level, f"the {name}{why}{cause}")
+
+
+def _judged(number: Quantity) -> tuple[str, str]:
+    """Return the level of a number, and why, to follow its name."""
+    value, error = number.value, number.error
+    if math.isnan(value):
+        return WORTHLESS, " has no value"
+    if error is None:
+        return FINE, ""
+    if math.isnan(error):
+        return WARNING, "'s error is not known"
+    if number.allows_any_ratio:
+        return WORTHLESS, "'s error allows any ratio from 0 to 1: the number is not meaningful"
+    told = f"'s error, {error:.2g}, is greater than"
+    if not number.is_ratio:
+        return (WORTHLESS, f"{told} the number itself, {value:.3g}") if error > abs(value) else (FINE, "")
+    if error > value:
+        return WARNING, f"{told} the ratio itself, {value:.3g}"
+    if error > max(1.0 - value, NO_EFFECT):
+        return WARNING, f"{told} the effect of the flow, which reduces the ratio by {1.0 - value:.2g}"
+    return (WARNING, f"{told} a tenth of 1") if error > GREAT_ERROR else (FINE, "")

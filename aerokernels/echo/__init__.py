@@ -1,36 +1,50 @@
 """Simulate the laser echo of a target behind a flow: radiometry, waveform, detector and ranging."""
 
-from ..callable_module import make_callable
-from .chain import DetectorChain
-from .detector import detect
-from .digitiser import Digitiser
-from .noise import NoiseSources, excess_noise_factor
-from .pulses import GaussianPulse, HeliosPulse, SampledPulse
-from .radiometry import plane_target_echo, tilted_pulse_tau
-from .range_error import RangeStatistics, chain_range_statistics, cramer_rao_range, range_statistics
-from .range_walk import RangeWalk, range_walk
-from .ranging import RANGING_METHODS, estimate_range
-from .reflectors import Reflector
-from .result import EchoResult
-from .sampling_error import CoarseSamplingWarning
-from .saturation import SaturatedRecordWarning
-from .simulate import echo
-from .waveform import fwhm_from_pulse_tau, gaussian_pulse, pulse_energy, pulse_tau_from_fwhm
+from aerokernels.callable_module import make_callable
+from aerokernels.echo.chain import DetectorChain, Digitiser, NoiseSources, excess_noise_factor
+from aerokernels.echo.detector import detect
+from aerokernels.echo.doubtful_records import CoarseSamplingWarning, SaturatedRecordWarning
+from aerokernels.echo.parts import RANGING_METHODS, Detector, Laser, Receiver, Reflector, Target
+from aerokernels.echo.pulses import (
+    GaussianPulse,
+    HeliosPulse,
+    SampledPulse,
+    fwhm_from_pulse_tau,
+    gaussian_pulse,
+    pulse_energy,
+    pulse_tau_from_fwhm,
+)
+from aerokernels.echo.radiometry import plane_target_echo, tilted_pulse_tau
+from aerokernels.echo.range_error import (
+    RangeStatistics,
+    RangeWalk,
+    chain_range_statistics,
+    cramer_rao_range,
+    range_statistics,
+    range_walk,
+)
+from aerokernels.echo.ranging import estimate_range
+from aerokernels.echo.result import EchoResult
+from aerokernels.echo.simulate import echo, simulate_echo
 
 __all__ = [
     "RANGING_METHODS",
     "CoarseSamplingWarning",
+    "Detector",
     "DetectorChain",
     "Digitiser",
     "EchoResult",
     "GaussianPulse",
     "HeliosPulse",
+    "Laser",
     "NoiseSources",
     "RangeStatistics",
     "RangeWalk",
+    "Receiver",
     "Reflector",
     "SampledPulse",
     "SaturatedRecordWarning",
+    "Target",
     "chain_range_statistics",
     "cramer_rao_range",
     "detect",
@@ -44,6 +58,7 @@ __all__ = [
     "pulse_tau_from_fwhm",
     "range_statistics",
     "range_walk",
+    "simulate_echo",
     "tilted_pulse_tau",
 ]
 

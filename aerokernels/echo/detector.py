@@ -16,9 +16,9 @@ import math
 
 import numpy as np
 
-from ..inputs.arguments import Numbers, checked
-from ..inputs.checks import as_waveform, check_choice, check_count, check_positive
-from ..process.opened import OPENED
+from aerokernels.inputs.arguments import Numbers, checked
+from aerokernels.inputs.checks import as_waveform, check_choice, check_count, check_positive
+from aerokernels.process.opened import OPENED
 
 RESPONSES = ("first-order", "gaussian", "bessel", "butterworth")
 GREATEST_ORDER = 10

@@ -4,7 +4,7 @@
            * integral of exp(-2 (x^2 + y^2) / w^2) exp(-((t - 2 (R + y tan b) / c) / tau)^2) dx dy
 
 x and y are normal to the beam, w is the beam's 1/e^2 radius at the target, D the receiver's diameter, b the tilt about
-x, and f_r = reflectivity / pi for a Lambertian plane (reflectors.py has Phong's; for the parallel beam alpha is 2 b).
+x, and f_r = reflectivity / pi for a Lambertian plane.
 Over the whole plane the integral is again a Gaussian:
 
     P(t) = pi P0 D^2 eta_a^2 eta_s f_r cos(b) SR / (4 R^2) * (tau / tau_e) exp(-((t - 2 R / c) / tau_e)^2)
@@ -12,8 +12,7 @@ Over the whole plane the integral is again a Gaussian:
 
 If y is limited to +-h, the power has the additional factor [erf(q (h - y0)) + erf(q (h + y0))] / 2, where
 q^2 = 2 / w^2 + (2 tan(b) / (c tau))^2 and y0 = 2 tan(b) (t - 2 R / c) / (c tau^2 q^2). The paper's eq 11 takes h = w,
-which untilted leaves erf(sqrt 2) = 0.9545. A reflector of height H has h = H cos(b) / 2, and its width W adds a
-factor erf(W / (sqrt 2 w)).
+which untilted leaves erf(sqrt 2) = 0.9545.
 
 For other pulses than the Gaussian the integral over y is done by Gauss-Legendre points on panels that are short against
 the pulse and the beam.
@@ -25,14 +24,11 @@ import math
 
 import numpy as np
 
-from ..inputs.arguments import Numbers, checked
-from ..inputs.checks import as_finite_array, check_choice, check_positive, check_share, check_tilt
-from .pulses import GaussianPulse, PulseShape, as_pulse
-from .reflectors import Reflector
-from .waveform import SPEED_OF_LIGHT
+from aerokernels.echo.parts import LIMITS
+from aerokernels.echo.pulses import SPEED_OF_LIGHT, GaussianPulse, PulseShape, as_pulse
+from aerokernels.inputs.arguments import Numbers, checked
+from aerokernels.inputs.checks import as_finite_array, check_choice, check_positive, check_share, check_tilt
 
-LIMITS = ("beam", "paper")
-EVALUATIONS = ("auto", "closed-form", "quadrature")
 SUPPORT = 3.5  # [1/e^2 radii]: 3e-12 of the beam's power is outside
 PANEL_NODES = 16
 
@@ -89,11 +85,6 @@ def plane_target_echo(
     system_efficiency: float = 1.0,
     strehl: float = 1.0,
     limits: str = "beam",
-    specular_share: float = 0.0,
-    specular_exponent: float = 20.0,
-    width: float | None = None,
-    height: float | None = None,
-    evaluation: str = "auto",
 ) -> np.ndarray:
     """Return the received power of the echo from a tilted plane without flow (eq 8).
 
@@ -109,20 +100,14 @@ def plane_target_echo(
         atmospheric_transmission: Transmission one way, 0 to 1; the echo has its square.
         system_efficiency: Transmission of the optics, 0 to 1.
         strehl: Strehl ratio of the return path, 0 to 1, one for the whole target.
-        limits: "beam", the beam's full support, or the reflector's edges; "paper", y limited to +-beam_radius whatever
-            the reflector's size, which loses 4.55 % untilted.
-        specular_share: Fraction of the reflected light in a Phong lobe, 0 to 1; 0: Lambertian.
-        specular_exponent: The lobe's exponent.
-        width: Width of the reflector [m]; None: larger than the beam.
-        height: Height of the reflector along its tilted surface [m]; None: larger than the beam.
-        evaluation: "closed-form" (Gaussian pulses), "quadrature", or "auto": the closed form where there is one.
+        limits: "beam", the whole beam; "paper", y limited to +-beam_radius, which loses 4.55 % untilted.
 
     Returns:
         Received power [W], of the shape of `time`.
 
     Raises:
         ValueError: A length, time or power that is not positive and finite, a fraction outside 0 to 1, a tilt of a
-            right angle or more, unknown limits, times that are not finite, a closed form requested for another pulse.
+            right angle or more, unknown limits, times that are not finite.
         TypeError: An argument that is not a number.
 
     Examples:
@@ -143,35 +128,22 @@ def plane_target_echo(
     air = check_share(atmospheric_transmission, "atmospheric_transmission")
     optics = check_share(system_efficiency, "system_efficiency")
     ratio = check_share(strehl, "strehl")
-    surface = Reflector(reflectivity, specular_share, specular_exponent)
-    check_choice(limits, "limits", LIMITS)
-    half_width = None if width is None else 0.5 * check_positive(width, "width", "m")
-    half_height = None if height is None else 0.5 * check_positive(height, "height", "m") * math.cos(angle)
-    if limits == "paper":
-        half_width, half_height = None, radius
-    if check_choice(evaluation, "evaluation", EVALUATIONS) == "auto":
-        evaluation = "closed-form" if isinstance(pulse, GaussianPulse) else "quadrature"
+    half_height = radius if check_choice(limits, "limits", LIMITS) == "paper" else None
 
-    reflectance = surface.reflectance(math.cos(2.0 * angle))
+    reflectance = check_share(reflectivity, "reflectivity") / math.pi
     peak = ratio * plane_echo_power(power, diameter, reach, math.cos(angle), reflectance, air, optics)
     late = times - 2.0 * reach / SPEED_OF_LIGHT
-    if evaluation == "quadrature":
-        return np.asarray(peak * _integral(late, radius, angle, pulse, half_width, half_height))
-    if not isinstance(pulse, GaussianPulse):
-        raise ValueError(
-            f"evaluation 'closed-form' is for Gaussian pulses, got a {type(pulse).__name__}: take 'quadrature'"
-        )
-    return np.asarray(peak * _closed_form(late, radius, angle, pulse.tau, half_width, half_height))
+    if isinstance(pulse, GaussianPulse):
+        return np.asarray(peak * _closed_form(late, radius, angle, pulse.tau, half_height))
+    return np.asarray(peak * _integral(late, radius, angle, pulse, half_height))
 
 
-def _closed_form(late, radius: float, tilt: float, tau: float, half_width, half_height) -> np.ndarray:
+def _closed_form(late, radius: float, tilt: float, tau: float, half_height: float | None) -> np.ndarray:
     """Return the integral of eq 8, 1 at the peak of an untilted plane, at times [s] after the echo from the axis."""
     from scipy.special import erf
 
     spread = tilted_pulse_tau(tau, radius, tilt)
     echo = (tau / spread) * np.exp(-np.square(late / spread))
-    if half_width is not None:
-        echo = echo * erf(math.sqrt(2.0) * half_width / radius)
     if half_height is not None:
         slope = 2.0 * math.tan(tilt) / (SPEED_OF_LIGHT * tau)
         sharpness = math.hypot(math.sqrt(2.0) / radius, slope)
@@ -180,10 +152,10 @@ def _closed_form(late, radius: float, tilt: float, tau: float, half_width, half_
     return echo
 
 
-def _integral(late, radius: float, tilt: float, pulse: PulseShape, half_width, half_height) -> np.ndarray:
+def _integral(late, radius: float, tilt: float, pulse: PulseShape, half_height: float | None) -> np.ndarray:
     """Return the same integral as `_closed_form`, by quadrature."""
     limit = SUPPORT * radius
-    _, x_weight = _beam_panels(min(limit, half_width or limit), radius, radius)
+    _, x_weight = _beam_panels(limit, radius, radius)
     steepness = 2.0 * abs(math.tan(tilt)) / SPEED_OF_LIGHT
     panel = min(radius, pulse.timescale / steepness) if steepness > 0.0 else radius
     y, y_weight = _beam_panels(min(limit, half_height or limit), panel, radius)

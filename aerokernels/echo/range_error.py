@@ -1,9 +1,13 @@
-"""Measure systematic and random range errors by Monte Carlo simulation of the noise, and compute the Cramér-Rao bound.
+"""Errors of a range: systematic and random ones by simulated noise, the Cramér-Rao bound, the walk of a threshold.
 
 For a signal v(t) with white Gaussian noise of standard deviation s in each sample, any unbiased estimate of its arrival
 time has a variance of at least s^2 / sum (dv/dt)^2 (Cramer-Rao), so that
 
     range error >= c / 2 * s / sqrt(sum over the samples of (dv/dt)^2)
+
+A higher pulse crosses a threshold T earlier: the range walk. For a Gaussian of peak V and 1/e half-width tau the
+crossing is tau sqrt(ln(V / T)) before the peak, so its range is short by c tau sqrt(ln(V / T)) / 2. For other pulses
+the curve is measured: the waveform is scaled to a series of amplitudes, each of which is ranged.
 """
 
 import contextlib
@@ -13,12 +17,12 @@ from functools import partial
 
 import numpy as np
 
-from ..inputs.arguments import Numbers, checked
-from ..inputs.checks import as_waveform, check_at_least, check_count, check_positive, check_share
-from .chain import DetectorChain
-from .pulse_curve import PulseCurve
-from .ranging import Reading, Template
-from .waveform import SPEED_OF_LIGHT
+from aerokernels.echo.chain import DetectorChain
+from aerokernels.echo.pulse_curve import PulseCurve, peak_height
+from aerokernels.echo.pulses import SPEED_OF_LIGHT
+from aerokernels.echo.ranging import Reading, Template
+from aerokernels.inputs.arguments import Numbers, checked
+from aerokernels.inputs.checks import as_waveform, check_at_least, check_count, check_positive, check_share
 
 
 @dataclass(frozen=True)
@@ -38,7 +42,7 @@ class RangeStatistics:
         random_interval: Confidence interval of `random_error` [m], chi-squared.
         sampling_error: Greatest systematic error [m] due to the position of the pulse between the samples, 0 if there
             are enough samples. `systematic_error` contains this error for one position, or not at all if it is relative
-            to the method's own reading. NaN if it was not measured. See sampling_error.py.
+            to the method's own reading. NaN if it was not measured. See doubtful_records.py.
     """
 
     systematic_error: float
@@ -234,3 +238,90 @@ def summarise_ranges(
         systematic_interval=(systematic - reach, systematic + reach),
         random_interval=(float(low), float(high)),
     )
+
+
+# The curve's points are evenly spaced in sqrt(ln(V / T)), in which the walk of a Gaussian is a straight line.
+POINT_COUNT = 128
+LEAST_RATIO, GREATEST_RATIO = 1.0005, 1000.0
+
+
+@dataclass(frozen=True, eq=False)
+class RangeWalk:
+    """Error of a leading-edge range as a function of the pulse's height.
+
+    Attributes:
+        threshold: Level of the discriminator [V].
+        peak: Peaks of the echo [V], increasing, shape (n,).
+        error: Range by the threshold minus the range by the time of the peak [m], shape (n,); negative, decreasing.
+    """
+
+    threshold: float
+    peak: np.ndarray
+    error: np.ndarray
+
+    @checked
+    def at_peak(self, peak: float) -> float:
+        """Return the error [m] of an echo of this peak [V].
+
+        Raises:
+            ValueError: The peak is outside the curve.
+        """
+        from scipy.interpolate import PchipInterpolator
+
+        volts = check_positive(peak, "peak", "V")
+        if not self.peak[0] <= volts <= self.peak[-1]:
+            raise ValueError(
+                f"a peak of {volts:g} V is outside the range walk curve, {self.peak[0]:g} to {self.peak[-1]:g} V: "
+                "lower or raise the threshold"
+            )
+        at = PchipInterpolator(_stretched(self.peak / self.threshold), self.error)
+        return float(at(_stretched(volts / self.threshold)))
+
+    @checked
+    def correct(self, time: Numbers, voltage: Numbers, reading: float, *, peak: float | None = None) -> float:
+        """Subtract from a leading-edge range [m] the error of an echo of this waveform's peak.
+
+        Args:
+            time: Sample times [s], shape (n,), in even steps.
+            voltage: Samples [V], shape (n,).
+            reading: The leading-edge range [m].
+            peak: Height of the pulse [V], if it is known better than from the samples.
+
+        Raises:
+            ValueError: A peak outside the curve, a waveform without a peak.
+        """
+        _, volts, _ = as_waveform(time, voltage)
+        return check_at_least(reading, "reading") - self.at_peak(peak_height(volts) if peak is None else peak)
+
+
+def _stretched(ratio):
+    return np.sqrt(np.log(ratio))
+
+
+@checked
+def range_walk(time: Numbers, voltage: Numbers, threshold: float) -> RangeWalk:
+    """Compute the range walk curve of a threshold for pulses of one shape.
+
+    Args:
+        time: Sample times of a clean pulse [s], shape (n,), in even steps.
+        voltage: Its samples [V], shape (n,), of any height.
+        threshold: Level of the discriminator [V].
+
+    Returns:
+        The curve, for peaks from just above the threshold to 1000 times the threshold; up to lower peaks if the record
+        cuts the pulse off before it has fallen to a thousandth.
+
+    Raises:
+        ValueError: Uneven times, no pulse, or a pulse that is cut off at half its height.
+    """
+    _, volts, period = as_waveform(time, voltage)
+    level = check_positive(threshold, "threshold", "V")
+    curve = PulseCurve(volts)
+    ends = max(float(volts[0]), float(volts[-1]), 0.0) / curve.peak
+    greatest = min(GREATEST_RATIO, 0.999 / ends) if ends > 0.0 else GREATEST_RATIO
+    if greatest < 2.0:
+        raise ValueError("the record cuts the pulse off above half its height: begin it earlier or end it later")
+    ratios = np.exp(np.square(np.linspace(_stretched(LEAST_RATIO), _stretched(greatest), POINT_COUNT)))
+    rises = np.array([curve.first_rise(curve.peak / ratio) for ratio in ratios])
+    error = 0.5 * SPEED_OF_LIGHT * period * (rises - curve.peak_position)
+    return RangeWalk(level, level * ratios, error)

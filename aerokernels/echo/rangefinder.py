@@ -1,4 +1,4 @@
-"""Read ranges from a scene's echo by the four ranging methods, each calibrated on the same scene's echo in vacuum."""
+"""Read ranges from an echo by the four ranging methods, each calibrated on the same setup's echo in vacuum."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -8,23 +8,24 @@ from functools import partial
 
 import numpy as np
 
-from ..inputs.checks import Waveform, as_waveform
-from ..scene import Scene
-from .chain import chain_of
-from .pulse_curve import PulseCurve
-from .range_error import RangeStatistics, chain_range_statistics
-from .range_walk import RangeWalk, range_walk
-from .ranging import RANGING_METHODS, Reading, template_curve
-from .shaped_curve import Shape, shaped_curve
+from aerokernels.echo.parts import RANGING_METHODS, Detector, Setup
+from aerokernels.echo.pulse_curve import PulseCurve, Shape, peak_height, shaped_curve
+from aerokernels.echo.range_error import RangeStatistics, RangeWalk, chain_range_statistics, range_walk
+from aerokernels.echo.ranging import Reading, template_curve
+from aerokernels.echo.return_paths import check_ahead
+from aerokernels.echo.vacuum import VacuumEcho
+from aerokernels.inputs.checks import Waveform, as_waveform
+from aerokernels.medium import IndexField
+from aerokernels.scene import Scene
 
 
 @dataclass(frozen=True, eq=False)
 class Rangefinder:
-    """Reads ranges from the echoes of a scene.
+    """Reads ranges from the echoes of a setup.
 
     Attributes:
-        threshold: Level of the leading edge [V].
-        fraction: Fraction of the peak for "constant-fraction".
+        detector: Threshold and fraction of the methods, and the electronics of noisy records.
+        distance: The target's distance, which every method reads from the echo in vacuum [m].
         shape: The echo in vacuum as a function of time [s], with zero at its greatest sample: the template of the
             matched filter, and the interpolant of all methods if there are few samples.
         calibration: Offset that is subtracted from each method's reading [m]; methods that cannot read the reference
@@ -33,8 +34,8 @@ class Rangefinder:
         unreadable: For each method that cannot read the reference, the reason.
     """
 
-    threshold: float
-    fraction: float
+    detector: Detector
+    distance: float
     shape: Shape
     calibration: Mapping[str, float]
     walk: RangeWalk | None = None
@@ -43,44 +44,40 @@ class Rangefinder:
     @classmethod
     def calibrated(
         cls,
-        scene: Scene,
+        setup: Setup,
         time: np.ndarray,
         reference: np.ndarray,
         fine: tuple[np.ndarray, np.ndarray] | None = None,
-        curve: PulseCurve | None = None,
     ) -> "Rangefinder":
         """Calibrate on the echo in vacuum.
 
         Args:
-            scene: The scene.
+            setup: The target and the detector.
             time: Sample times [s], shape (n,).
             reference: Samples [V], shape (n,).
             fine: Times [s] and voltage [V] at which the same echo was computed, fine enough to resolve the pulse
                 whatever the digitiser's sample rate; None: the samples.
-            curve: The curve through the samples, if it was computed already.
         """
-        detector = scene.detector
+        detector, distance = setup.detector, setup.target.distance
         known = (time, reference) if fine is None else fine
         walk, unreadable = None, {}
         methods = dict.fromkeys(RANGING_METHODS, 0.0)
         try:
-            itself = known[1].size == reference.size  # the echo was computed at the samples themselves
-            shape = template_curve(known[1], as_waveform(*known)[2], curve if itself else None)
+            shape = template_curve(known[1], as_waveform(*known)[2])
         except ValueError as fault:
             reason = f"the echo in vacuum, without flow, cannot be ranged: {fault}"
-            return cls(detector.threshold, detector.fraction, np.zeros_like, {}, None, dict.fromkeys(methods, reason))
+            return cls(detector, distance, np.zeros_like, {}, None, dict.fromkeys(methods, reason))
         if detector.walk_correction:
             try:
                 walk = range_walk(*known, detector.threshold)
             except ValueError as fault:
                 unreadable["leading-edge"] = f"the echo in vacuum gives no range walk curve: {fault}"
                 del methods["leading-edge"]
-        bare = cls(detector.threshold, detector.fraction, shape, methods, walk)
-        found, faults = bare._readings(time, reference, tuple(methods), curve)
-        offsets = {method: reading - scene.target.distance for method, reading in found.items()}
+        readings, faults = cls(detector, distance, shape, methods, walk)._readings(time, reference, tuple(methods))
+        offsets = {method: reading - distance for method, reading in readings.items()}
         for method, reason in faults.items():
             unreadable[method] = f"the echo in vacuum, without flow, cannot be ranged: {reason}"
-        return cls(detector.threshold, detector.fraction, shape, offsets, walk, unreadable)
+        return cls(detector, distance, shape, offsets, walk, unreadable)
 
     def range(self, time: np.ndarray, voltage: np.ndarray, method: str) -> float:
         """Return the range by one method [m].
@@ -92,7 +89,8 @@ class Rangefinder:
 
     def _range(self, waveform: Waveform, method: str, curve: PulseCurve | None = None) -> float:
         template = self.shape if method == "matched-filter" else None
-        distance = Reading(method, self.threshold, template, self.fraction, self.shape).range_of(waveform, curve)
+        reading = Reading(method, self.detector.threshold, template, self.detector.fraction, self.shape)
+        distance = reading.range_of(waveform, curve)
         if method == "leading-edge" and self.walk is not None:
             times, volts, period = waveform
             curve = curve or shaped_curve(volts, self.shape, period)
@@ -100,68 +98,118 @@ class Rangefinder:
         return distance - self.calibration[method]
 
     def ranges(
-        self,
-        time: np.ndarray,
-        voltage: np.ndarray,
-        methods: Sequence[str] = RANGING_METHODS,
-        curve: PulseCurve | None = None,
+        self, time: np.ndarray, voltage: np.ndarray, methods: Sequence[str] = RANGING_METHODS
     ) -> tuple[dict[str, float], dict[str, str]]:
         """Return ranges by method [m], NaN for methods without a range, and for each of these the reason.
 
-        A method has no range if it finds no echo or is not calibrated. `curve` is the one through the voltage, if it
-        was computed already.
+        A method has no range if it finds no echo or is not calibrated.
         """
         readable = [method for method in methods if method not in self.unreadable]
-        found, faults = self._readings(time, voltage, readable, curve)
+        readings, faults = self._readings(time, voltage, readable)
         # Flow or noise left too weak an echo for the methods in `faults`.
         known = {**self.unreadable, **{one: f"the echo cannot be ranged: {fault}" for one, fault in faults.items()}}
         reasons = {method: known[method] for method in methods if method in known}
-        return {method: found.get(method, math.nan) for method in methods}, reasons
+        return {method: readings.get(method, math.nan) for method in methods}, reasons
 
     def _readings(
-        self, time: np.ndarray, voltage: np.ndarray, methods: Sequence[str], curve: PulseCurve | None
+        self, time: np.ndarray, voltage: np.ndarray, methods: Sequence[str]
     ) -> tuple[dict[str, float], dict[str, str]]:
         """Return the ranges [m] by method, and the reason for each method that cannot read the record."""
         try:
             waveform = as_waveform(time, voltage)
         except ValueError as fault:
             return {}, dict.fromkeys(methods, str(fault))
-        shaped = None
+        curve = None
         with suppress(ValueError):  # a record without a curve: each method reports the reason
-            shaped = shaped_curve(waveform[1], self.shape, waveform[2], curve)
-        found, faults = {}, {}
+            curve = shaped_curve(waveform[1], self.shape, waveform[2])
+        readings, faults = {}, {}
         for method in methods:
             try:
-                found[method] = self._range(waveform, method, shaped)
+                readings[method] = self._range(waveform, method, curve)
             except ValueError as fault:
                 faults[method] = str(fault)
-        return found, faults
+        return readings, faults
 
     def statistics(
-        self, scene: Scene, time: np.ndarray, power: np.ndarray, stride: int, trial_count: int
+        self, time: np.ndarray, power: np.ndarray, stride: int, trial_count: int
     ) -> dict[str, RangeStatistics]:
         """Return the errors over noisy records of each calibrated method that reads at least two of the records.
 
         Args:
-            scene: The scene, whose detector makes the records.
             time: Times at which power is computed [s], shape (n,).
             power: Received power [W], shape (n,).
             stride: Number of these times per sample period.
             trial_count: Number of records; 0 for none.
         """
-        found = {}
+        statistics = {}
         for method in self.calibration if trial_count else ():
-            try:
-                found[method] = chain_range_statistics(
-                    chain_of(scene),
+            with suppress(ValueError):  # fewer than two trials gave a range
+                statistics[method] = chain_range_statistics(
+                    self.detector.chain,
                     time,
                     power,
                     partial(self.range, method=method),
-                    true_range=scene.target.distance,
+                    true_range=self.distance,
                     stride=stride,
                     trial_count=trial_count,
-                    seed=scene.detector.seed,
+                    seed=self.detector.seed,
                 )
-            except ValueError:
-                continue  # fewer than two trials gave a range
-        return found
+        return statistics
+
+
+@dataclass(frozen=True)
+class EchoPrediction:
+    """A scene's echo in vacuum.
+
+    Attributes:
+        peak_power: Its peak power [W].
+        peak_voltage: Its peak voltage [V].
+        reasons: For each ranging method that cannot read this echo, the reason. The scene's echo through the flow has
+            no range by that method either.
+        least_factor: Least return factor, 0 to 1, with which the scene's own method still finds the echo; NaN if that
+            method does not depend on the amplitude, or finds no echo even in vacuum.
+    """
+
+    peak_power: float
+    peak_voltage: float
+    reasons: Mapping[str, str]
+    least_factor: float
+
+
+def predict_echo(scene: Scene, field: IndexField | None = None) -> EchoPrediction:
+    """Compute the echo of a scene in vacuum, without tracing rays, and whether each method can read a range from it.
+
+    Args:
+        scene: The scene.
+        field: The refractive index, to check that the target is ahead of it; None: not checked.
+
+    Raises:
+        ValueError: A scene whose echo cannot be computed: a target that reaches back to the aperture or into the flow's
+            box, one too deep for its pulse, or a record of millions of samples.
+    """
+    vacuum = check_echo(Setup.of_scene(scene), field)
+    detector = vacuum.setup.detector
+    time, fine, stride = vacuum.times()
+    power = vacuum.power(fine)
+    fine_voltage = detector.chain.voltage(fine, power)
+    voltage = fine_voltage[::stride]
+    rangefinder = Rangefinder.calibrated(vacuum.setup, time, voltage, (fine, fine_voltage))
+    own, least_factor = detector.ranging, math.nan
+    if own == "leading-edge" and own not in rangefinder.unreadable:
+        # The voltage without saturation, because it is proportional to the light.
+        least_factor = detector.threshold / peak_height(detector.chain.linear_voltage(fine, power)[::stride])
+    return EchoPrediction(peak_height(power[::stride]), peak_height(voltage), rangefinder.unreadable, least_factor)
+
+
+def check_echo(setup: Setup, field: IndexField | None = None) -> VacuumEcho:
+    """Return the echo of a setup in vacuum, after checking that its echo can be computed.
+
+    Raises:
+        ValueError: As for `predict_echo`.
+    """
+    vacuum = VacuumEcho.of(setup)
+    vacuum.times()  # raises for a record of too many samples
+    _ = vacuum.point_power  # raises for a receiver wider than its distance
+    if field is not None and setup.receiver.return_factor != "none":
+        check_ahead(field, vacuum.paths.intersection)
+    return vacuum

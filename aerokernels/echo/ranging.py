@@ -11,33 +11,26 @@ t = 0 is the moment at which the pulse's peak leaves, and range = c t / 2.
 
 A Gaussian pulse of peak V and 1/e half-width tau, arriving at t0, crosses a threshold T at t0 - tau sqrt(ln(V / T)).
 All four interpolate between the samples: with the spline through them (`pulse_curve.py`) or, if the pulse's shape is
-given as a function, with that shape (`shaped_curve.py`), which is accurate however few samples there are. If there are
-too few samples and no shape, a warning states the size of the error (`sampling_error.py`). No offset is removed from
+given as a function, with that shape (`shaped_curve`), which is accurate however few samples there are. If there are
+too few samples and no shape, a warning states the size of the error (`doubtful_records.py`). No offset is removed from
 the voltage: subtract the baseline first.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 
-from ..derived import Derived
-from ..inputs.arguments import Numbers, checked
-from ..inputs.checks import Waveform, as_finite_array, as_waveform, check_choice, check_positive
-from .pulse_curve import CENTROID_FLOOR, PulseCurve
-from .sampling_error import sampling_error, warn_of_sampling
-from .saturation import warn_of_saturation
-from .shaped_curve import Shape, best_delay, shaped_curve, shifted_samples, template_transform
-from .waveform import SPEED_OF_LIGHT
-
-RANGING_METHODS = ("leading-edge", "constant-fraction", "centroid", "matched-filter")
+from aerokernels.echo.doubtful_records import sampling_error, warn_of_sampling, warn_of_saturation
+from aerokernels.echo.parts import RANGING_METHODS
+from aerokernels.echo.pulse_curve import CENTROID_FLOOR, PulseCurve, Shape, best_delay, shaped_curve
+from aerokernels.echo.pulses import SPEED_OF_LIGHT
+from aerokernels.inputs.arguments import Numbers, checked
+from aerokernels.inputs.checks import Waveform, as_finite_array, as_waveform, check_choice, check_positive
 
 AMPLITUDE_METHODS = ("leading-edge",)  # methods whose reading depends on the amplitude
 
 Template = Shape | np.ndarray
-# Shifted samples of a template that are cached: for how many kinds of records, and at most how many numbers for each.
-KEPT, MOST_KEPT = 4, 1 << 18  # speed only
 
 
 @checked
@@ -71,8 +64,7 @@ def estimate_range(
 
     Warns:
         CoarseSamplingWarning: Too few samples across the pulse for the method; states the resulting error.
-        SaturatedRecordWarning: A peak that is cut off, with any method but "leading-edge", if that changes the range;
-            states the resulting error.
+        SaturatedRecordWarning: A peak that is cut off, with any method but "leading-edge".
 
     Raises:
         ValueError: The signal never crosses the threshold (the message states its peak), the record cuts the pulse, an
@@ -133,7 +125,7 @@ class Reading:
         return 0.5 * SPEED_OF_LIGHT * (float(times[0]) + self._arrival(volts, period, curve) * period)
 
     def sampling_error(self, volts: np.ndarray, period: float) -> float:
-        """Greatest error [m] due to the position of a record's pulse between its samples: see sampling_error.py."""
+        """Greatest error [m] due to the position of a record's pulse between its samples: see doubtful_records.py."""
         template = self.template
         if template is not None and not callable(template):
             template = _checked_samples(template)
@@ -150,7 +142,7 @@ class Reading:
             shape = self.shape
             if shape is None and self.template is not None:
                 shape = template_curve(self.template, period)
-            if warn_of_saturation(volts, period, self.method, partial(self._arrival, period=period), shape):
+            if warn_of_saturation(volts, period, self.method, shape):
                 return error
         warn_of_sampling(volts, period, self.method, error, self.template is not None)
         return error
@@ -196,7 +188,7 @@ def _check_whole(template: Shape, delay: float, count: int, period: float) -> No
 
 
 @dataclass(frozen=True, eq=False)
-class SampledTemplate(Derived):
+class SampledTemplate:
     """A template's samples as a function of time [s], zero at the greatest sample; 0 outside the samples.
 
     Attributes:
@@ -213,27 +205,13 @@ class SampledTemplate(Derived):
         """Return the template at times [s]."""
         return self.curve.at(np.asarray(time) / self.period + int(np.argmax(self.samples)))
 
-    def transform(self, count: int, period: float) -> tuple[np.ndarray, float]:
-        """See `shaped_curve.template_transform`; the latest result is cached."""
-        return self.derive(("transform", count, period), lambda: template_transform(self, count, period), 1)
 
-    def shifted(self, places: np.ndarray, shifts: np.ndarray, period: float) -> tuple[np.ndarray, np.ndarray]:
-        """See `shaped_curve.shifted_samples`; the latest results are cached, because echoes of a scene are alike."""
-        if not 1 < shifts.size <= MOST_KEPT // places.size:  # a single shift belongs to one record only
-            return shifted_samples(self, places, shifts, period)
-        key = ("shifted", places.size, int(places[0]), shifts.tobytes(), period)
-        return self.derive(key, lambda: shifted_samples(self, places, shifts, period), KEPT)
-
-
-def template_curve(
-    template: Template, period: float, curve: PulseCurve | None = None
-) -> Callable[[np.ndarray], np.ndarray]:
+def template_curve(template: Template, period: float) -> Callable[[np.ndarray], np.ndarray]:
     """Return the template as a function of time [s], zero at its peak; 0 outside given samples.
 
     Args:
         template: A function, returned unchanged, or samples, shape (k,), at the period given.
         period: Sample period [s].
-        curve: The curve through the samples, if it was computed already.
 
     Raises:
         ValueError: Samples that are not finite, not a list, fewer than four, or without a positive value.
@@ -241,7 +219,7 @@ def template_curve(
     if callable(template):
         return template
     samples = _checked_samples(template)
-    return SampledTemplate(samples, period, curve or PulseCurve(samples))
+    return SampledTemplate(samples, period, PulseCurve(samples))
 
 
 def _checked_samples(template) -> np.ndarray:

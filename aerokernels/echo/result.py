@@ -4,15 +4,16 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property, partial
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..display.error_budget import TOTAL, ErrorBudget
-from ..display.quantities import Quantity
-from ..display.shown import drawn_on, shown
-from .pulse_curve import PulseCurve, peak_height
-from .range_error import RangeStatistics
+from aerokernels.display.quantities import TOTAL, ErrorBudget, Quantity
+from aerokernels.display.shown import drawn_on, shown
+from aerokernels.echo.pulse_curve import peak_height
+from aerokernels.echo.range_error import RangeStatistics
+from aerokernels.files.netcdf_reading import errors_naming
 
 if TYPE_CHECKING:
     import xarray
@@ -99,10 +100,13 @@ class EchoResult:
         They are "strehl", "peak_power" [W], "peak_voltage" [V], and "group_path" (mean over the beam), "range",
         "range_error" and "still_air" [m].
         """
+        return self._quantities({name: budget[TOTAL] for name, budget in self.error.items()})
+
+    def _quantities(self, error: Mapping[str, float] | None) -> dict[str, Quantity]:
+        """Return the numbers with these errors; None: without errors."""
 
         def quantity(value: float, name: str, unit: str = "") -> Quantity:
-            error = self.error[name][TOTAL] if name in self.error else math.nan
-            return Quantity(value, error, unit, is_ratio=not unit)
+            return Quantity(value, None if error is None else error.get(name, math.nan), unit, is_ratio=not unit)
 
         return {
             "strehl": quantity(self.mean_strehl, "strehl"),
@@ -125,13 +129,15 @@ class EchoResult:
         return axes
 
     def __repr__(self) -> str:
-        """Return the numbers with their errors as text; some rays are traced for the errors at the first call."""
-        found = self.quantities
+        """Return the numbers as text, with their errors if these have been computed: `quantities` computes them."""
+        numbers = self.quantities if "error" in self.__dict__ else self._quantities(None)
         lines = [
             f"EchoResult, target at {self.distance:g} m, {len(self.beam_share)} points, {len(self.time)} samples",
-            f"  peak {found['peak_power'].scaled(1e6, 'uW')}, {found['peak_voltage']}, Strehl ratio {found['strehl']}",
-            f"  range by {self.ranging} {found['range']}, error {found['range_error'].scaled(1e3, 'mm').text(True)}",
-            f"  of the error the air at rest, without flow: {found['still_air'].scaled(1e3, 'mm').text(True)}",
+            f"  peak {numbers['peak_power'].scaled(1e6, 'uW')}, {numbers['peak_voltage']}, "
+            f"Strehl ratio {numbers['strehl']}",
+            f"  range by {self.ranging} {numbers['range']}, "
+            f"error {numbers['range_error'].scaled(1e3, 'mm').text(True)}",
+            f"  of the error the air at rest, without flow: {self.still_air.scaled(1e3, 'mm').text(True)}",
         ]
         return "\n".join([*lines, f"  no range: {self.reason}"] if self.reason else lines)
 
@@ -148,8 +154,7 @@ class EchoResult:
     @cached_property
     def _peaks(self) -> list[float]:
         """Peaks of power and voltage."""
-        records = [self.power, self.voltage]
-        return [peak_height(*each) for each in zip(records, PulseCurve.of_each(records), strict=True)]
+        return [peak_height(record) for record in (self.power, self.voltage)]
 
     @property
     def range(self) -> float:
@@ -233,3 +238,33 @@ class EchoResult:
             **{f"echo_{name}": value for name, value in self.information.items()},
         }
         return xarray.Dataset(variables, coords=coordinates, attrs=attributes)
+
+
+LEAST_SAMPLES = 2
+
+
+def echo_of_result(path: Path, result: "xarray.Dataset") -> tuple[np.ndarray, np.ndarray]:
+    """Return times [s] and voltages [V] of the echo in a result, both of shape (n,).
+
+    Args:
+        path: The result's file, for messages.
+        result: The dataset, with times as numbers.
+
+    Raises:
+        ValueError: The dataset has no echo, or one that is not finite or whose times do not increase; the message names
+            the file.
+    """
+    if not {"time", "echo_voltage"} <= set(result.variables) or not (
+        result["echo_voltage"].dims == result["time"].dims == result["time"].dims[:1] != ()
+    ):
+        raise ValueError(f"result {path}: holds no 'echo_voltage' over 'time'; give the result.nc of a run")
+    with errors_naming(path):
+        time, voltage = (result[name].values for name in ("time", "echo_voltage"))
+    if not (time.dtype.kind in "iuf" and voltage.dtype.kind in "iuf" and time.size >= LEAST_SAMPLES):
+        raise ValueError(f"result {path}: its 'time' and 'echo_voltage' are no rows of numbers; run it again")
+    time, voltage = time.astype(np.float64), voltage.astype(np.float64)
+    with np.errstate(invalid="ignore"):
+        increasing = bool((np.diff(time) > 0.0).all())
+    if not (increasing and np.isfinite(time).all() and np.isfinite(voltage).all()):
+        raise ValueError(f"result {path}: its echo is not finite at times that increase; run it again")
+    return time, voltage

@@ -4,12 +4,12 @@
 
 w_i is the fraction of the beam's power in ray i, R_i its optical path to the tilted target and G_i the group path along
 the same ray, by which the pulse travels (the paper has R_i for both), phi_i its incidence there,
-f_r the reflectance toward the receiver (reflectors.py), s the pulse's shape (pulses.py), and F_i the return factor of
+f_r the reflectance toward the receiver (parts.py), s the pulse's shape (pulses.py), and F_i the return factor of
 the point where the ray meets the target: the Strehl ratio of its return path, as in the paper, or another
 (return_paths.py). The return path has the same lengths as the outward path. R_i in R_i^2 is an optical path too,
 as in eq 10: 5e-4 of the power at sea level. Path, incidence and return factor are those of the point where the
 refracted ray meets the target. Which rays meet the reflector is decided without the flow: the flow displaces rays by
-0.1 mm, which matters at the edges only. Where rays are lost, as behind a body, the beam has more points (cut_beam.py).
+0.1 mm, which matters at the edges only. Where rays are lost, as behind a body, the beam has more points (vacuum.py).
 
 Like a real rangefinder, each method is calibrated on a known echo, the same scene's echo in vacuum: the error of the
 reading of this echo is subtracted. The remaining error is due to air and flow: mainly the range walk of a fixed
@@ -17,50 +17,37 @@ threshold with the amplitude, and the group path of the air at rest between aper
 sea level), which is no effect of the flow.
 """
 
+from dataclasses import replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 
-from ..display.quantities import Quantity
-from ..inputs.arguments import checked
-from ..medium import IndexField
-from ..prepare import prepare_field
-from ..scene import Scene
-from ..strehl import StrehlEstimate
-from ..tracing.variants.spread import FACTOR
-from .cut_beam import cut_beam
-from .echo_errors import EchoProbe, echo_errors
-from .paths import TransmitPaths, air_error, still_air
-from .pulse_curve import PulseCurve, peak_height
-from .rangefinder import Rangefinder
-from .received_power import point_power
-from .result import EchoResult
-from .return_paths import return_paths
-from .vacuum import VacuumEcho
-from .waveform import SPEED_OF_LIGHT, sum_of_pulses
+from aerokernels.display.quantities import Quantity
+from aerokernels.echo.echo_errors import EchoProbe, echo_errors
+from aerokernels.echo.parts import Detector, Laser, Receiver, Setup, Target
+from aerokernels.echo.paths import TransmitPaths, air_error, point_power, still_air
+from aerokernels.echo.pulse_curve import peak_height
+from aerokernels.echo.pulses import SPEED_OF_LIGHT, sum_of_pulses
+from aerokernels.echo.rangefinder import Rangefinder
+from aerokernels.echo.result import EchoResult
+from aerokernels.echo.return_paths import ReturnPaths, return_paths
+from aerokernels.echo.vacuum import VacuumEcho, cut_beam
+from aerokernels.inputs.arguments import checked
+from aerokernels.medium import IndexField
+from aerokernels.prepare import prepare_field
+from aerokernels.scene import Scene
+from aerokernels.strehl import StrehlEstimate
+from aerokernels.tracing.variants.causes import FACTOR
 
 
 @checked
-def echo(
-    scene: Scene,
-    *,
-    field: IndexField | None = None,
-    limits: str | None = None,
-    strehl_node_count: int | str | None = None,
-    symmetry: bool = True,
-    estimate: StrehlEstimate | None = None,
-) -> EchoResult:
+def echo(scene: Scene, *, field: IndexField | None = None, estimate: StrehlEstimate | None = None) -> EchoResult:
     """Simulate the echo that a scene's laser rangefinder receives, and the range that it reads.
 
     Args:
         scene: The scene.
         field: The refractive index, if it is prepared already; None: `prepare_field(scene).field`.
-        limits: "beam": the beam's full support, or the reflector's edges where nearer; "paper": eq 11's limit of one
-            radius either way in y, the whole beam in x; None: the scene's `target.limits`.
-        strehl_node_count: Number of points along each side of the target at which the return factor is computed, odd;
-            the factor is interpolated between them. "every": at each target point.
-            None: the scene's.
-        symmetry: Whether to use the symmetry of field, pupil and target about the axis, if there is one.
         estimate: A Strehl estimate of the scene through this field, whose rays are used when `error` is first read;
             None: some rays are traced then.
 
@@ -74,18 +61,65 @@ def echo(
             record of millions of samples.
     """
     flow = prepare_field(scene).field if field is None else field
-    return echo_through(flow, VacuumEcho.of(scene, limits), strehl_node_count, symmetry, estimate)
+    return echo_through(flow, VacuumEcho.of(Setup.of_scene(scene)), None if scene.has_own_pupil else estimate)
 
 
-def echo_through(
-    flow: IndexField,
-    vacuum: VacuumEcho,
-    strehl_node_count: int | str | None = None,
-    symmetry: bool = True,
-    estimate: StrehlEstimate | None = None,
+@checked
+def simulate_echo(
+    laser: Laser,
+    target: Target,
+    receiver: Receiver,
+    detector: Detector,
+    *,
+    field: IndexField | None = None,
+    **options: Any,
 ) -> EchoResult:
-    """Simulate the echo through a field from the echo in vacuum; the other arguments and errors are those of `echo`."""
-    scene, pulse, chain = vacuum.scene, vacuum.pulse, vacuum.chain
+    """Simulate the echo that a laser rangefinder receives from a target, and the range that it reads.
+
+    Args:
+        laser: The laser.
+        target: The target.
+        receiver: The receiver.
+        detector: The detector.
+        field: The refractive index of the flow between receiver and target; None: vacuum.
+        **options: As for `trace`: tolerance, method, backend, device, precision and others.
+
+    Returns:
+        The echo, with a range or the reason why there is none.
+
+    Raises:
+        ValueError: The target is inside the flow or reaches back to the aperture, no ray gets out or arrives, a record
+            of millions of samples, or an option that `trace` refuses.
+        TypeError: A part of another kind.
+
+    Examples:
+        >>> seen = simulate_echo(Laser(peak_power=75.0), Target(distance=1.5), Receiver(), Detector())
+        >>> round(seen.range, 4)
+        1.5
+    """
+    setup = Setup(laser, target, receiver, detector, {"wavelength": laser.wavelength} | options)
+    if field is not None:
+        return echo_through(field, VacuumEcho.of(setup))
+    seen = echo_through(_vacuum_ahead(receiver), VacuumEcho.of(setup))
+    return replace(seen, still_air=Quantity(0.0, 0.0, "m"))
+
+
+def _vacuum_ahead(receiver: Receiver) -> IndexField:
+    """Return a field without contrast just ahead of a receiver."""
+    reach = 2.0 * receiver.pupil.reach
+    origin, spacing = (0.0, receiver.aperture_z), (reach / 7.0, reach / 7.0)
+    return IndexField.from_samples(np.zeros((8, 8)), origin=origin, spacing=spacing, geometry="axisymmetric")
+
+
+def echo_through(flow: IndexField, vacuum: VacuumEcho, estimate: StrehlEstimate | None = None) -> EchoResult:
+    """Simulate the echo through a field from the echo in vacuum.
+
+    Args:
+        flow: The refractive index.
+        vacuum: The echo in vacuum.
+        estimate: A Strehl estimate through this field, of the receiver's pupil.
+    """
+    setup, chain = vacuum.setup, vacuum.setup.detector.chain
     vacuum, out, lost_error = cut_beam(vacuum, flow)
     points = vacuum.points
     if not out.arrived.any():
@@ -93,43 +127,28 @@ def echo_through(
             f"no ray of the beam reaches the target ({out.trace.status_summary() if out.trace else 'none traced'}): "
             "check receiver.aperture_z and beam.exit_radius against the body"
         )
-    node_count = scene.receiver.strehl_node_count if strehl_node_count is None else strehl_node_count
-    back = return_paths(scene, flow, out.intersection, vacuum.plane, node_count, symmetry)
+    back = return_paths(setup, flow, out.intersection)
     time, fine, stride = vacuum.times(out.group_path)
 
     reference = vacuum.power(fine)
-    peak = np.where(out.arrived, point_power(scene, points.weight, out, back.factor), 0.0)
-    power = sum_of_pulses(fine, 2.0 * np.where(out.arrived, out.group_path, 0.0) / SPEED_OF_LIGHT, peak, pulse)
+    peak = np.where(out.arrived, point_power(setup, points.weight, out, back.factor), 0.0)
+    delay = 2.0 * np.where(out.arrived, out.group_path, 0.0) / SPEED_OF_LIGHT
+    power = sum_of_pulses(fine, delay, peak, setup.laser.shape)
     fine_voltage = chain.voltage(fine, reference)
-    reference_voltage = fine_voltage[::stride]
     clean = chain.voltage(fine, power)[::stride]
-    noisy = scene.detector.noise
-    voltage = chain.record(fine, power, scene.detector.seed, stride) if noisy else chain.digitise(clean)
+    noisy, distance = setup.detector.noise, setup.target.distance
+    voltage = chain.record(fine, power, setup.detector.seed, stride) if noisy else chain.digitise(clean)
 
-    curves = PulseCurve.of_each([reference[::stride], reference_voltage, voltage])
-    rangefinder = Rangefinder.calibrated(scene, time, reference_voltage, (fine, fine_voltage), curves[1])
-    ranges, reasons = rangefinder.ranges(time, voltage, curve=curves[2])
+    rangefinder = Rangefinder.calibrated(setup, time, fine_voltage[::stride], (fine, fine_voltage))
+    ranges, reasons = rangefinder.ranges(time, voltage)
     share = np.where(out.arrived, points.weight, 0.0)
-
-    peaks = peak_height(reference[::stride], curves[0]), peak_height(reference_voltage, curves[1])
-
-    probe = EchoProbe(
-        field=flow,
-        estimate=estimate,
-        vacuum=vacuum,
-        time=time,
-        fine=fine,
-        stride=stride,
-        power=power,
-        clean=clean,
-        rangefinder=rangefinder,
-    )
+    probe = EchoProbe(flow, estimate, vacuum, time, fine, stride, power, clean, rangefinder)
     return EchoResult(
         time=time,
         power=power[::stride],
         voltage=voltage,
         clean_voltage=clean,
-        noise_rms=chain.noise_rms(0.0, scene.detector.sample_rate) if noisy else 0.0,
+        noise_rms=chain.noise_rms(0.0, setup.detector.sample_rate) if noisy else 0.0,
         target_point=out.intersection,
         path=out.path,
         group_path=out.group_path,
@@ -139,23 +158,21 @@ def echo_through(
         return_factor=back.factor,
         beam_share=share,
         point_power=peak,
-        distance=float(scene.target.distance),
-        still_air=Quantity(
-            still_air(flow, scene.target.distance), FACTOR * air_error(flow, scene.target.distance), "m"
-        ),
-        ranging=scene.detector.ranging,
+        distance=float(distance),
+        still_air=Quantity(still_air(flow, distance), FACTOR * air_error(flow, distance), "m"),
+        ranging=setup.detector.ranging,
         ranges=ranges,
         reasons=reasons,
         calibration=rangefinder.calibration,
-        statistics=rangefinder.statistics(scene, fine, power, stride, scene.detector.trial_count),
-        vacuum_peak_power=peaks[0],
-        vacuum_peak_voltage=peaks[1],
+        statistics=rangefinder.statistics(fine, power, stride, setup.detector.trial_count),
+        vacuum_peak_power=peak_height(reference[::stride]),
+        vacuum_peak_voltage=peak_height(fine_voltage[::stride]),
         information=_information(points.weight, share, out, back) | {"lost_share_error": lost_error},
         budget=partial(echo_errors, probe=probe),
     )
 
 
-def _information(weight: np.ndarray, share: np.ndarray, out: TransmitPaths, back) -> dict[str, float]:
+def _information(weight: np.ndarray, share: np.ndarray, out: TransmitPaths, back: ReturnPaths) -> dict[str, float]:
     """Return numbers about the computation."""
     outward = out.trace
     assert outward is not None  # the flow was traced

@@ -28,19 +28,15 @@ FORMATS = {".tif": "TIFF", ".tiff": "TIFF", ".png": "PNG"}  # of grey pictures, 
 class OutputError(OSError):
     """There is no space for results; the message names the place and the remedy."""
 
-    def __init__(self, place: Path, fault: OSError, name: str = "out=", kept: Path | None = None):
+    def __init__(self, place: Path, fault: OSError, name: str = "out="):
         """Make a message of one line.
 
         Args:
             place: Where there is no space.
             fault: What the system said.
             name: Precedes the place in the message.
-            kept: The folder in which the results are instead.
         """
-        remedy = "make room, or choose another place"
-        if kept is not None:
-            remedy = f"the results are in {kept} instead: move them to where there is room"
-        super().__init__(f"{name}{place}: {os.strerror(fault.errno or 0)}: {remedy}")
+        super().__init__(f"{name}{place}: {os.strerror(fault.errno or 0)}: make room, or choose another place")
         self.errno = fault.errno
 
 

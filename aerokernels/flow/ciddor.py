@@ -21,11 +21,9 @@ and R. J. Hill, Refractive index of air. 2. Group index, Applied Optics 38 (1999
 
 import math
 
-from aerokernels.inputs.checks import warn_caller
-
-from ..inputs.arguments import checked
-from ..inputs.checks import check_positive
-from ..inputs.wavelength import SAME, check_wavelength
+from aerokernels.inputs.arguments import checked
+from aerokernels.inputs.checks import check_positive, warn_caller
+from aerokernels.inputs.wavelength import SAME, check_wavelength
 
 # Wavelengths for which the equations were fitted [m].
 RANGE = (0.3e-6, 1.69e-6)

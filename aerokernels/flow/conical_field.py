@@ -5,28 +5,35 @@ the wall is zero, so an interpolant sees a smooth field across the wall.
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
 import numpy as np
 
-from ..display.shown import shown
-from ..inputs.arguments import checked
-from ..inputs.checks import check_positive
-from ..inputs.wavelength import DEFAULT_WAVELENGTH, check_wavelength
-from ..medium import Body, IndexField
-from .conical_averages import bell, cell_averages
-from .conical_profile import ConeShock
-from .density_field import DensityField, local_points
-from .gas import GAMMA_AIR, SEA_LEVEL_DENSITY, check_density
-from .models import one_constant, refractivity_model
-from .taylor_maccoll import cone_shock
+from aerokernels.display.shown import shown
+from aerokernels.flow.density_field import DensityField, local_points
+from aerokernels.flow.exact_field import unit_gauss
+from aerokernels.flow.gas import GAMMA_AIR, SEA_LEVEL_DENSITY, check_density
+from aerokernels.flow.refractivity import refractivity_model
+from aerokernels.flow.taylor_maccoll import ConeShock, cone_shock
+from aerokernels.inputs.arguments import checked
+from aerokernels.inputs.checks import check_positive
+from aerokernels.inputs.wavelength import DEFAULT_WAVELENGTH, check_wavelength
+from aerokernels.medium import Body, IndexField
 
 # Cells of free stream on the grid outside the shock: the width of the averaging kernel, and room for the spline's
 # overshoot to decay.
 MARGIN = 8
 # Default spacing as a fraction of the body's length.
 DEFAULT_SHARE = 1.0 / 400.0
+# Weights of the seven half cells about a node; variance of the kernel [cells^2]: of these weights and of a half cell.
+BELL = np.array([1.0, 6.0, 15.0, 20.0, 15.0, 6.0, 1.0]) / 64.0
+VARIANCE = 6.0 / 16.0 + 1.0 / 48.0
+# Cells this near the shock, or the tip, are integrated with more Gauss points; those near the tip are also divided
+# into TIP_PARTS x TIP_PARTS parts.
+SHOCK_BAND, TIP_REACH, TIP_PARTS = 2, 16, 8
+BLOCK = 20_000  # speed only
 
 
 @shown
@@ -102,7 +109,6 @@ class ConicalFlow(DensityField):
         *,
         constant: float | None = None,
         composition=None,
-        gladstone_dale: float | None = None,
         spacing=None,
         interpolation: str = "cubic",
         group: bool = False,
@@ -112,15 +118,9 @@ class ConicalFlow(DensityField):
         With "cubic" the node values are corrected for the averaging kernel, so that the kernel's error in the smooth
         flow is of fourth order; the shock overshoots by a few per cent. "linear" and "monotone" use uncorrected values.
 
-        Args:
-            wavelength: Vacuum wavelength [m], for K; stored with the field.
-            relation: "paper", "ciddor", "gladstone-dale" or "lorentz-lorenz": see `refractivity_model`.
-            constant: K [m3/kg].
-            composition: A `Composition` or fractions of species, the same everywhere, from which K is computed.
-            gladstone_dale: Another name for `constant`.
-            spacing: Greatest node spacing [m], one number, or two for r and z; None takes 1/400 of the length.
-            interpolation: As in IndexField.from_samples.
-            group: Make the field of the group index, by which a pulse travels.
+        The other arguments are those of `SampledDensity.index_field`; a composition is the same everywhere. `spacing`
+        is the greatest node spacing [m], one number, or two for r and z; None takes 1/400 of the length.
+        `interpolation` is one of IndexField.from_samples.
 
         Raises:
             TypeError: The wavelength is not one number.
@@ -128,8 +128,7 @@ class ConicalFlow(DensityField):
                 positive or leaves fewer than four cells along the cone.
         """
         wavelength = check_wavelength(wavelength)
-        given = one_constant(constant, gladstone_dale)
-        model = refractivity_model(relation, constant=given, composition=composition)
+        model = refractivity_model(relation, constant=constant, composition=composition)
         share = self.length * DEFAULT_SHARE if spacing is None else spacing
         step = np.broadcast_to(np.asarray(share, dtype=np.float64), (2,)).copy()
         if not (np.isfinite(step).all() and (step > 0.0).all() and (4.0 * step <= [self.radius, self.length]).all()):
@@ -216,3 +215,113 @@ def cone(
     if reach < least:
         raise ValueError(f"radius {reach:g} m cuts the flow: the shock reaches {least:g} m at the base of the cone")
     return ConicalFlow(shock, check_density(density, "density"), float(length), reach)
+
+
+def bell(half: np.ndarray, axis: int, sharpen: bool) -> np.ndarray:
+    """Return node values along one axis from averages over half cells, every second of which is centred on a node.
+
+    Args:
+        half: The averages; the sixth is centred on the first node, and five follow that of the last node.
+        axis: The axis.
+        sharpen: Correct for the kernel's second moment: the result is then exact for cubics, otherwise for linear
+            functions.
+    """
+    moved = np.moveaxis(half, axis, 0)
+    count = len(moved) - len(BELL) + 1
+    wide = sum(weight * moved[k : k + count] for k, weight in enumerate(BELL))[::2]
+    result = wide[1:-1]
+    if sharpen:
+        result = result - 0.5 * VARIANCE * (wide[2:] - 2.0 * wide[1:-1] + wide[:-2])
+    return np.moveaxis(result, 0, axis)
+
+
+def cell_averages(
+    contrast: Callable[[np.ndarray], np.ndarray],
+    shock_angle: float,
+    shape: tuple[int, int],
+    low: float,
+    step: np.ndarray,
+) -> np.ndarray:
+    """Return averages of a conical field over the cells centred on the nodes of a grid.
+
+    Args:
+        contrast: The field as a function of polar angle [rad]; ahead of the shock it is zero.
+        shock_angle: Polar angle of the shock [rad].
+        shape: Number of nodes in r, starting at r = 0, and in z.
+        low: z of the first node [m].
+        step: Spacing in r and z [m].
+    """
+    r = step[0] * np.arange(shape[0])
+    z = low + step[1] * np.arange(shape[1])
+    edges = np.stack([np.maximum(r - 0.5 * step[0], 0.0), r + 0.5 * step[0]])
+    near = np.meshgrid(edges[0], z - 0.5 * step[1], indexing="ij")
+    far = np.meshgrid(edges[1], z + 0.5 * step[1], indexing="ij")
+    # `near` and `far` hold the corners of each cell with the least and the greatest polar angle.
+    behind = np.arctan2(near[0], -near[1]) < shock_angle
+    band = np.arctan2(far[0] + SHOCK_BAND * step[0], -(far[1] + SHOCK_BAND * step[1])) > shock_angle
+    tip = np.hypot(r[:, None] / step[0], z[None, :] / step[1]) < TIP_REACH
+    result = np.zeros(shape)
+    for chosen, parts, point_count in (
+        (behind & ~band & ~tip, 1, 2),
+        (behind & band & ~tip, 1, 8),
+        (behind & tip, TIP_PARTS, 8),
+    ):
+        place = np.nonzero(chosen)
+        box = np.stack([near[0][place], far[0][place], near[1][place], far[1][place]], axis=1)
+        average = np.empty(len(box))
+        for row in range(0, len(box), BLOCK // parts**2):
+            rows = slice(row, row + BLOCK // parts**2)
+            pieces = _divided(box[rows], parts)
+            if point_count == 2:
+                average[rows] = _gauss(contrast, pieces, point_count)
+            else:
+                averages = _gauss_to_shock(contrast, shock_angle, pieces, point_count)
+                average[rows] = averages.reshape(-1, parts**2).mean(1)
+        result[place] = average
+    return result
+
+
+def _divided(box: np.ndarray, parts: int) -> np.ndarray:
+    """Return each box (r from, r to, z from, z to) divided into parts x parts equal boxes, in order."""
+    share = np.arange(parts + 1) / parts
+    r = box[:, :1] + (box[:, 1:2] - box[:, :1]) * share
+    z = box[:, 2:3] + (box[:, 3:] - box[:, 2:3]) * share
+    pieces = np.empty((len(box), parts, parts, 4))
+    pieces[..., 0], pieces[..., 1] = r[:, :-1, None], r[:, 1:, None]
+    pieces[..., 2], pieces[..., 3] = z[:, None, :-1], z[:, None, 1:]
+    return pieces.reshape(-1, 4)
+
+
+def _gauss(contrast, box, point_count) -> np.ndarray:
+    """Return averages over boxes behind the shock, by a product Gauss rule."""
+    share, weight = unit_gauss(point_count)
+    r = box[:, :1] + (box[:, 1:2] - box[:, :1]) * share
+    z = box[:, 2:3] + (box[:, 3:] - box[:, 2:3]) * share
+    value = contrast(np.arctan2(r[:, :, None], -z[:, None, :]))
+    return np.einsum("nij,i,j->n", value, weight, weight)
+
+
+def _gauss_to_shock(contrast, shock_angle, box, point_count) -> np.ndarray:
+    """Return averages over boxes that the shock may cut.
+
+    The integral along z ends at the shock, and the integral along r is split where the shock enters and leaves the box.
+    The variable along z is the square root of the distance from the shock, because behind a weak shock the density
+    rises with that root.
+    """
+    share, weight = unit_gauss(point_count)
+    r_low, r_high, z_low, z_high = box.T
+    tangent = math.tan(shock_angle)
+    # For r < `first` the shock passes above the box, for r > `last` below the box.
+    first = np.clip(-z_high * tangent, r_low, r_high)
+    last = np.clip(-z_low * tangent, r_low, r_high)
+    total = np.zeros(len(box))
+    for start, end in ((r_low, first), (first, last)):
+        r = start[:, None] + (end - start)[:, None] * share
+        shock = -r / tangent
+        near = np.sqrt(np.maximum(shock - np.minimum(z_high[:, None], shock), 0.0))
+        far = np.sqrt(np.maximum(shock - z_low[:, None], 0.0))
+        root = near[..., None] + (far - near)[..., None] * share
+        value = contrast(np.minimum(np.arctan2(r[..., None], root**2 - shock[..., None]), shock_angle))
+        along = (far - near) * np.einsum("nij,nij,j->ni", value, 2.0 * root, weight)
+        total += (end - start) * (along @ weight)
+    return total / ((r_high - r_low) * (z_high - z_low))

@@ -2,24 +2,27 @@
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Protocol
 
 import numpy as np
 
-from ..display.shown import shown
-from ..inputs.arguments import Numbers, checked
-from ..inputs.checks import check_positive
-from ..medium import Body, QuadMesh
-from .density_field import CellDensity, local_points
-from .exact_averages import direction_averages
-from .gas import FreeStream
+from aerokernels.display.shown import shown
+from aerokernels.flow.density_field import local_points
+from aerokernels.flow.gas import SEA_LEVEL_DENSITY, FreeStream
+from aerokernels.flow.sampled_density import CellDensity
+from aerokernels.inputs.arguments import Numbers, checked
+from aerokernels.inputs.checks import check_positive
+from aerokernels.medium import Body, QuadMesh
 
 # A spacing given in the wrong unit could otherwise request more cells than fit in memory.
 CELL_LIMIT = 4_000_000
 # Default number of cells along the field, cells of undisturbed gas around the disturbed region, and the least number of
 # cells along either axis.
 DEFAULT_CELLS, MARGIN, LEAST_CELLS = 200, 8, 8
+POINTS, SMOOTH_POINTS = 12, 8
 
 
 class Solution(Protocol):
@@ -84,22 +87,14 @@ class ExactField(CellDensity):
 
 
 def square_step(length: float, spacing: float | None, cells: int = DEFAULT_CELLS) -> float:
-    """Return the side of square cells [m]: the greatest divisor of a length that does not exceed the spacing.
-
-    Raises:
-        ValueError: A length or a spacing that is not positive and finite.
-    """
+    """Return the side of square cells [m]: the greatest divisor of a length that does not exceed the spacing."""
     check_positive(length, "length")
     count = cells if spacing is None else math.ceil(length / check_positive(spacing, "spacing") * (1.0 - 1e-12))
     return length / count
 
 
 def edges(low: float, high: float, spacing: float) -> np.ndarray:
-    """Return the edges of equal cells [m] that cover a range which contains 0; one edge is at 0.
-
-    Raises:
-        ValueError: More than 4 million cells.
-    """
+    """Return the edges of equal cells [m] that cover a range which contains 0; one edge is at 0."""
     below, above = (math.ceil(reach / spacing * (1.0 - 1e-9)) for reach in (-low, high))
     if below + above > CELL_LIMIT:
         raise ValueError(
@@ -109,11 +104,7 @@ def edges(low: float, high: float, spacing: float) -> np.ndarray:
 
 
 def rectangles(y: np.ndarray, z: np.ndarray, geometry: str = "planar") -> QuadMesh:
-    """Return the mesh of rectangles between edges along y (or r) and z [m], with cells in the order [y, z].
-
-    Raises:
-        ValueError: Fewer than 8 cells along an axis, or more than 4 million in all.
-    """
+    """Return the mesh of rectangles between edges along y (or r) and z [m], with cells in the order [y, z]."""
     cells = (len(y) - 1, len(z) - 1)
     if cells[0] * cells[1] > CELL_LIMIT:
         raise ValueError(f"spacing gives {cells[0]} x {cells[1]} cells, more than {CELL_LIMIT}: take a wider one")
@@ -123,3 +114,109 @@ def rectangles(y: np.ndarray, z: np.ndarray, geometry: str = "planar") -> QuadMe
         )
     first, second = np.meshgrid(y, z, indexing="ij")
     return QuadMesh.structured(first, second, geometry)
+
+
+def unit_gauss(points: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return the points and weights of Gauss's rule on the interval from 0 to 1, shape (points,) each."""
+    node, weight = np.polynomial.legendre.leggauss(points)
+    return 0.5 * (node + 1.0), 0.5 * weight
+
+
+def piecewise_means(
+    function: Callable[[np.ndarray], np.ndarray], edges: np.ndarray, breaks: Sequence[float]
+) -> np.ndarray:
+    """Return means of a function over the intervals between edges, shape (len(edges) - 1,).
+
+    Args:
+        function: Takes an array of any shape; smooth between breaks.
+        edges: Increasing, shape (n,).
+        breaks: Positions of jumps and kinks.
+    """
+    share, weight = unit_gauss(POINTS)
+    low, high = edges[:-1], edges[1:]
+    cuts = np.stack([low, *(np.clip(place, low, high) for place in sorted(breaks)), high])
+    start, width = cuts[:-1], np.diff(cuts, axis=0)
+    values = function(start[..., None] + width[..., None] * share)
+    # Averaging differences from the first value returns a constant function to the last bit.
+    first = values[..., 0]
+    mean = first + (values - first[..., None]) @ weight
+    return (width / (high - low) * mean).sum(axis=0)
+
+
+def direction_averages(
+    function: Callable[[np.ndarray], np.ndarray], breaks: Sequence[float], y: np.ndarray, z: np.ndarray
+) -> np.ndarray:
+    """Return averages over rectangular cells of a function of the direction from the origin.
+
+    Args:
+        function: Takes the angle from the downstream direction -z towards +y [rad], -pi to pi.
+        breaks: Angles of its jumps and kinks [rad], -pi to pi.
+        y: Edges of the cells along y [m], increasing, shape (ny + 1,).
+        z: Edges of the cells along z [m], increasing, shape (nz + 1,).
+    """
+    cosine, sine = np.cos(breaks), np.sin(breaks)
+    # Means along the edges of constant y and of constant z: each edge belongs to two cells and is integrated once.
+    level = np.empty((len(y), len(z) - 1))
+    for row, height in enumerate(y):
+        # A break is a ray from the origin: where it meets the line of this height.
+        meets = sine * height > 0.0
+        places = -height * cosine[meets] / sine[meets]
+        level[row] = piecewise_means(partial(_seen_from_origin, function, height), z, places)
+    upright = np.empty((len(y) - 1, len(z)))
+    for column, depth in enumerate(z):
+        meets = -cosine * depth > 0.0
+        places = -depth * sine[meets] / cosine[meets]
+        upright[:, column] = piecewise_means(partial(_seen_from_origin, function, z=depth), y, places)
+    # A constant is homogeneous too: subtracting the value in the middle returns uniform gas to the last bit.
+    middle = function(np.arctan2((0.5 * (y[:-1] + y[1:]))[:, None], -0.5 * (z[:-1] + z[1:])))
+    across = (z[1:] * (upright[:, 1:] - middle) - z[:-1] * (upright[:, :-1] - middle)) / np.diff(z)
+    along = y[1:, None] * (level[1:] - middle) - y[:-1, None] * (level[:-1] - middle)
+    return middle + 0.5 * (across + along / np.diff(y)[:, None])
+
+
+def _seen_from_origin(function, y, z):
+    """Return a function of direction at positions (y, z)."""
+    return function(np.arctan2(y, -z))
+
+
+def smooth_averages(
+    function: Callable[[np.ndarray, np.ndarray], np.ndarray], y: np.ndarray, z: np.ndarray
+) -> np.ndarray:
+    """Return averages over rectangular cells of a function of (y, z), smooth in each, by a product Gauss rule."""
+    share, weight = unit_gauss(SMOOTH_POINTS)
+    across = y[:-1, None] + np.diff(y)[:, None] * share
+    along = z[:-1, None] + np.diff(z)[:, None] * share
+    result = np.empty((len(across), len(along)))
+    for row, place in enumerate(across):
+        values = function(place[:, None, None], along[None])
+        result[row] = np.einsum("inj,i,j->n", values, weight, weight)
+    return result
+
+
+@checked
+def uniform_air(
+    density: float = SEA_LEVEL_DENSITY,
+    *,
+    body: Body | None = None,
+    radius: float = 0.04,
+    z_range: tuple[float, float] = (-0.04, 0.01),
+) -> CellDensity:
+    """Return uniform air at rest, such as that in a tunnel before it is started.
+
+    Args:
+        density: [kg/m3].
+        body: A solid body in the air.
+        radius: Radius of the axisymmetric box of the field [m]; the air outside it is the same.
+        z_range: Lowest and highest z of the box [m].
+
+    Raises:
+        ValueError: A density or radius that is not positive and finite, or a range that does not increase.
+    """
+    check_positive(radius, "radius")
+    low, high = z_range
+    if not low < high:
+        raise ValueError(f"z_range must increase, got {z_range!r}")
+    # Five-point gradients need four cells; eight leave some room.
+    nodes = np.meshgrid(np.linspace(0.0, radius, 9), np.linspace(low, high, 9), indexing="ij")
+    mesh, ambient = QuadMesh.structured(*nodes, "axisymmetric"), check_positive(density, "density")
+    return CellDensity(mesh, np.full(len(mesh.cells), ambient), ambient, body, None, f"air at rest, {ambient:g} kg/m3")

@@ -6,23 +6,23 @@ A series has its times and, where all snapshots share one mesh, the mesh. `serie
 
 import hashlib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
-from ..derived import Derived
-from ..device_arrays import device_array, host_array, own_copy
-from ..display.plain_text import cut
-from ..display.shown import shown
-from ..inputs.arguments import seconds
-from ..inputs.checks import check_choice, check_positive
-from ..medium import Body, QuadMesh, SolidBody
-from ..medium.grid import checked_axes
-from ..medium.mesh import GEOMETRIES
-from .density_field import CellDensity, DensityField
-from .gas import FreeStream, check_density
-from .sampled_density import GridDensity, VertexDensity
+from aerokernels.derived import Derived
+from aerokernels.device_arrays import device_array, host_array, own_copy
+from aerokernels.display.plain_text import cut
+from aerokernels.display.shown import shown
+from aerokernels.flow.density_field import DensityField
+from aerokernels.flow.gas import FreeStream, check_density
+from aerokernels.flow.sampled_density import CellDensity, GridDensity, SampledDensity, VertexDensity
+from aerokernels.inputs.arguments import seconds
+from aerokernels.inputs.checks import check_choice, check_positive
+from aerokernels.medium import Body, QuadMesh, SolidBody
+from aerokernels.medium.grid import checked_axes
+from aerokernels.medium.mesh import GEOMETRIES
 
 MARKED = 1 << 20  # samples in the hash that distinguishes one series from another, about
 
@@ -97,11 +97,7 @@ class Series:
     stamp: Callable[[int], str] | None = None
 
     def __post_init__(self) -> None:
-        """Check.
-
-        Raises:
-            ValueError: Times that do not increase, or are not finite.
-        """
+        """Check."""
         time = np.array(seconds(np.asarray(self.time))).reshape(-1)
         if not np.isfinite(time).all():
             raise ValueError("the times of a series must be finite numbers, in seconds")
@@ -121,13 +117,7 @@ class Series:
         return len(self.time)
 
     def __getitem__(self, index: int) -> DensityField:
-        """Return a snapshot.
-
-        Raises:
-            IndexError: No such snapshot.
-            TypeError: Not a whole number.
-            ValueError: Densities that no gas has, or a shape other than the mesh's.
-        """
+        """Return a snapshot."""
         number = self._number(index)
         return self.field(self.read(number), number)
 
@@ -178,18 +168,6 @@ class Series:
         if isinstance(self.get, InOrder) and number > 0:
             return ""
         return mark_of(self.get.first() if isinstance(self.get, InOrder) else self.get(number))
-
-    def is_unchanged(self, index: int, stamp: str, mark: str) -> bool:
-        """Return whether a snapshot is the one whose files had this stamp, and whose samples had this mark.
-
-        Files that have been copied, or written again as they were, have another stamp: only these are read.
-        """
-        if self.stamp is None or self.stamp(index) == stamp:
-            return True
-        try:
-            return self.mark(index) == mark
-        except ValueError:  # it cannot be read any more, which is said when it is computed
-            return False
 
     def lies_here(self, flow: DensityField) -> bool:
         """Return whether a field has its samples on the series' mesh, and a body exactly if the series has one."""
@@ -270,11 +248,7 @@ class InOrder:
         return self._ahead[0]
 
     def __call__(self, number: int) -> Any:
-        """Return the item of a number.
-
-        Raises:
-            ValueError: It was already read or skipped, or there are fewer items.
-        """
+        """Return the item of a number."""
         if number < self._next:
             raise ValueError(
                 f"snapshot {number} was read before or skipped: an iterator gives each once, in order; give a "
@@ -294,11 +268,7 @@ class InOrder:
 
 
 def times_of(time: Sequence[float] | None, step: float | None, start: float, count: int | None) -> np.ndarray:
-    """Return the times of a series [s], from a list of times or from a step.
-
-    Raises:
-        ValueError: Neither or both are given, a step that is not positive, or not one time for each snapshot.
-    """
+    """Return the times of a series [s], from a list of times or from a step."""
     if time is not None and step is not None:
         raise ValueError("give either time, one for each snapshot, or time_step")
     if time is not None:
@@ -316,3 +286,20 @@ def times_of(time: Sequence[float] | None, step: float | None, start: float, cou
     if count is None:
         raise ValueError("an iterator does not say how many snapshots it has: give time, one for each, or count")
     return start + step * np.arange(count)
+
+
+def on_known_geometry(flow: DensityField, known: Sequence[DensityField]) -> DensityField:
+    """Return a flow with its mesh and body replaced by the equal mesh and body of a known flow, where there are such.
+
+    Geometry computed from a mesh or a body is cached on that object: with the same object, another snapshot or another
+    density field does not compute it again.
+    """
+    if not isinstance(flow, SampledDensity):
+        return flow
+    shared: dict[str, Any] = {}
+    for name in ("mesh", "body"):
+        own = getattr(flow, name, None)
+        for other in (getattr(each, name, None) for each in known):
+            if own is not None and other is not own and own.equals(other):
+                shared[name] = other
+    return replace(flow, **shared) if shared else flow  # type: ignore[type-var]

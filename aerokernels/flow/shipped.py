@@ -8,13 +8,11 @@ from typing import Literal, overload
 
 import numpy as np
 
+from aerokernels.flow.gas import FreeStream, tunnel_conditions
 from aerokernels.flow.reading.volumes.measuring_lines import VolumeResampling
-
-from ..inputs.arguments import checked
-from ..medium import Body, QuadMesh, SolidBody
-from .density_field import CellDensity
-from .gas import FreeStream, expanded
-from .sampled_density import GridDensity
+from aerokernels.flow.sampled_density import CellDensity, GridDensity
+from aerokernels.inputs.arguments import checked
+from aerokernels.medium import Body, QuadMesh, SolidBody
 
 _DATA = files(__package__) / "data"
 PLANE_NAMES = ("mach2", "mach3", "mach4")
@@ -97,7 +95,8 @@ def _volume(name: str) -> GridDensity:
 
 def _free_stream(data) -> FreeStream:
     """Return the free stream from the stagnation state, by the relations with which the solver was initialised."""
-    return expanded(*(float(data[name]) for name in ("mach", "p0", "T0", "gamma", "R")))
+    mach, pressure, temperature, gamma, gas = (float(data[name]) for name in ("mach", "p0", "T0", "gamma", "R"))
+    return tunnel_conditions(mach, pressure, temperature, gamma=gamma, gas_constant=gas)
 
 
 def _wall(radius: np.ndarray, z: np.ndarray) -> np.ndarray:

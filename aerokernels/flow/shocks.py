@@ -16,8 +16,8 @@ Reference: NACA Report 1135 (1953), eq 92-98, 138, 168, 171c. Air: g = 1.4.
 import math
 from dataclasses import dataclass
 
-from ..inputs.arguments import checked
-from .gas import GAMMA_AIR, check_gamma, stagnation_ratio
+from aerokernels.flow.gas import GAMMA_AIR, check_gamma, stagnation_ratio
+from aerokernels.inputs.arguments import checked
 
 
 @dataclass(frozen=True)

@@ -20,13 +20,18 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..inputs.arguments import checked
-from ..inputs.wavelength import SAME, check_wavelength
-from . import ciddor
+from aerokernels.flow import ciddor
+from aerokernels.inputs.arguments import checked
+from aerokernels.inputs.wavelength import SAME, check_wavelength
 
 GAS_CONSTANT = 8.314462618  # [J/(mol K)]
 # The sum of fractions may differ from 1 by this much, as rounded fractions do; they are then scaled to a sum of 1.
 SUM_TOLERANCE = 2e-3
+_NORMAL = (273.15, 101325.0)
+_BORZSONYI = "A. Borzsonyi et al., Appl. Opt. 47 (2008) 4856"
+WATER = "H2O"
+# Ciddor's water vapour was fitted to moist air: the uncertainty is 1 % of the vapour's contribution.
+_WATER_UNCERTAINTY = 1e-2
 
 
 @dataclass(frozen=True)
@@ -106,74 +111,36 @@ class Species:
         return (excess + turned) / self.reference_density
 
 
-_NORMAL = (273.15, 101325.0)
-
-
-def _gas(name, grams, form, coefficients, micrometres, virial, uncertainty, source, state=_NORMAL) -> Species:
+def _gas(name, grams, form, coefficients, micrometres, virial, uncertainty, state, source) -> Species:
     """Return a species from numbers in the papers' units: g/mol, um, cm3/mol."""
-    return Species(
-        name=name,
-        molar_mass=grams * 1e-3,
-        form=form,
-        coefficients=coefficients,
-        wavelength_range=(float(f"{micrometres[0]}e-6"), float(f"{micrometres[1]}e-6")),
-        temperature=state[0],
-        pressure=state[1],
-        virial=virial * 1e-6,
-        uncertainty=uncertainty,
-        source=source,
-    )
+    low, high = (float(f"{end}e-6") for end in micrometres)
+    return Species(name, grams * 1e-3, form, coefficients, (low, high), *state, virial * 1e-6, uncertainty, source)
 
 
-_BORZSONYI = "A. Borzsonyi et al., Appl. Opt. 47 (2008) 4856"
-SPECIES: dict[str, Species] = {
-    gas.name: gas
-    for gas in (
-        _gas(
-            "N2", 28.0134, "sum", (6.8552e-5, 3.243157e-2, 144.0), (0.4679, 2.0587), -10.3, 1e-4,
-            "E. R. Peck and B. N. Khanna, J. Opt. Soc. Am. 56 (1966) 1059",
-        ),
-        _gas(
-            "O2", 31.9988, "sum", (1.181494e-4, 9.708931e-3, 75.4), (0.4, 1.8), -17.3, 2e-4,
-            "J. Zhang, Z. H. Lu and L. J. Wang, Appl. Opt. 47 (2008) 3143; P. Kren, Appl. Opt. 50 (2011) 6484",
-            (293.15, 101325.0),
-        ),
-        _gas(
-            "Ar", 39.948, "sum", (6.7867e-5, 3.0182943e-2, 144.0), (0.4679, 2.0587), -21.1, 1e-4,
-            "E. R. Peck and D. J. Fisher, J. Opt. Soc. Am. 54 (1964) 1362",
-        ),
-        _gas(
-            "CO2", 44.0095, "sum",
-            (0.0, 1.54489e-6, 0.0584738, 0.083091927, 210.9241, 0.0028764190, 60.122959),
-            (0.480126, 1.817228), -150.0, 3e-4,
-            "J. G. Old, K. L. Gentili and E. R. Peck, J. Opt. Soc. Am. 61 (1971) 89",
-        ),
-        _gas(
-            "He", 4.002602, "sum", (0.0, 0.01470091, 423.98), (0.4801, 2.0586), 11.9, 3e-4,
-            "C. R. Mansfield and E. R. Peck, J. Opt. Soc. Am. 59 (1969) 199",
-        ),
-        _gas(
-            "H2", 2.01588, "sum", (0.0, 0.0148956, 180.7, 0.0049037, 92.0), (0.168, 1.6945), 13.7, 3e-4,
-            "E. R. Peck and S. Hung, J. Opt. Soc. Am. 67 (1977) 1550",
-        ),
-        _gas(
-            "Ne", 20.1797, "sellmeier", (9154.48e-8, 656.97e-6, 4018.63e-8, 5.728e-3), (0.4, 1.0), 10.8, 3e-3,
-            _BORZSONYI, (273.0, 100000.0),
-        ),
-        _gas(
-            "Kr", 83.798, "sellmeier", (26102.88e-8, 2.01e-6, 56946.82e-8, 10.043e-3), (0.4, 1.0), -62.8, 3e-3,
-            _BORZSONYI, (273.0, 100000.0),
-        ),
-        _gas(
-            "Xe", 131.293, "sellmeier", (103701.61e-8, 12.75e-3, 31228.61e-8, 0.561e-3), (0.4, 1.0), -154.0, 3e-3,
-            _BORZSONYI, (273.0, 100000.0),
-        ),
-    )
-}  # fmt: skip
-WATER = "H2O"
+# name, g/mol, form, its coefficients, um, cm3/mol, relative uncertainty, (K, Pa), paper
+_TABLE = [
+    ("N2", 28.0134, "sum", (6.8552e-5, 3.243157e-2, 144.0), (0.4679, 2.0587), -10.3, 1e-4, _NORMAL,
+     "E. R. Peck and B. N. Khanna, J. Opt. Soc. Am. 56 (1966) 1059"),
+    ("O2", 31.9988, "sum", (1.181494e-4, 9.708931e-3, 75.4), (0.4, 1.8), -17.3, 2e-4, (293.15, 101325.0),
+     "J. Zhang, Z. H. Lu and L. J. Wang, Appl. Opt. 47 (2008) 3143; P. Kren, Appl. Opt. 50 (2011) 6484"),
+    ("Ar", 39.948, "sum", (6.7867e-5, 3.0182943e-2, 144.0), (0.4679, 2.0587), -21.1, 1e-4, _NORMAL,
+     "E. R. Peck and D. J. Fisher, J. Opt. Soc. Am. 54 (1964) 1362"),
+    ("CO2", 44.0095, "sum", (0.0, 1.54489e-6, 0.0584738, 0.083091927, 210.9241, 0.0028764190, 60.122959),
+     (0.480126, 1.817228), -150.0, 3e-4, _NORMAL,
+     "J. G. Old, K. L. Gentili and E. R. Peck, J. Opt. Soc. Am. 61 (1971) 89"),
+    ("He", 4.002602, "sum", (0.0, 0.01470091, 423.98), (0.4801, 2.0586), 11.9, 3e-4, _NORMAL,
+     "C. R. Mansfield and E. R. Peck, J. Opt. Soc. Am. 59 (1969) 199"),
+    ("H2", 2.01588, "sum", (0.0, 0.0148956, 180.7, 0.0049037, 92.0), (0.168, 1.6945), 13.7, 3e-4, _NORMAL,
+     "E. R. Peck and S. Hung, J. Opt. Soc. Am. 67 (1977) 1550"),
+    ("Ne", 20.1797, "sellmeier", (9154.48e-8, 656.97e-6, 4018.63e-8, 5.728e-3), (0.4, 1.0), 10.8, 3e-3,
+     (273.0, 100000.0), _BORZSONYI),
+    ("Kr", 83.798, "sellmeier", (26102.88e-8, 2.01e-6, 56946.82e-8, 10.043e-3), (0.4, 1.0), -62.8, 3e-3,
+     (273.0, 100000.0), _BORZSONYI),
+    ("Xe", 131.293, "sellmeier", (103701.61e-8, 12.75e-3, 31228.61e-8, 0.561e-3), (0.4, 1.0), -154.0, 3e-3,
+     (273.0, 100000.0), _BORZSONYI),
+]  # fmt: skip
+SPECIES: dict[str, Species] = {row[0]: _gas(*row) for row in _TABLE}
 SPECIES_NAMES = (*SPECIES, WATER)
-# Ciddor's water vapour was fitted to moist air: the uncertainty is 1 % of the vapour's contribution.
-_WATER_UNCERTAINTY = 1e-2
 
 
 @dataclass(frozen=True, eq=False)
@@ -278,11 +245,7 @@ class Composition:
 
 
 def molar_mass(name: str) -> float:
-    """Return the molar mass of a species [kg/mol].
-
-    Raises:
-        ValueError: An unknown species; the message lists the known ones.
-    """
+    """Return the molar mass of a species [kg/mol]."""
     if name not in SPECIES_NAMES:
         raise ValueError(f"species {name!r} is not known: choose one of {', '.join(SPECIES_NAMES)}")
     return ciddor.WATER_MOLAR_MASS if name == WATER else SPECIES[name].molar_mass

@@ -15,11 +15,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..inputs.arguments import Numbers, checked
-from ..inputs.checks import check_positive
-from .exact_averages import smooth_averages
-from .exact_field import ExactField, edges, rectangles
-from .gas import GAMMA_AIR, SEA_LEVEL_DENSITY, check_density, check_gamma
+from aerokernels.flow.exact_field import ExactField, edges, rectangles, smooth_averages
+from aerokernels.flow.gas import GAMMA_AIR, SEA_LEVEL_DENSITY, check_density, check_gamma
+from aerokernels.inputs.arguments import Numbers, checked
+from aerokernels.inputs.checks import check_positive
 
 # Half width of the field in radii: at its faces the temperature deviation is 1e-15 of that in the middle.
 REACH = 6.0

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from scipy.constants import speed_of_light
 
-from aerokernels.echo.stored import echo_of_result
+from aerokernels.echo.result import echo_of_result
 from aerokernels.files.netcdf_reading import open_netcdf
 from aerokernels.hardware.frames import GREATEST_SAMPLE_COUNT, EchoFrame
 from aerokernels.inputs.checks import as_finite_array, as_waveform, check_at_least, check_count, check_path

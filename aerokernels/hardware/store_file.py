@@ -90,7 +90,7 @@ def described_errors(path: Path) -> Iterator[None]:
         }
         if code in remedies:
             raise FileFault(f"store {path}: {' '.join(str(error).split())}; {remedies[code]}") from error
-        if isinstance(error, sqlite3.ProgrammingError) and "closed" in str(error):
+        if isinstance(error, sqlite3.ProgrammingError) and not code:
             raise FileFault(f"store {path}: it is closed; open it again") from None
         raise  # a fault of this program, not of the file
 

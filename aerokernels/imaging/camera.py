@@ -15,8 +15,10 @@ from typing import Any
 import numpy as np
 
 from ..inputs.arguments import checked
-from ..inputs.checks import check_positive
+from ..inputs.checks import check_count, check_positive
 from ..pupils import Pupil
+from ..rays import RayBundle
+from ..tracing import Plane
 
 GREATEST_PIXELS = 100_000_000
 
@@ -112,6 +114,46 @@ class Camera:
             found[:, axis] = x * first[axis] + y * second[axis] + size * self.pupil.normal[axis]
         return found
 
+    @property
+    def scene_plane(self) -> Plane | None:
+        """The plane of the scene, on which rays end; None for a far scene: rays end where they leave the field."""
+        if not np.isfinite(self.distance):
+            return None
+        return Plane(self.pupil.center + self.distance * self.pupil.normal, self.pupil.normal)
+
+    def rays(self, point: np.ndarray, x: np.ndarray, y: np.ndarray) -> RayBundle:
+        """Return rays of a point of the aperture [m] for pixels that look along tangents x and y, of shape (n,)."""
+        first, second = self.pupil.axes
+        start = self.pupil.center + point[0] * first + point[1] * second
+        directions = self.directions(x - point[0] / self.focus_distance, y - point[1] / self.focus_distance)
+        return RayBundle.of_units(np.broadcast_to(start, (len(x), 3)), directions)
+
+    def shift(self, ends: np.ndarray, point: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """Return where rays meet the scene less where they would without the flow [pixels], shape (n, 2).
+
+        Args:
+            ends: End points of the rays [m], or their final directions if the scene is far, shape (n, 3).
+            point: The points of the aperture at which they start [m], shape (2,) or (n, 2).
+            x: Tangents of their pixels along x, shape (n,).
+            y: Tangents along y.
+        """
+        if np.isfinite(self.distance):
+            met = (self.across(ends - self.pupil.center) - point) / self.distance
+        else:
+            met = self.across(ends) / along(ends, self.pupil.normal)[:, None]
+        straight = np.stack([x, y], axis=1) - np.asarray(point) / self.focus_distance
+        return np.asarray((met - straight) / self.pixel_tangent)
+
+    def aperture(self, count: int) -> "Aperture":
+        """Return about so many points of the aperture, or its middle alone for 1."""
+        if check_count(count, "aperture_rays") == 1:
+            return Aperture(np.zeros((1, 2)), np.ones(1))
+        points, weight = self.pupil.sample(int(count), "gauss")
+        flat = self.across(points - self.pupil.center)
+        # The sampling weights include the amplitude transmission once: light has its square.
+        light = weight * self.pupil.transmission(flat[:, 0], flat[:, 1])
+        return Aperture(flat, light / light.sum())
+
     def across(self, vectors: np.ndarray) -> np.ndarray:
         """Return the components of vectors (n, 3) along the pupil's axes, shape (n, 2)."""
         found = np.empty((len(vectors), 2))
@@ -138,3 +180,20 @@ def rows_and_columns(counts: Any, name: str) -> tuple[int, int]:
     if rows * columns > GREATEST_PIXELS:
         raise ValueError(f"{rows} x {columns} pixels are more than {GREATEST_PIXELS:.0e}")
     return rows, columns
+
+
+@dataclass(frozen=True, eq=False)
+class Aperture:
+    """Points of an aperture along its axes [m], shape (n, 2), and their shares of the light, shape (n,)."""
+
+    points: np.ndarray
+    weights: np.ndarray
+
+    def mean(self, shift: np.ndarray) -> np.ndarray:
+        """Return the displacement of the picture's content [pixels], shape (m, 2), of shifts (m, n, 2)."""
+        return np.asarray(-np.einsum("j,ijk->ik", self.weights, shift))
+
+    def blur(self, shift: np.ndarray) -> np.ndarray:
+        """Return the root mean square distances from the mean [pixels], shape (m, 2), of shifts (m, n, 2)."""
+        apart = shift + self.mean(shift)[:, None]
+        return np.asarray(np.sqrt(np.einsum("j,ijk->ik", self.weights, apart**2)))

@@ -14,16 +14,15 @@ from typing import Any
 
 import numpy as np
 
-from aerokernels.process.threads import product_on_one_core
-
+from ..inputs.wavelength import check_spectrum
 from ..medium import IndexField
-from ..process.threads import in_threads
+from ..process.threads import in_threads, product_on_one_core
 from ..rays import RayBundle
 from ..tracing import Plane, trace
-from ..tracing.beyond import way_beyond
-from ..tracing.meeting import greatest_contrast
+from ..tracing.lines import greatest_contrast
 from ..tracing.status import reached
-from ..wavefront.grid import pupil_grid
+from ..tracing.stop import way_beyond
+from ..wavefront.pixels import pupil_grid
 from .camera import Camera, along
 
 # Nodes whose point spread functions are computed together; side of a tile of the pupil's pixels, whose rays are
@@ -294,3 +293,32 @@ def _through_pixels(wave: np.ndarray, fraction: np.ndarray, scale: np.ndarray, s
     columns[..., 1:] *= 2.0
     light = product_on_one_core(product_on_one_core(both, correlation), columns.transpose(0, 2, 1)).real
     return np.maximum(light, 0.0)  # rounding in dark pixels
+
+
+@dataclass(frozen=True, eq=False)
+class Spectrum:
+    """Light of several wavelengths.
+
+    Attributes:
+        wavelengths: Vacuum wavelengths [m], shape (n,).
+        weights: Shares of the light, shape (n,), or (n, colours), a column for each colour; each sums to 1.
+    """
+
+    wavelengths: np.ndarray
+    weights: np.ndarray
+
+    @classmethod
+    def of(cls, wavelengths, weights=None, scene: np.ndarray | None = None) -> "Spectrum":
+        """Check and make a spectrum; for a scene with colours the weights may have a column for each.
+
+        Raises:
+            ValueError: There are no wavelengths, one is outside 0.1 to 20 um, or weights have another shape, are
+                negative or all 0.
+        """
+        colours = scene.shape[2] if scene is not None and scene.ndim == 3 else None
+        return cls(*check_spectrum(wavelengths, weights, colours))
+
+    @property
+    def mean_weights(self) -> np.ndarray:
+        """Shares of the light, averaged over all colours, shape (n,)."""
+        return self.weights if self.weights.ndim == 1 else self.weights.mean(axis=1)

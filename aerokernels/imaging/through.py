@@ -17,25 +17,22 @@ from typing import Any
 
 import numpy as np
 
-from aerokernels.files.writing import write_grey
-from aerokernels.inputs.kinds import refuse_masked
-
+from ..display.shown import drawn_on
+from ..files.writing import write_grey
 from ..inputs.arguments import Numbers, checked
 from ..inputs.checks import check_count
+from ..inputs.kinds import refuse_masked
 from ..medium import IndexField
 from ..process.clock import clocked, stage
 from ..sensor import Sensor
-from ..wavefront.grid import pupil_grid
+from ..wavefront.pixels import pupil_grid
 from .camera import Camera
 from .render import render
 from .shift import APERTURE_RAYS, BackgroundDisplacement, check_view, gather
-from .spectrum import Spectrum
-from .spreads import SpreadGrid, defocus_paths, mixed, phasors, pixel_spreads, spread_grid
+from .spreads import Spectrum, SpreadGrid, defocus_paths, mixed, phasors, pixel_spreads, spread_grid
 
 # Defaults: nodes along a side, pixels across a point spread function, rays across the pupil.
 NODE_COUNT, SIZE, PUPIL_PIXELS = 9, 32, 32
-# Share of the light that point spread functions may leave out before a warning.
-MOST_LOST = 0.2
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -115,9 +112,10 @@ class ImageThrough:
 
     def plot(self, axes=None):
         """Draw the picture on matplotlib axes; return the axes."""
-        from .plots import plot_picture
-
-        return plot_picture(self.image, axes)
+        axes = drawn_on(axes)
+        axes.imshow(self.image, origin="lower", cmap="gray")
+        axes.set(xlabel="column [pixels]", ylabel="row [pixels]")
+        return axes
 
     def __repr__(self) -> str:
         """Size, displacement and point spread functions."""
@@ -217,7 +215,7 @@ def image_through(
         image = sensor.expose(image, seed)
     spreads = mixed(grids, light.mean_weights)
     lost = 1.0 - float(spreads.kept.min())
-    if lost > MOST_LOST:
+    if lost > 0.2:
         warnings.warn(
             f"{100.0 * lost:.3g} % of the light of a point spread function is outside of its {psf_pixels} pixels, the "
             "picture has too little blur: take more psf_pixels",

@@ -12,15 +12,18 @@ single numbers arrive as Python's floats, whatever they are: NumPy computes in s
 
 Numbers of the right kind that make a computation overflow (1e300) raise a ValueError that names them. The function
 itself checks whether a number makes sense, and checks parameters that are objects of a class.
+
+Parameters that many functions share are entries of a TypedDict: `**options: Unpack[TraceOptions]` takes each as a
+keyword, which `inspect.signature` shows with its default, `TraceOptions.defaults[name]`.
 """
 
+import dis
 import functools
 import inspect
 import math
 import re
-import traceback
 import typing
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, TypeVar
@@ -31,24 +34,19 @@ from aerokernels.inputs.kinds import (
     Kinds,
     is_number,
     members_of,
+    on_host,
     only_dlpack,
-    read_by_numpy,
     refuse_half_precision,
     refuse_masked,
-    refuse_shuffled,
     shown,
 )
-from aerokernels.inputs.kinds import Numbers as Numbers
+from aerokernels.inputs.kinds import Numbers as Numbers  # public functions take both names from here
 from aerokernels.process.opened import make_forks_safe
 
 F = TypeVar("F", bound=Callable[..., Any])
 # Beyond these, squares and products of four numbers leave float64's range; no physical quantity is near them.
 GREAT, SMALL = 1e60, 1e-60
-# Values that are no arrays of any library, by their exact type: most arguments.
-_PLAIN = frozenset((int, float, str, bool, type(None)))
 _PACKAGE = str(Path(__file__).resolve().parents[1])
-# Numbers that need more digits than half precision has, beside all that have a unit.
-_PRECISE = ("opd", "direction")
 _UNIT = re.compile(r"^\s*`{0,2}(\w+)`{0,2}:[^\[\n]*\[([^\]\d,][^\],]*)\]", re.MULTILINE)
 # Messages of Python and NumPy for numbers out of range, which name no argument.
 _BARE = re.compile(r"cannot convert float (NaN|infinity) to integer|int too large|Maximum allowed (size|dimension)|"
@@ -59,72 +57,46 @@ def checked(target: F) -> F:
     """Return the function, or class, with a check of its arguments before each call; see this module's docstring."""
     if isinstance(target, type):
         own = target.__init__  # type: ignore[misc]
-        target.__init__ = _looking(own, target.__name__, lambda: own, target)  # type: ignore[misc]
+        target.__init__ = _checking(own, target.__name__, own, target)  # type: ignore[misc]
         return target
-    return typing.cast(F, _looking(target, _readable(target), lambda: target, target))
+    name = target.__qualname__.removesuffix(".__init__").removesuffix(".__call__")
+    return typing.cast(F, _checking(target, name, target, target))
 
 
-def _readable(function: Any) -> str:
-    return function.__qualname__.removesuffix(".__init__").removesuffix(".__call__")
-
-
-def _looking(function: Callable, name: str, described: Callable, documented: Any) -> Callable:
-    takes: dict[str, Kinds] = {}  # parameters that are numbers, texts or booleans
-    objects: dict[str, Kinds] = {}  # parameters that are objects of classes
-    binding: Binding | None = None
+def _checking(function: Callable, name: str, described: Any, documented: Any) -> Callable:
+    taken: dict[str, Kinds] = {}
+    signature: inspect.Signature | None = None
 
     @functools.wraps(function)
     def call(*given: Any, **named: Any) -> Any:
-        nonlocal binding
-        if binding is None:
+        nonlocal signature
+        if signature is None:
             make_forks_safe()
-            for parameter, kinds in _taken(function, documented).items():
-                (objects if kinds.has_classes else takes)[parameter] = kinds
-            binding = Binding(inspect.signature(described()))
+            taken.update(_taken(function, documented))
+            signature = _signature(described)
         try:
-            arguments = binding.bind(given, named)
+            bound = signature.bind(*given, **named)
         except TypeError:
-            if wrong := _unknown_name(binding.signature, named):
+            if wrong := _unknown_name(signature, named):
                 raise TypeError(f"{name} has no argument {wrong}") from None
             return function(*given, **named)  # raises Python's own message for missing or extra arguments
-        if arrays := {key: value for key, value in arguments.items() if type(value) not in _PLAIN and key != "self"}:
-            if read := read_by_numpy(arrays.values()):
-                given = tuple(read.get(id(value), value) for value in given)
-                named = {key: read.get(id(value), value) for key, value in named.items()}
-                arguments = {key: read.get(id(value), value) for key, value in arguments.items()}
-            refuse_shuffled(arrays)
-        for parameter, value in arguments.items():
-            if parameter in arrays:
-                refuse_masked(value, parameter)
-            if (taken := takes.get(parameter)) is not None:
-                if parameter in arrays and (taken.unit or parameter in _PRECISE):
-                    refuse_half_precision(value, parameter)
-                if wrong := taken.mistake(value, parameter, name):
-                    raise TypeError(wrong)
-        plain = {}
-        for parameter, value in arguments.items():
-            if (known := takes.get(parameter) or objects.get(parameter)) is None:
-                continue
-            if known.are_numbers and (wrong := _out_of_proportion(value, parameter, name)):
-                raise ValueError(wrong)
-            if (number := known.plain(value, parameter, name)) is not value:
-                plain[parameter] = number
-        if plain:
-            bound = binding.signature.bind(*given, **named)
-            bound.arguments.update(plain)
-            given, named, arguments = bound.args, bound.kwargs, arguments | plain
+        arguments = bound.arguments
+        is_changed = False
+        for parameter, value in list(arguments.items()):
+            if parameter != "self":
+                arguments[parameter] = _accepted(value, parameter, taken.get(parameter), name)
+                is_changed = is_changed or arguments[parameter] is not value
         try:
-            return function(*given, **named)
-        except (OverflowError, FloatingPointError, ZeroDivisionError) as error:
+            return function(*bound.args, **bound.kwargs) if is_changed else function(*given, **named)
+        except ArithmeticError as error:
             raise ValueError(_out_of_range(name, arguments, error)) from error
         except (AttributeError, TypeError, ValueError, IndexError) as error:
-            if _in_words(error):
+            if _is_ours(error):
                 raise
-            # Checked last, because many functions report more about an object than its class.
+            # Objects are checked last, because many functions report more about an object than its class.
             for parameter, value in arguments.items():
-                if parameter in objects and (wrong := objects[parameter].mistake(value, parameter, name)):
+                if parameter in taken and (wrong := taken[parameter].mistake(value, parameter, name)):
                     raise TypeError(wrong) from error
-            for parameter, value in arguments.items():
                 if only_dlpack(value):
                     what = f"{parameter} is a {type(value).__name__} that NumPy cannot read"
                     raise TypeError(f"{what}: copy it to the host (in {name})") from error
@@ -132,7 +104,52 @@ def _looking(function: Callable, name: str, described: Callable, documented: Any
                 raise ValueError(_out_of_range(name, arguments, error)) from error
             raise
 
+    if has_options(function):
+        call.__signature__ = _signature(function)  # type: ignore[attr-defined]
     return call
+
+
+def has_options(function: Callable) -> bool:
+    """Whether a function takes the entries of a TypedDict as keywords."""
+    return any(_is_shared(kind) for kind in getattr(function, "__annotations__", {}).values())
+
+
+def _is_shared(annotation: Any) -> bool:
+    return typing.get_origin(annotation) is typing.Unpack
+
+
+def _signature(function: Callable) -> inspect.Signature:
+    """The signature of a function, with the entries of a TypedDict in place of `**options: Unpack[...]`."""
+    signature = inspect.signature(function)
+    parameters: list[inspect.Parameter] = []
+    for one in signature.parameters.values():
+        if not _is_shared(one.annotation):
+            parameters.append(one)
+            continue
+        (options,) = typing.get_args(one.annotation)
+        for name, kind in options.__annotations__.items():
+            new = inspect.Parameter(name, one.KEYWORD_ONLY, default=options.defaults[name], annotation=kind)
+            parameters.append(new)
+    return signature.replace(parameters=parameters)
+
+
+def _accepted(value: Any, parameter: str, taken: Kinds | None, name: str) -> Any:
+    """Return an argument as the function gets it; raises TypeError or ValueError with a message for a wrong one."""
+    is_plain = type(value) in (int, float, str, bool, type(None))  # of no library of arrays, as most arguments
+    if not is_plain:
+        value = on_host(value)
+        refuse_masked(value, parameter)
+    if taken is None:
+        return value
+    if not taken.has_classes:
+        # Numbers that need more digits than half precision has.
+        if not is_plain and (taken.unit or parameter in ("opd", "direction")):
+            refuse_half_precision(value, parameter)
+        if wrong := taken.mistake(value, parameter, name):
+            raise TypeError(wrong)
+    if taken.are_numbers and (wrong := _out_of_proportion(value, parameter, name)):
+        raise ValueError(wrong)
+    return taken.plain(value, parameter, name)
 
 
 def _unknown_name(signature: inspect.Signature, named: Iterable[str]) -> str:
@@ -171,10 +188,15 @@ def _out_of_proportion(value: Any, parameter: str, owner: str) -> str:
     return ""
 
 
-def _in_words(error: Exception) -> bool:
+def _is_ours(error: Exception) -> bool:
     """Return whether a `raise` statement of this package raised the error, and not Python or NumPy."""
-    where = traceback.extract_tb(error.__traceback__)[-1]
-    return where.filename.startswith(_PACKAGE) and (where.line or "").startswith("raise")
+    last = error.__traceback__
+    while last is not None and last.tb_next is not None:
+        last = last.tb_next
+    if last is None:
+        return False
+    code = last.tb_frame.f_code
+    return code.co_filename.startswith(_PACKAGE) and code.co_code[last.tb_lasti] == dis.opmap["RAISE_VARARGS"]
 
 
 def units_in(text: str) -> dict[str, str]:
@@ -184,7 +206,10 @@ def units_in(text: str) -> dict[str, str]:
 
 def _taken(function: Callable, documented: Any) -> dict[str, Kinds]:
     """Return the kinds that each parameter accepts, if all of them are known."""
-    units = units_in("\n".join(filter(None, [documented.__doc__, function.__doc__])))
+    shared = [
+        typing.get_args(kind)[0] for kind in getattr(function, "__annotations__", {}).values() if _is_shared(kind)
+    ]
+    units = units_in("\n".join(filter(None, [one.__doc__ for one in (documented, function, *shared)])))
     found = {}
     for name, annotation in _annotations(function, documented).items():
         members = members_of(annotation)
@@ -198,6 +223,9 @@ def _annotations(function: Callable, documented: Any) -> dict[str, Any]:
     names = getattr(inspect.unwrap(function), "__globals__", {})
     if isinstance(documented, type):  # a dataclass's __init__ does not have its module's globals
         names = vars(inspect.getmodule(documented))
+    if has_options(function):
+        (options,) = typing.get_args(next(filter(_is_shared, found.values())))
+        found |= options.__annotations__
     for name, annotation in found.items():
         if isinstance(annotation, str):
             try:
@@ -213,44 +241,3 @@ def seconds(values: np.ndarray) -> np.ndarray:
         return np.asarray(values, dtype=np.float64)
     since = values - values[:1] if values.dtype.kind == "M" else values
     return np.asarray(since / np.timedelta64(1, "s"), dtype=np.float64)
-
-
-class Binding:
-    """The parameters of a function.
-
-    Attributes:
-        signature: The function's signature.
-    """
-
-    def __init__(self, signature: inspect.Signature):
-        """Sort the parameters."""
-        self.signature = signature
-        parameters = signature.parameters.values()
-        self._plain = all(
-            each.kind in (inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY)
-            for each in parameters
-        )
-        self._in_order = [each.name for each in parameters if each.kind is inspect.Parameter.POSITIONAL_OR_KEYWORD]
-        self._names = [each.name for each in parameters]
-        self._known = set(self._names)
-        self._needed = {each.name for each in parameters if each.default is inspect.Parameter.empty}
-        in_order = all(
-            each.kind is inspect.Parameter.POSITIONAL_OR_KEYWORD for each in parameters if each.name in self._needed
-        )
-        self._least = len(self._needed) if in_order else len(parameters) + 1  # positions that are enough without names
-
-    def bind(self, given: tuple[Any, ...], named: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the arguments by name, in the order of the parameters, without defaults.
-
-        Raises:
-            TypeError: They do not fit the parameters.
-        """
-        if self._plain and len(given) <= len(self._in_order):
-            arguments = dict(zip(self._in_order, given, strict=False))
-            if not named and len(given) >= self._least:
-                return arguments
-            count = len(arguments) + len(named)
-            arguments.update(named)
-            if len(arguments) == count and self._needed <= arguments.keys() <= self._known:
-                return {name: arguments[name] for name in self._names if name in arguments}
-        return dict(self.signature.bind(*given, **named).arguments)

@@ -18,9 +18,7 @@ else:
         """Annotation of a parameter: real numbers in an array of any shape, or anything NumPy converts to one."""
 
 
-# Greater whole numbers are no float64; Python would compute a power at each use.
-_GREAT = 10**308
-_SHOWN = 60  # characters of a value in a message
+_GREAT = 10**308  # greater whole numbers are no float64; Python would compute a power at each use
 
 
 class Kinds:
@@ -93,10 +91,8 @@ def members_of(annotation: Any) -> list[Any] | None:
 
 
 def _takes(kind: Any, value: Any) -> bool:
-    if kind is float:
-        return is_number(value)
-    if kind is int:
-        return is_number(value)  # 1e4 may be a count: see Kinds.whole
+    if kind in (float, int):
+        return is_number(value)  # 1e4 may be a count
     if kind is bool:
         return isinstance(value, (bool, np.bool_)) or (type(value) is int and value in (0, 1))
     if kind is np.ndarray:
@@ -188,7 +184,7 @@ def shown(value: Any) -> str:
         text = " ".join(repr(value).split())
     except Exception:
         text = f"a {type(value).__name__}"
-    return text if len(text) <= _SHOWN else f"{text[: _SHOWN - 3]}..."
+    return text if len(text) <= 60 else f"{text[:57]}..."
 
 
 def _remedy(value: Any, members: Sequence[Any]) -> str:
@@ -205,10 +201,6 @@ def _remedy(value: Any, members: Sequence[Any]) -> str:
     return ""
 
 
-# DLPack's number of the computer's own memory.
-PROCESSOR = 1
-
-
 def only_dlpack(value: Any) -> bool:
     """Return whether a value is an array of another library that `numpy.asarray` does not read."""
     if isinstance(value, type) or not hasattr(value, "__dlpack__"):
@@ -216,19 +208,13 @@ def only_dlpack(value: Any) -> bool:
     return not (hasattr(value, "__array__") or hasattr(value, "__array_interface__"))
 
 
-def read_by_numpy(values: Iterable[Any]) -> dict[int, np.ndarray]:
-    """Return NumPy arrays, without a copy, of the values in the computer's memory known by DLPack alone, by their ids.
+def on_host(value: Any) -> Any:
+    """Return a NumPy array, without a copy, of an array in the computer's memory that is known by DLPack alone.
 
-    Values on a device are left to the functions that accept them.
+    Other values, and those on a device, are left to the functions that accept them.
     """
-    found = {}
-    for value in values:
-        if only_dlpack(value) and int(value.__dlpack_device__()[0]) == PROCESSOR:
-            found[id(value)] = np.from_dlpack(value)
-    return found
-
-
-_ENTRIES = (float, int, str)
+    in_memory = 1  # DLPack's number of the computer's own memory
+    return np.from_dlpack(value) if only_dlpack(value) and int(value.__dlpack_device__()[0]) == in_memory else value
 
 
 def refuse_masked(value: Any, name: str) -> None:
@@ -263,19 +249,7 @@ def _parts(value: Any) -> Iterator[Any]:
     """Yield a value, or the entries of a list or tuple and of those within it, without plain numbers."""
     if isinstance(value, (list, tuple)):
         for entry in value:
-            if type(entry) not in _ENTRIES:
+            if type(entry) not in (float, int, str):
                 yield from _parts(entry)
     else:
         yield value
-
-
-def refuse_shuffled(arguments: dict[str, Any]) -> None:
-    """Reject pandas columns with the same labels in different orders: their numbers would be paired by position."""
-    labelled = [(name, value.index) for name, value in arguments.items() if hasattr(value, "iloc")]
-    for name, index in labelled[1:]:
-        first, order = labelled[0]
-        if len(index) == len(order) and not index.equals(order) and index.sort_values().equals(order.sort_values()):
-            raise ValueError(
-                f"{first} and {name} have the same labels in different orders, but are paired by position: bring them "
-                f"into one order ({name}.loc[{first}.index]), or drop the labels ({name}.to_numpy())"
-            )

@@ -1,6 +1,8 @@
-"""Convert quantities with units, such as "905 nm", to SI numbers.
+"""Units: quantities such as "905 nm" that a user types, and units as files write them, to SI numbers.
 
-Units are accepted at the edges (scene files, command line) and nowhere else: all internal numbers are SI.
+`quantity` reads a number and one unit of a short list. It serves the edges (scene files, command line) and nothing
+else: all internal numbers are SI. Programs write products and quotients of units beside their arrays, in many
+spellings: "kg m-3", "kilogram / meter ** 3", "hPa", "0.2 kg/m3". `written_unit` converts these to a factor to SI.
 """
 
 import math
@@ -9,44 +11,49 @@ from dataclasses import dataclass
 from decimal import Decimal, DecimalException
 from fractions import Fraction
 
+
+def _prefixed(unit: str, powers: dict[str, int]) -> dict[str, float]:
+    """Return the factors to SI of a unit with prefixes, by their powers of ten."""
+    return {f"{prefix}{unit}": float(f"1e{power}") for prefix, power in powers.items()}
+
+
 # For each dimension: its noun in messages, its SI unit, and the factor from each unit to SI.
 _DIMENSIONS: dict[str, tuple[str, str, dict[str, float]]] = {
-    "length": ("a length", "m", {"nm": 1e-9, "um": 1e-6, "mm": 1e-3, "cm": 1e-2, "m": 1.0, "km": 1e3}),
-    "time": ("a time", "s", {"fs": 1e-15, "ps": 1e-12, "ns": 1e-9, "us": 1e-6, "ms": 1e-3, "s": 1.0}),
+    "length": ("a length", "m", _prefixed("m", {"n": -9, "u": -6, "m": -3, "c": -2, "": 0, "k": 3})),
+    "time": ("a time", "s", _prefixed("s", {"f": -15, "p": -12, "n": -9, "u": -6, "m": -3, "": 0})),
     "angle": (
         "an angle",
         "rad",
-        {"urad": 1e-6, "mrad": 1e-3, "rad": 1.0, "arcsec": math.pi / 648e3, "deg": math.pi / 180},
+        {**_prefixed("rad", {"u": -6, "m": -3, "": 0}), "arcsec": math.pi / 648e3, "deg": math.pi / 180},
     ),
-    "power": ("a power", "W", {"nW": 1e-9, "uW": 1e-6, "mW": 1e-3, "W": 1.0, "kW": 1e3, "MW": 1e6}),
+    "power": ("a power", "W", _prefixed("W", {"n": -9, "u": -6, "m": -3, "": 0, "k": 3, "M": 6})),
     "pressure": (
         "a pressure",
         "Pa",
-        {"Pa": 1.0, "hPa": 1e2, "kPa": 1e3, "MPa": 1e6, "mbar": 1e2, "bar": 1e5, "atm": 101325.0},
+        {**_prefixed("Pa", {"": 0, "h": 2, "k": 3, "M": 6}), "mbar": 1e2, "bar": 1e5, "atm": 101325.0},
     ),
     "temperature": ("a temperature", "K", {"K": 1.0, "degC": 1.0}),
     "density": ("a density", "kg/m3", {"kg/m3": 1.0, "g/m3": 1e-3, "g/L": 1.0, "g/cm3": 1e3}),
-    "speed": ("a speed", "m/s", {"m/s": 1.0, "km/s": 1e3}),
-    "frequency": ("a frequency", "Hz", {"Hz": 1.0, "kHz": 1e3, "MHz": 1e6, "GHz": 1e9}),
-    "voltage": ("a voltage", "V", {"uV": 1e-6, "mV": 1e-3, "V": 1.0}),
+    "speed": ("a speed", "m/s", _prefixed("m/s", {"": 0, "k": 3})),
+    "frequency": ("a frequency", "Hz", _prefixed("Hz", {"": 0, "k": 3, "M": 6, "G": 9})),
+    "voltage": ("a voltage", "V", _prefixed("V", {"u": -6, "m": -3, "": 0})),
     "responsivity": (
         "a responsivity",
         "V/W",
-        {"V/W": 1.0, "mV/W": 1e-3, "kV/W": 1e3, "V/mW": 1e3, "V/uW": 1e6, "mV/uW": 1e3},
+        {**_prefixed("V/W", {"": 0, "m": -3, "k": 3}), "V/mW": 1e3, "V/uW": 1e6, "mV/uW": 1e3},
     ),
-    "current": ("a current", "A", {"pA": 1e-12, "nA": 1e-9, "uA": 1e-6, "mA": 1e-3, "A": 1.0}),
-    "photodiode responsivity": ("a photodiode's responsivity", "A/W", {"A/W": 1.0, "mA/W": 1e-3}),
+    "current": ("a current", "A", _prefixed("A", {"p": -12, "n": -9, "u": -6, "m": -3, "": 0})),
+    "photodiode responsivity": ("a photodiode's responsivity", "A/W", _prefixed("A/W", {"": 0, "m": -3})),
     "noise current density": (
         "a noise current density",
         "A/rtHz",
-        {"A/rtHz": 1.0, "nA/rtHz": 1e-9, "pA/rtHz": 1e-12, "fA/rtHz": 1e-15},
+        _prefixed("A/rtHz", {"": 0, "n": -9, "p": -12, "f": -15}),
     ),
-    "resistance": ("a resistance", "Ohm", {"Ohm": 1.0, "kOhm": 1e3, "MOhm": 1e6}),
+    "resistance": ("a resistance", "Ohm", _prefixed("Ohm", {"": 0, "k": 3, "M": 6})),
     "gladstone-dale": ("a Gladstone-Dale constant", "m3/kg", {"m3/kg": 1.0, "cm3/g": 1e-3}),
     "dimensionless": ("a plain number", "", {"": 1.0, "%": 1e-2}),
 }
-# Added after scaling.
-_OFFSET = {"degC": 273.15}
+_CELSIUS = 273.15  # [K], added to degrees
 # Other spellings of the same unit: the micro sign and the Greek mu, exponents, degrees, roots, the ohm and omega.
 _SPELLING = {"µ": "u", "μ": "u", "³": "3", "^": "", "°C": "degC", "°": "deg", "percent": "%"}
 _SPELLING |= {"sqrt(Hz)": "rtHz", "√Hz": "rtHz", "\u03a9": "Ohm", "\u2126": "Ohm", "ohm": "Ohm"}
@@ -93,7 +100,8 @@ def quantity(value: float | str, dimension: str) -> float:
         raise ValueError(f"{value!r} is not {noun}, {_what_unit_is(unit)}: {_accepted(dimension)}")
     try:
         # Multiply as decimals, so that "6 ns" is the float 6e-9 and not its neighbour.
-        number = float(Decimal(match[1]) * Decimal(repr(units.get(unit, 1.0))) + Decimal(repr(_OFFSET.get(unit, 0.0))))
+        zero = Decimal(repr(_CELSIUS if unit == "degC" else 0.0))
+        number = float(Decimal(match[1]) * Decimal(repr(units.get(unit, 1.0))) + zero)
     except (DecimalException, OverflowError):
         number = math.inf
     return _finite(number, value, dimension)
@@ -128,71 +136,49 @@ def _what_unit_is(unit: str) -> str:
 
 
 LONGEST_TEXT = 200  # characters of a unit; an attribute may have millions
-LEAST = Fraction(1, 10**100)  # factor of a unit to SI, and the inverse of the greatest
-NONE = (0, 0, 0, 0)
 # Exponents of metre, kilogram, second and kelvin.
 EXPONENTS = {"length": (1, 0, 0, 0), "density": (-3, 1, 0, 0), "pressure": (-1, 1, -2, 0), "temperature": (0, 0, 0, 1),
-              "time": (0, 0, 1, 0)}  # fmt: skip
-ARTICLES = {name: f"a {name}" for name in EXPONENTS}
-_FORCE = (1, 1, -2, 0)
-_POUND, _INCH = 0.45359237, 0.0254
+             "time": (0, 0, 1, 0)}  # fmt: skip
+_LENGTH, _PRESSURE, _TIME, _KELVIN = (EXPONENTS[name] for name in ("length", "pressure", "time", "temperature"))
+_MASS, _VOLUME, _FORCE = (0, 1, 0, 0), (3, 0, 0, 0), (1, 1, -2, 0)
+_POUND, _INCH, _GRAVITY = 0.45359237, 0.0254, 9.80665
+_FOOT = 12 * _INCH
 # Units that accept a prefix, by their symbols and by their names.
 _SYMBOLS: dict[str, tuple[float, tuple[int, int, int, int]]] = {
-    "m": (1.0, EXPONENTS["length"]), "g": (1e-3, (0, 1, 0, 0)), "s": (1.0, EXPONENTS["time"]),
-    "K": (1.0, EXPONENTS["temperature"]), "Pa": (1.0, EXPONENTS["pressure"]), "bar": (1e5, EXPONENTS["pressure"]),
-    "N": (1.0, _FORCE), "L": (1e-3, (3, 0, 0, 0)), "l": (1e-3, (3, 0, 0, 0)),
+    "m": (1.0, _LENGTH), "g": (1e-3, _MASS), "s": (1.0, _TIME), "K": (1.0, _KELVIN), "Pa": (1.0, _PRESSURE),
+    "bar": (1e5, _PRESSURE), "N": (1.0, _FORCE), "L": (1e-3, _VOLUME), "l": (1e-3, _VOLUME),
 }  # fmt: skip
 _NAMES = {"meter": "m", "metre": "m", "gram": "g", "second": "s", "kelvin": "K", "pascal": "Pa", "bar": "bar",
           "newton": "N", "liter": "L", "litre": "L"}  # fmt: skip
 _PREFIXES = {"n": 1e-9, "u": 1e-6, "m": 1e-3, "c": 1e-2, "d": 1e-1, "h": 1e2, "k": 1e3, "M": 1e6, "G": 1e9}
-_PREFIX_NAMES = {"nano": 1e-9, "micro": 1e-6, "milli": 1e-3, "centi": 1e-2, "deci": 1e-1, "hecto": 1e2, "kilo": 1e3,
-                 "mega": 1e6, "giga": 1e9}  # fmt: skip
+_PREFIX_NAMES = dict(zip(("nano", "micro", "milli", "centi", "deci", "hecto", "kilo", "mega", "giga"),
+                         _PREFIXES.values(), strict=True))  # fmt: skip
 _OTHERS = {
-    "in": (_INCH, (1, 0, 0, 0)), "inch": (_INCH, (1, 0, 0, 0)), "inches": (_INCH, (1, 0, 0, 0)),
-    "ft": (12 * _INCH, (1, 0, 0, 0)), "foot": (12 * _INCH, (1, 0, 0, 0)), "feet": (12 * _INCH, (1, 0, 0, 0)),
-    "micron": (1e-6, (1, 0, 0, 0)), "microns": (1e-6, (1, 0, 0, 0)), "cc": (1e-6, (3, 0, 0, 0)),
-    "lb": (_POUND, (0, 1, 0, 0)), "lbm": (_POUND, (0, 1, 0, 0)),
-    "slug": (_POUND * 9.80665 / (12 * _INCH), (0, 1, 0, 0)), "slugs": (_POUND * 9.80665 / (12 * _INCH), (0, 1, 0, 0)),
-    "lbf": (_POUND * 9.80665, _FORCE),
-    "psi": (_POUND * 9.80665 / _INCH**2, EXPONENTS["pressure"]),
-    "psf": (_POUND * 9.80665 / (12 * _INCH) ** 2, EXPONENTS["pressure"]),
-    "atm": (101325.0, EXPONENTS["pressure"]), "Torr": (101325.0 / 760.0, EXPONENTS["pressure"]),
-    "Kg": (1.0, (0, 1, 0, 0)), "KG": (1.0, (0, 1, 0, 0)), "KPa": (1e3, EXPONENTS["pressure"]),
-    "PA": (1.0, EXPONENTS["pressure"]), "pa": (1.0, EXPONENTS["pressure"]),
-    "mb": (100.0, EXPONENTS["pressure"]), "dyn": (1e-5, _FORCE), "dyne": (1e-5, _FORCE),
-    "sec": (1.0, EXPONENTS["time"]), "min": (60.0, EXPONENTS["time"]), "minute": (60.0, EXPONENTS["time"]),
-    "minutes": (60.0, EXPONENTS["time"]), "hour": (3600.0, EXPONENTS["time"]), "hours": (3600.0, EXPONENTS["time"]),
-    "day": (86400.0, EXPONENTS["time"]), "days": (86400.0, EXPONENTS["time"]),
-    "degK": (1.0, EXPONENTS["temperature"]),
-    "degR": (5.0 / 9.0, EXPONENTS["temperature"]), "rankine": (5.0 / 9.0, EXPONENTS["temperature"]),
+    **dict.fromkeys(("in", "inch", "inches"), (_INCH, _LENGTH)),
+    **dict.fromkeys(("ft", "foot", "feet"), (_FOOT, _LENGTH)),
+    **dict.fromkeys(("micron", "microns"), (1e-6, _LENGTH)), "cc": (1e-6, _VOLUME),
+    **dict.fromkeys(("lb", "lbm"), (_POUND, _MASS)), **dict.fromkeys(("Kg", "KG"), (1.0, _MASS)),
+    **dict.fromkeys(("slug", "slugs"), (_POUND * _GRAVITY / _FOOT, _MASS)),
+    "lbf": (_POUND * _GRAVITY, _FORCE), **dict.fromkeys(("dyn", "dyne"), (1e-5, _FORCE)),
+    "psi": (_POUND * _GRAVITY / _INCH**2, _PRESSURE), "psf": (_POUND * _GRAVITY / _FOOT**2, _PRESSURE),
+    "atm": (101325.0, _PRESSURE), "Torr": (101325.0 / 760.0, _PRESSURE), "mb": (100.0, _PRESSURE),
+    "KPa": (1e3, _PRESSURE), **dict.fromkeys(("PA", "pa"), (1.0, _PRESSURE)),
+    "sec": (1.0, _TIME), **dict.fromkeys(("min", "minute", "minutes"), (60.0, _TIME)),
+    **dict.fromkeys(("hour", "hours"), (3600.0, _TIME)), **dict.fromkeys(("day", "days"), (86400.0, _TIME)),
+    "degK": (1.0, _KELVIN), **dict.fromkeys(("degR", "rankine"), (5.0 / 9.0, _KELVIN)),
 }  # fmt: skip
 # Temperature scales with another zero: factor, and the offset added after scaling.
-_CELSIUS, _FAHRENHEIT = (1.0, 273.15), (5.0 / 9.0, 459.67 * 5.0 / 9.0)
 _FROM_ANOTHER_ZERO = {
-    **dict.fromkeys(("degc", "c", "celsius", "degreescelsius", "degreecelsius", "degreesc", "degreec"), _CELSIUS),
-    **dict.fromkeys(("degf", "f", "fahrenheit", "degreesfahrenheit", "degreefahrenheit", "degreef"), _FAHRENHEIT),
-}
+    **dict.fromkeys(("degc", "c", "celsius", "degreescelsius", "degreecelsius", "degreesc", "degreec"),
+                    (1.0, _CELSIUS)),
+    **dict.fromkeys(("degf", "f", "fahrenheit", "degreesfahrenheit", "degreefahrenheit", "degreef"),
+                    (5.0 / 9.0, 459.67 * 5.0 / 9.0)),
+}  # fmt: skip
 _NO_UNIT = {"", "1", "-", "--", "none", "dimensionless", "nondimensional", "normalized", "normalised", "unitless"}
 # Units of ratios, and powers of ten as they are written.
 _RATIOS = {"%": 1e-2, "percent": 1e-2, "permille": 1e-3, "ppm": 1e-6, "ppb": 1e-9}
 _POWER_OF_TEN = re.compile(r"(?:1(?:\.0*)?)?(?:[eE]|[x*]?10(?:\^|\*\*)?)([-+]\d{1,2})")
-_SIGNS = str.maketrans(
-    {
-        "µ": "u",
-        "μ": "u",
-        "·": " ",
-        "⋅": " ",
-        "×": " ",
-        "⁻": "-",
-        "¹": "1",
-        "²": "2",
-        "³": "3",
-        "⁶": "6",
-        "⁹": "9",
-        "{": "(",
-        "}": ")",
-    }
-)
+_SIGNS = str.maketrans(dict(zip("µμ·⋅×⁻¹²³⁶⁹{}", "uu   -12369()", strict=True)))
 _TOKEN = re.compile(r"(?P<over>/)|(?P<open>\()|(?P<close>\))|(?P<one>1(?![\d.]))|(?P<unit>[A-Za-z]+)"
                     r"(?:\^?(?:\((?P<inner>[-+]?\d{1,2})\)|(?P<power>[-+]?\d{1,2})))?|[\s.*]+")  # fmt: skip
 
@@ -224,7 +210,7 @@ def written_unit(text: str) -> WrittenUnit | None:
     plain = re.sub(r"\s*(\^|/)\s*", r"\1", re.sub(r"\bper\b", "/", plain))
     number = _NUMBER.match(plain)
     # Exact, so that a g/cm3 is 1000 kg/m3 and not its neighbour.
-    factor, exponents, at = Fraction(number[1] if number else 1), list(NONE), number.end() if number else 0
+    factor, exponents, at = Fraction(number[1] if number else 1), [0, 0, 0, 0], number.end() if number else 0
     sign, group = 1, [1]
     while at < len(plain):
         match = _TOKEN.match(plain, at)
@@ -250,7 +236,7 @@ def written_unit(text: str) -> WrittenUnit | None:
             factor *= Fraction(repr(one[0])) ** power
             exponents = [own + power * other for own, other in zip(exponents, one[1], strict=True)]
             sign = 1
-    if not any(exponents) or len(group) > 1 or not LEAST < factor < 1 / LEAST:
+    if not any(exponents) or len(group) > 1 or not Fraction(1, 10**100) < factor < 10**100:
         return None
     return WrittenUnit(float(factor), 0.0, tuple(exponents))
 
@@ -270,7 +256,7 @@ def unit_of(text: str, dimension: str) -> WrittenUnit:
         return WrittenUnit(1.0, 0.0, EXPONENTS[dimension])
     found = written_unit(text)
     if found is None or found.exponents != EXPONENTS[dimension]:
-        raise ValueError(f"{text.strip()[:60]!r} is no unit of {ARTICLES[dimension]} that is known")
+        raise ValueError(f"{text.strip()[:60]!r} is no unit of a {dimension} that is known")
     return found
 
 

@@ -4,22 +4,26 @@ import csv
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from aerokernels import __version__
 from aerokernels.compare import DEGREES
-from aerokernels.display.error_budget import two_digits
-from aerokernels.display.quantities import Quantity
-from aerokernels.echo.waveform import SPEED_OF_LIGHT
+from aerokernels.display.quantities import Quantity, two_digits
+from aerokernels.echo.pulses import SPEED_OF_LIGHT
 from aerokernels.hardware.export import csv_cell
-from aerokernels.jobs.comparison import BenchComparison, LabelComparison
-from aerokernels.jobs.comparison_figure import ranges_figure, waveforms_figure
-from aerokernels.jobs.comparison_options import EACH, NO_ALIGNMENT
-from aerokernels.jobs.figure_layout import house_style, png
-from aerokernels.jobs.mean_errors import TOLD, covering, spread_factor
-from aerokernels.jobs.page import bullets, page, picture, remarks, section, table
+from aerokernels.jobs.comparison import EACH, NO_ALIGNMENT, BenchComparison, LabelComparison
+from aerokernels.jobs.echo_statistics import TOLD, covering, spread_factor
+from aerokernels.jobs.figure_layout import house_style, png, styled_figure
+from aerokernels.jobs.page import page, table
+from aerokernels.jobs.plots import ACCENT, MUTED, RAY_COLOUR
 from aerokernels.jobs.recorded import LEAST_SAMPLES, label_text
-from aerokernels.jobs.store import REPORT_FILE, SUMMARY_FILE, to_json, write_folder, write_result, write_summary
+from aerokernels.jobs.store import REPORT_FILE, SUMMARY_FILE, staged_folder, to_json, write_result, write_summary
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 RANGES_CAPTION = (
     "Peaks, correlation and range errors by label. Bars are the errors of the peaks, and the random range error of one "
@@ -31,6 +35,10 @@ TABLE_FILE, WAVEFORM_FILE, FIGURE_FILE = "compare.csv", "compare.nc", "compare.p
 EDGE_METHODS = ("leading-edge", "constant-fraction")
 
 Table = tuple[str, tuple[str, ...], list[tuple[str, ...]]]
+MOST_PANELS = 12
+# The figure shows the pulse where it is above SHOWN_ABOVE of its peak, plus SHOWN_MARGIN of that width on each side.
+SHOWN_ABOVE, SHOWN_MARGIN = 0.01, 0.4
+LOWEST_SHOWN = 0.95  # the axis of r starts at this or lower, so that nearly equal correlations look nearly equal
 
 
 def peak_table(found: BenchComparison) -> Table:
@@ -114,7 +122,7 @@ def range_table(found: BenchComparison) -> Table:
         (
             label_text(one.label),
             method,
-            # The error of the run's range is also in its reading, so it cancels (range_errors.py).
+            # The error of the run's range is also in its reading, so it cancels (`range_errors`).
             _millimetres(errors.systematic_error_m, covering(errors.ranged_count) * errors.systematic_standard_error_m)
             + (_caveat(one) if method in EDGE_METHODS else ""),
             str(Quantity(spread := 1e3 * errors.random_error_m, spread * spread_factor(errors.ranged_count, TOLD))),
@@ -217,15 +225,13 @@ def write_comparison(found: BenchComparison, out: Path) -> list[str]:
     }
     report = _page(found, pictures)
 
-    def write(folder: Path) -> list[str]:
+    with staged_folder(out) as folder:
         _write_csv(folder / TABLE_FILE, rows)
         (folder / FIGURE_FILE).write_bytes(pictures["waveforms"][1])
         write_result(folder / WAVEFORM_FILE, found.to_xarray())
         write_summary(folder / SUMMARY_FILE, summary)
         (folder / REPORT_FILE).write_text(report, encoding="utf-8")
         return sorted(path.name for path in folder.iterdir())
-
-    return write_folder(out, write)
 
 
 def _write_csv(path: Path, rows: Sequence[dict[str, Any]]) -> None:
@@ -240,12 +246,104 @@ def _write_csv(path: Path, rows: Sequence[dict[str, Any]]) -> None:
 
 def _page(found: BenchComparison, pictures: dict[str, tuple[str, bytes]]) -> str:
     runs = [(label_text(one.label), one.run.name, str(one.run.path)) for one in found.labels]
-    parts = [
-        remarks(("Warning", text) for text in found.warnings),
-        *(section(title, table(columns, rows)) for title, columns, rows in (make(found) for make in TABLES)),
-        section("Pictures", "".join(picture(name, caption, data) for name, (caption, data) in pictures.items())),
-        section("How the comparison was made", bullets(notes(found))),
-        section("Runs", table(("label", "scene", "folder"), runs)),
+    sections = [
+        *(table(*make(found)) for make in TABLES),
+        {"title": "Pictures", "figures": [(name, *picture) for name, picture in pictures.items()]},
+        {"title": "How the comparison was made", "bullets": notes(found)},
+        table("Runs", ("label", "scene", "folder"), runs),
     ]
     lead = f"{found.source}, {len(found.labels)} labels, aerokernels {__version__}"
-    return page("Recorded against simulated", lead, parts)
+    remarks = [("Warning", text) for text in found.warnings]
+    return page("Recorded against simulated", lead, sections, remarks=remarks)
+
+
+def waveforms_figure(found: BenchComparison) -> "Figure":
+    """Draw recorded mean and simulation of the first twelve labels, and below each their difference."""
+    shown = found.labels[:MOST_PANELS]
+    columns = min(2, len(shown))
+    rows = math.ceil(len(shown) / columns)
+    with styled_figure(5.4 * columns, 4.2 * rows) as figure:
+        ratios = (3.0, 1.2) * rows
+        panels = figure.subplots(2 * rows, columns, squeeze=False, height_ratios=ratios)
+        for number in range(rows * columns):
+            pair = panels[2 * (number // columns) : 2 * (number // columns) + 2, number % columns]
+            if number < len(shown):
+                _draw_waveforms(pair[0], shown[number])
+                _draw_residual(pair[1], shown[number])
+                pair[1].set_xlim(pair[0].get_xlim())
+            else:
+                pair[0].set_visible(False)
+                pair[1].set_visible(False)
+        panels[0, 0].legend(loc="upper right", fontsize=9)
+    return figure
+
+
+def _draw_waveforms(axes: "Axes", one: LabelComparison) -> None:
+    time = 1e9 * one.time
+    axes.plot(time, one.mean, color=RAY_COLOUR, linewidth=1.6, label="recorded, mean")
+    axes.plot(time, one.simulated, color=ACCENT, linewidth=1.3, linestyle="--", label="simulated")
+    axes.axhline(one.waveform.edge_level, color=MUTED, linewidth=0.8, linestyle=":")
+    high = np.flatnonzero(np.maximum(one.mean, one.simulated) > SHOWN_ABOVE * one.simulated.max())
+    margin = SHOWN_MARGIN * (time[high[-1]] - time[high[0]])
+    axes.set_xlim(max(time[0], time[high[0]] - margin), min(time[-1], time[high[-1]] + margin))
+    wave = one.waveform
+    axes.set_title(f"{label_text(one.label)}: r = {wave.correlation:.4f}, peak {100 * wave.peak_error:+.2f} %")
+    axes.set_ylabel("voltage [V]")
+    axes.tick_params(labelbottom=False)
+    axes.grid(True, color="#e3e7eb")
+
+
+def _draw_residual(axes: "Axes", one: LabelComparison) -> None:
+    time, rest = 1e9 * one.time, 1e3 * (one.mean - one.simulated)
+    spread, error = 1e3 * one.spread, 1e3 * one.standard_error
+    axes.fill_between(time, rest - spread, rest + spread, color=RAY_COLOUR, alpha=0.15, linewidth=0.0)
+    axes.fill_between(time, rest - error, rest + error, color=RAY_COLOUR, alpha=0.5, linewidth=0.0)
+    axes.plot(time, rest, color=RAY_COLOUR, linewidth=0.8)
+    axes.axhline(0.0, color=ACCENT, linewidth=1.0, linestyle="--")
+    axes.set(xlabel="time after the pulse's peak left [ns]", ylabel="difference [mV]")
+    axes.grid(True, color="#e3e7eb")
+
+
+def ranges_figure(found: BenchComparison) -> "Figure":
+    """Draw peaks, correlation and range errors over the labels."""
+    names = [label_text(one.label) for one in found.labels]
+    place, waves = np.arange(len(names)), [one.waveform for one in found.labels]
+    with styled_figure(10.6, 3.8) as figure:
+        peaks, correlation, ranges = figure.subplots(1, 3)
+        recorded, simulated = ([getattr(wave, f"{kind}_peak") for wave in waves] for kind in ("recorded", "simulated"))
+        errors = [one.covering * one.peak_standard_error for one in found.labels]
+        peaks.errorbar(place, recorded, yerr=errors, fmt="o", color=RAY_COLOUR, label="recorded")
+        errors = [abs(one.run.error_of("echo_peak_v")) for one in found.labels]
+        errors = [error if math.isfinite(error) else 0.0 for error in errors]
+        peaks.errorbar(place, simulated, yerr=errors, fmt="s", color=ACCENT, mfc="none", label="simulated")
+        peaks.set(title="Peak", ylabel="peak voltage [V]")
+        peaks.legend(fontsize=9)
+        for key, words, mark in (("correlation", "at zero lag", "o"), ("best_correlation", "greatest", "^")):
+            correlation.plot(place, [getattr(wave, key) for wave in waves], mark, mfc="none", label=words)
+        correlation.set(title="Correlation", ylabel="r")
+        lowest = min(wave.correlation for wave in waves)
+        correlation.set_ylim(min(LOWEST_SHOWN, lowest - 0.1 * (1.0 - lowest)), 1.005 + 0.05 * (1.0 - lowest))
+        correlation.legend(fontsize=9)
+        methods = list(dict.fromkeys(method for one in found.labels for method in one.ranges))
+        for k, method in enumerate(methods):
+            present = [number for number, one in enumerate(found.labels) if method in one.ranges]
+            read = [found.labels[number].ranges[method] for number in present]
+            ranges.errorbar(
+                place[present] + 0.16 * (k - 0.5 * (len(methods) - 1)),
+                [1e3 * one.systematic_error_m for one in read],
+                yerr=[1e3 * one.random_error_m for one in read],
+                fmt="o",
+                markersize=4,
+                capsize=2,
+                label=method,
+            )
+        ranges.axhline(0.0, color=MUTED, linewidth=0.8)
+        ranges.set(title="Range errors", ylabel="range error [mm]")
+        low, high = ranges.get_ylim()
+        ranges.set_ylim(low, high + 0.3 * (high - low))  # room for the legend
+        ranges.legend(fontsize=8, ncols=2, loc="upper center")
+        for axes in (peaks, correlation, ranges):
+            axes.set_xticks(place, names, rotation=0 if len(names) <= 4 else 45)
+            axes.set_xlim(-0.5, len(names) - 0.5)
+            axes.grid(True, color="#e3e7eb")
+    return figure

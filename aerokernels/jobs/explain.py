@@ -1,14 +1,12 @@
 """Explain in words what a run of a scene would do: region, grid, method, ray counts, and the errors."""
 
-from aerokernels.display.error_budget import TOTAL, main_cause, two_digits
-from aerokernels.display.quantities import Quantity
-from aerokernels.display.verdict import judge
+from aerokernels.display.quantities import TOTAL, Quantity, judge, main_cause, two_digits
 from aerokernels.echo import RANGING_METHODS
-from aerokernels.echo.paths import target_plane, trace_options
-from aerokernels.echo.prediction import predict_echo
+from aerokernels.echo.parts import Setup, trace_options
+from aerokernels.echo.rangefinder import predict_echo
 from aerokernels.echo.return_paths import is_symmetric
 from aerokernels.flow import DensityField
-from aerokernels.jobs.views import FAN_PLANES, FAN_RAYS, PUPIL_SAMPLES, pupil_samples
+from aerokernels.jobs.run import FAN_PLANES, FAN_RAYS, MAP_PIXELS
 from aerokernels.medium import AveragesLacking, IndexField
 from aerokernels.medium.grid import UniformGrid
 from aerokernels.prepare import Prepared, prepare_field
@@ -16,7 +14,7 @@ from aerokernels.scene import Scene
 from aerokernels.scene.pupil_table import in_words
 from aerokernels.strehl.estimate import PreparedStrehl
 from aerokernels.tracing.plan import TracePlan
-from aerokernels.tracing.variants.spread import budget
+from aerokernels.tracing.variants.causes import budget
 from aerokernels.waves import validity
 
 
@@ -56,8 +54,6 @@ def explanation(scene: Scene) -> list[tuple[str, str]]:
     if upstream is not None:
         share = f"+- {100.0 * upstream.refractivity:.2g} % of the OPD" if upstream.refractivity else "a given constant"
         rows.append(("refractivity", f"{upstream.model}; {share}"))
-    inside, sampled, _ = pupil_samples(prepared.field, scene, PUPIL_SAMPLES)
-    shared = "; samples at the same distance from the axis share a ray" if len(sampled) < inside.sum() else ""
     rows += [
         ("tracing", str(plan).splitlines()[0]),
         *(("", reason) for reason in plan.reasons),
@@ -69,10 +65,7 @@ def explanation(scene: Scene) -> list[tuple[str, str]]:
         ("predicted", _prediction(plan, count)),
         *_predicted_ratio(strehl),
         ("ray optics", validity(prepared.field, pupil).reason),
-        (
-            "rays, OPD map",
-            f"{len(sampled):,} for {int(inside.sum()):,} samples, {PUPIL_SAMPLES} across the pupil{shared}",
-        ),
+        ("rays, OPD map", f"one for each of {MAP_PIXELS} x {MAP_PIXELS} pixels in the pupil"),
         ("rays, picture", f"{FAN_RAYS}, to {FAN_PLANES - 1} planes"),
         (
             "rays, echo",
@@ -162,7 +155,7 @@ def _return_path(scene: Scene, field: IndexField) -> str:
     start = f"return factor {receiver.return_factor} at "
     if nodes == "every":
         return f"{start}each target point, {receiver.ray_count:,} rays over the pupil each"
-    if is_symmetric(field, target_plane(scene), receiver.pupil):
+    if is_symmetric(field, Setup.of_scene(scene).plane, receiver.pupil):
         count = int(nodes) // 2 + 1
         return f"{start}{count} points of a radius, by symmetry half of {receiver.ray_count:,} rays over the pupil each"
     return f"{start}{nodes} x {nodes} points, {receiver.ray_count:,} rays over the pupil each"

@@ -11,10 +11,12 @@ import numpy as np
 from pydantic import ValidationError
 
 from aerokernels import __version__
+from aerokernels.display.quantities import Quantity
+from aerokernels.display.shown import extent_of
 from aerokernels.flow import DensityField, shipped_names
-from aerokernels.jobs.figure_layout import house_style, png
-from aerokernels.jobs.picture_figure import comparison_figure, pictures_figure
-from aerokernels.jobs.store import SUMMARY_FILE, write_folder, write_result, write_summary
+from aerokernels.jobs.figure_layout import house_style, png, styled_figure
+from aerokernels.jobs.plots import ACCENT
+from aerokernels.jobs.store import SUMMARY_FILE, staged_folder, write_result, write_summary
 from aerokernels.medium import IndexField
 from aerokernels.prepare import flow_index
 from aerokernels.scene import Scene, warn_of_unused
@@ -36,12 +38,16 @@ from aerokernels.schlieren import (
     shadow_picture,
     write_picture,
 )
-from aerokernels.schlieren.fringes import check_fringes
-from aerokernels.schlieren.knife_edge import check_knife_edge
-from aerokernels.schlieren.shadowgraph import check_screen
+from aerokernels.schlieren.fringes import Fringes
+from aerokernels.schlieren.knife_edge import KnifeEdge
+from aerokernels.schlieren.line_of_sight import check_exposure
+from aerokernels.schlieren.picture import PictureView
+from aerokernels.schlieren.shadowgraph import Screen
 
 if TYPE_CHECKING:
     import xarray
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 KINDS = ("schlieren", "shadowgraph", "interferogram")
 DATASET_FILE, FIGURE_FILE, COMPARISON_FILE = "pictures.nc", "figure.png", "comparison.png"
@@ -111,9 +117,10 @@ class PictureOptions:
             raise ValueError(f"extent {self.extent}: give right from, to, up from, to in metres, increasing")
         if self.shock_window is not None and not self.shock_window[0] < self.shock_window[1]:
             raise ValueError(f"shock window {self.shock_window}: give from and to in metres, increasing")
-        check_knife_edge(self.knife_edge, self.cut_off, self.sensitivity, self.exposure)
-        check_screen(self.screen_distance, self.source_angle, 1.0)
-        check_fringes(self.fringe_spacing, self.fringe_angle, 0.0, 1.0, 1.0)
+        KnifeEdge(self.knife_edge, self.cut_off, self.sensitivity)
+        check_exposure(self.exposure)
+        Screen(self.screen_distance, self.source_angle)
+        Fringes(self.fringe_spacing, self.fringe_angle)
         if self.shock_window is not None and "schlieren" not in self.kinds:
             raise ValueError("the shock's angle is measured on the schlieren picture: request that kind too")
 
@@ -314,13 +321,10 @@ def make_pictures(
 def write_pictures(made: BenchPictures, out: Path) -> list[str]:
     """Write pictures.nc, figure.png, a grey PNG of each kind and summary.json to `out`: all of them, or none.
 
-    What happens on a full disk is described at `write_folder`.
-
     Returns:
         Names of the files written.
     """
-
-    def write(folder: Path) -> list[str]:
+    with staged_folder(out) as folder:
         for kind, picture in made.pictures.items():
             write_picture(folder / f"{kind}.png", picture)
         with house_style():
@@ -331,4 +335,70 @@ def write_pictures(made: BenchPictures, out: Path) -> list[str]:
         write_summary(folder / SUMMARY_FILE, made.summary)
         return sorted(path.name for path in folder.iterdir())
 
-    return write_folder(out, write)
+
+def _axes(picture: PictureView, count: int) -> "tuple[Figure, list[Axes]]":
+    width, height = (float(np.ptp(side)) for side in (picture.horizontal, picture.vertical))
+    ratio = min(max(height / width, 0.3), 3.0)
+    across = 4.2 if count > 1 else 6.4
+    with styled_figure(across * count, across * ratio + 0.9) as figure:
+        axes = figure.subplots(1, count, squeeze=False, sharey=True)[0]
+    return figure, list(axes)
+
+
+def _draw(axes: "Axes", picture: PictureView) -> None:
+    extent = extent_of(1e3 * picture.horizontal, 1e3 * picture.vertical)
+    axes.imshow(picture.intensity, origin="lower", extent=extent, cmap="gray", vmin=0.0, vmax=1.0, interpolation="none")
+    axes.set_xlabel(_axis_label(getattr(picture, "right", None), "z"))
+
+
+def _axis_label(direction: np.ndarray | None, default: str) -> str:
+    """Return the label of a picture's axis: x, y or z where it points along one of them, else words."""
+    if direction is None:
+        return f"{default} [mm]"
+    axis = int(np.argmax(np.abs(direction)))
+    if abs(direction[axis]) < 1.0 - 1e-9:
+        return "across the view [mm]"
+    return f"{'-' if direction[axis] < 0.0 else ''}{'xyz'[axis]} [mm]"
+
+
+def pictures_figure(pictures: Mapping[str, Any], shock: ShockAngle | None = None) -> "Figure":
+    """Draw pictures side by side by kind, and into the schlieren picture the shock that was measured on it."""
+    figure, panels = _axes(next(iter(pictures.values())), len(pictures))
+    for axes, (kind, picture) in zip(panels, pictures.items(), strict=True):
+        _draw(axes, picture)
+        axes.set_title(_title(kind, picture))
+        if kind == "schlieren" and shock is not None:
+            _draw_shock(axes, shock)
+    panels[0].set_ylabel(_axis_label(next(iter(pictures.values())).up, "y"))
+    return figure
+
+
+def _draw_shock(axes: "Axes", shock: ShockAngle) -> None:
+    along = np.unique(shock.points[:, 0])
+    height = np.polynomial.polynomial.polyval(along - shock.place, shock.curve)
+    angle, error = np.degrees(shock.angle), 2.0 * np.degrees(shock.standard_error)
+    label = f"shock {Quantity(float(angle), float(error))}° at {1e3 * shock.place:.1f} mm"
+    for sign, words in ((1.0, label), (-1.0, None)):
+        if (sign * shock.points[:, 1] > 0.0).any():
+            axes.plot(1e3 * along, sign * 1e3 * height, color=ACCENT, linewidth=1.2, linestyle="--", label=words)
+    axes.legend(loc="lower right", fontsize=8, labelcolor="white", frameon=True, facecolor="#1d2630", framealpha=0.8)
+
+
+def comparison_figure(comparison: HalfComparison) -> "Figure":
+    """Draw the simulated picture above and the measured picture below."""
+    figure, (axes,) = _axes(comparison, 1)
+    _draw(axes, comparison)
+    axes.axhline(0.0, color=ACCENT, linewidth=0.8)
+    axes.set(ylabel="y [mm]", title=f"Above simulated, below measured: r = {comparison.correlation:.3f}")
+    return figure
+
+
+def _title(kind: str, picture: Any) -> str:
+    if kind == "schlieren":
+        edge = picture.knife_edge
+        words = f"{edge} edge" if isinstance(edge, str) else f"edge that brightens toward {np.degrees(edge):.0f}°"
+        return f"Schlieren, {words}"
+    if kind == "shadowgraph":
+        return f"Shadowgraph, screen at {picture.distance:g} m"
+    spacing = picture.fringe_spacing
+    return "Interferogram, infinite fringe" if spacing is None else f"Interferogram, fringes of {1e3 * spacing:g} mm"

@@ -5,14 +5,17 @@ lengths in mm, um or nm and times in ns.
 """
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from aerokernels.display.flatness import is_flat, say_flat
 from aerokernels.display.quantities import Quantity
-from aerokernels.display.shown import extent_of
-from aerokernels.jobs.figure_layout import Panel, fitted_panel, panelled_figure
+from aerokernels.display.shown import extent_of, is_flat, say_flat
+from aerokernels.files.writing import replacing
+from aerokernels.flow import CellDensity, DensityField
+from aerokernels.jobs.figure_layout import Panel, fitted_panel, house_style, panelled_figure, styled_figure
+from aerokernels.medium import SolidBody
 
 if TYPE_CHECKING:
     import xarray
@@ -24,6 +27,7 @@ if TYPE_CHECKING:
 SPEED_OF_LIGHT = 299_792_458.0  # [m/s]
 BODY_COLOUR, RAY_COLOUR, ACCENT, MUTED = "#5b6470", "#0b6e99", "#c2410c", "#8a94a0"
 RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+RASTER_CELLS = 400  # cells along each side of the density figure of an unstructured mesh
 SQUARE = 3.6  # side of the panels of two-panel pictures [in]
 
 
@@ -47,14 +51,14 @@ def _title(axes: "Axes", text: str) -> None:
 
 def axes_of(dataset: "xarray.Dataset") -> tuple[str, str]:
     """Return the names of the pupil's axes: x and y, unless the pupil is turned."""
-    first, second = dataset.attrs.get("pupil_axes", ("x", "y"))  # absent in results of earlier versions
+    first, second = dataset.attrs["pupil_axes"]
     return str(first), str(second)
 
 
 def _draw_body(axes: "Axes", dataset: "xarray.Dataset") -> None:
     lines = []
     if "body_triangle" in dataset:
-        from aerokernels.medium.bodies.section import outlines
+        from aerokernels.medium.bodies.solid_body import outlines
 
         lines = outlines(dataset["body_point"].values, dataset["body_triangle"].values.astype(np.int64))
     elif "body_z" in dataset:
@@ -142,14 +146,12 @@ def opd_figure(dataset: "xarray.Dataset") -> "Figure":
     """Draw the optical path difference over the pupil: piston removed, and tilt and focus removed as well."""
     square = Panel(SQUARE, SQUARE, bar=True)
     figure, panels = panelled_figure(square, square)
-    shown = {"opd": "No piston", "opd_without_tilt": "No piston, tilt"}
-    if "opd_without_focus" in dataset:  # absent in results of earlier versions
-        shown = {"opd": "No piston", "opd_without_focus": "No piston, tilt, focus"}
+    shown = {"opd": "No piston", "opd_without_focus": "No piston, tilt, focus"}
     for (axes, bar_axes), (name, title) in zip(panels, shown.items(), strict=True):
         opd = 1e9 * dataset[name].values
         x, y = 1e3 * dataset["pupil_x"].values, 1e3 * dataset["pupil_y"].values
-        error = dataset[name].attrs.get("rms_error_m", float("nan"))
-        if is_flat(dataset[name].values, "m", error):
+        rms = Quantity(dataset[name].attrs["rms_m"], dataset[name].attrs["rms_error_m"], "m")
+        if is_flat(dataset[name].values, "m", rms.error or 0.0):
             _title(axes, title)
             say_flat(axes, bar=bar_axes)
             continue
@@ -163,11 +165,9 @@ def opd_figure(dataset: "xarray.Dataset") -> "Figure":
             vmax=limit,
             interpolation="nearest",  # show the samples unchanged
         )
-        rms = float(np.sqrt(np.nanmean(opd**2)))
         across, up = axes_of(dataset)
         axes.set(xlabel=f"{across} [mm]", ylabel=f"{up} [mm]")
-        measured = Quantity(rms, 1e9 * error, "nm")
-        _title(axes, f"{title}: {measured if np.isfinite(measured.error or 0.0) else f'{rms:.3g} nm'} rms")
+        _title(axes, f"{title}: {rms.scaled(1e9, 'nm')} rms")
         _colour_bar(figure, image, bar_axes, "OPD [nm]")
     return figure
 
@@ -255,19 +255,85 @@ def _around_pulse(power: np.ndarray, voltage: np.ndarray) -> slice:
     return slice(max(above[0] - margin, 0), above[-1] + margin + 1)
 
 
-FIGURES: dict[str, tuple[str, "Callable[[xarray.Dataset], Figure]"]] = {
-    "density": ("The air density around the body, with a fan of rays from the pupil.", density_figure),
-    "rays": ("The fan of rays near the pupil, and the displacement of each ray by refraction.", rays_figure),
-    "opd": ("The wavefront of a distant point in the pupil's direction of view.", opd_figure),
-    "point-spread": ("The focus of this wavefront, tilt included.", point_spread_figure),
-    "echo": ("The pulse that returns from the reflector.", echo_figure),
+# Caption of each figure of a run, the function that draws it, and the variables it needs: some are absent if a stage
+# failed or the flow is an index field.
+FIGURES: dict[str, tuple[str, "Callable[[xarray.Dataset], Figure]", set[str]]] = {
+    "density": ("The air density around the body, with a fan of rays from the pupil.", density_figure, {"density"}),
+    "rays": (
+        "The fan of rays near the pupil, and the displacement of each ray by refraction.",
+        rays_figure,
+        {"density", "ray_position", "ray_deviation"},
+    ),
+    "opd": (
+        "The wavefront of a distant point in the pupil's direction of view.",
+        opd_figure,
+        {"opd", "opd_without_focus"},
+    ),
+    "point-spread": (
+        "The focus of this wavefront, tilt included.",
+        point_spread_figure,
+        {"point_spread", "point_spread_perfect"},
+    ),
+    "echo": ("The pulse that returns from the reflector.", echo_figure, {"time", "echo_power", "echo_voltage"}),
 }
 
-# Variables of a run's dataset that each figure needs. Some are absent if a stage failed or the flow is an index field.
-NEEDED: dict[str, set[str]] = {
-    "density": {"density"},
-    "rays": {"density", "ray_position", "ray_deviation"},
-    "opd": {"opd", "opd_without_tilt"},
-    "point-spread": {"point_spread", "point_spread_perfect"},
-    "echo": {"time", "echo_power", "echo_voltage"},
-}
+
+def density_cells(field: DensityField) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the density of cells (i, j) [kg/m3] in the plane x = 0, and y and z of their corners (i+1, j+1) [m]."""
+    if isinstance(field, CellDensity) and field.mesh.shape is not None:
+        shape = field.mesh.shape
+        corners = field.mesh.vertices.reshape(*shape, 2)
+        return field.density.reshape(shape[0] - 1, shape[1] - 1), corners[..., 0], corners[..., 1]
+    low, high = (corner[-2:] for corner in field.box)
+    axes = [np.linspace(low[k], high[k], RASTER_CELLS + 1) for k in range(2)]
+    middle = np.meshgrid(*(0.5 * (axis[1:] + axis[:-1]) for axis in axes), indexing="ij")
+    y, z = (axis.ravel() for axis in middle)
+    density = field.density_at(np.stack([np.zeros(y.size), y, z], axis=1))
+    density = np.where(np.isnan(density), field.ambient_density, density)  # inside the body, which is drawn on top
+    corner_y, corner_z = np.meshgrid(*axes, indexing="ij")
+    return density.reshape(RASTER_CELLS, RASTER_CELLS), corner_y, corner_z
+
+
+def flow_figure(flow: DensityField, title: str = "") -> "Figure":
+    """Draw the density in the plane x = 0, z to the right and y (or r) upward, and the optical axis as an arrow."""
+    density, y, z = density_cells(flow)
+    ratio = float(np.clip(np.ptp(y) / np.ptp(z), 0.15, 1.5))
+    with styled_figure(7.2, 1.6 + 5.2 * ratio) as figure:
+        axes = figure.subplots()
+        low, high = density_limits(density)
+        shown = axes.pcolormesh(
+            1e3 * z, 1e3 * y, density, cmap="viridis", vmin=low, vmax=high, shading="flat", rasterized=True
+        )
+        figure.colorbar(shown, ax=axes, label="density [kg/m3]").outline.set_visible(False)
+        if flow.body is not None:
+            lines = flow.body.outlines() if isinstance(flow.body, SolidBody) else [flow.body.profile]
+            for y_and_z in lines:
+                axes.fill(1e3 * y_and_z[:, 1], 1e3 * y_and_z[:, 0], color=BODY_COLOUR)
+        axes.set_aspect("equal")
+        axes.set_xlim(1e3 * float(np.min(z)), 1e3 * float(np.max(z)))
+        axes.set_ylim(1e3 * float(np.min(y)), 1e3 * float(np.max(y)))
+        axes.set_xlabel("z [mm], the optical axis")
+        axes.set_ylabel(f"{'r' if flow.geometry == 'axisymmetric' else 'y'} [mm]")
+        axes.annotate(
+            "direction of view", (0.62, 1.04), (0.38, 1.04), xycoords="axes fraction", textcoords="axes fraction",
+            arrowprops={"arrowstyle": "->", "color": "#4a5460"}, color="#4a5460", va="center", fontsize=8.0,
+        )  # fmt: skip
+        if title:
+            figure.suptitle(title, fontsize=10.0)
+    return figure
+
+
+def save_flow_figure(flow: DensityField, place: Path, title: str = "") -> None:
+    """Write the figure to a file, whose name's extension determines the format.
+
+    Raises:
+        ValueError: No format has this extension.
+        OutputError: The disk is full; an earlier file is as it was.
+    """
+    figure = flow_figure(flow, title)
+    known = figure.canvas.get_supported_filetypes()
+    if place.suffix[1:].lower() not in known:
+        raise ValueError(f"{place}: {place.suffix!r} is not a picture format: use .png, .pdf or .svg")
+    place.parent.mkdir(parents=True, exist_ok=True)
+    with replacing(place) as (draft,), house_style():
+        figure.savefig(draft)

@@ -10,14 +10,13 @@ from collections.abc import Iterable, Mapping
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from aerokernels.display.error_budget import two_digits
-from aerokernels.display.flatness import NOTHING, told
-from aerokernels.display.quantities import Quantity, listed
-from aerokernels.display.verdict import WORTHLESS
+from aerokernels.display.quantities import WORTHLESS, Quantity, listed, two_digits
+from aerokernels.display.shown import NOTHING, told
 from aerokernels.jobs import plots
 from aerokernels.jobs.figure_layout import png_or_fault
-from aerokernels.jobs.page import cards, named_values, page, paragraph, picture, remarks, section, text_block
-from aerokernels.jobs.store import RATIO_KEYS, number_or_nan, to_json
+from aerokernels.jobs.numbers import NUMBERS, TEXTS, is_ratio, quantity_of
+from aerokernels.jobs.page import named_values, page
+from aerokernels.jobs.store import number_or_nan, to_json
 
 if TYPE_CHECKING:
     import xarray
@@ -25,18 +24,6 @@ if TYPE_CHECKING:
 CITATION = (
     "Simulation Test of The Aerodynamic Environment of A Missile-Borne Pulsed Laser Forward Detection System "
     "at High Flight Speed"
-)
-
-# Key in summary.json, name shown, unit shown, factor from SI, whether a plus sign is written.
-HEADLINES = (
-    ("strehl", "Strehl ratio", "", 1.0, False),
-    ("strehl_marechal", "Strehl ratio, Maréchal", "", 1.0, False),
-    ("opd_rms_m", "OPD, rms", "nm", 1e9, False),
-    ("echo_peak_w", "Echo peak power", "µW", 1e6, False),
-    ("echo_peak_v", "Echo peak voltage", "V", 1.0, False),
-    ("range_m", "Reported range", "m", 1.0, False),
-    ("range_error_m", "Range error", "mm", 1e3, True),
-    ("still_air_m", "Range error of the air at rest", "mm", 1e3, True),
 )
 # Heading of the remark on a stage without a result.
 STAGE_WORDS = {
@@ -57,42 +44,28 @@ CAUSES = {
     "sampling": "number of rays",
     "total": "root sum of squares of the entries above; covers the truth in 95 of 100 cases",
 }
-
-# Groups of numbers in summary.json.
+# Groups of numbers in summary.json, in words.
 GROUPS = {
     "ranges_m": "range by {} [m]",
     "range_uncertainty_m": "uncertainty of the range by {} [m]",
     "range_statistics_m": "statistics of the range by {} [m]",
     "stage_seconds": "time, {} [s]",
+    "averages_lacking": "deficit of the interpolant, {}; a share of the densities' range, or metres",
 }
-# Numbers whose keys say too little, by their full keys.
-LABELS = {
-    "averages_lacking.rows_max": "deficit of the interpolant, rows of cells, greatest [share of the densities' range]",
-    "averages_lacking.rows_rms": "deficit of the interpolant, rows of cells, rms [share of the densities' range]",
-    "averages_lacking.row_path_m": "deficit of the interpolant, rows of cells, greatest [m of optical path]",
-    "averages_lacking.cells_max": "deficit of the interpolant, single cells, greatest [share of the densities' range]",
-    "averages_lacking.cells_rms": "deficit of the interpolant, single cells, rms [share of the densities' range]",
-}
-
-
-def quantity_of(summary: Mapping[str, Any], key: str) -> Quantity:
-    """Return a number of a summary with its error; NaN for null, and for an error that the summary does not have."""
-    value, error = to_json(summary.get(key)), to_json((summary.get("errors") or {}).get(key))
-    return Quantity(number_or_nan(value), number_or_nan(error), is_ratio=key in RATIO_KEYS)
+# What the table of numbers leaves out: other parts of the page, and the error budget's "sampling".
+ELSEWHERE = {"plan", "error", "errors", "seconds", "scene", "version", "verdict", "warnings", "failures"}
+ELSEWHERE |= {"scene_values", "title", "strehl_standard_error"}
 
 
 def headline_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
     """Return the main quantities of a run's summary as rows of name and text with error and unit."""
-    rows = []
-    for key, words, unit, factor, signed in HEADLINES:
-        rows.append((words, told(quantity_of(summary, key), factor, unit, signed)))
+    rows = [(one.name, one.text(quantity_of(summary, key))) for key, one in NUMBERS.items() if one.name]
     angles = [quantity_of(summary, f"boresight_{axis}_rad") for axis in "xy"]
-    boresight = [angle.scaled(1e6, "µrad") for angle in angles]
-    if not any(math.isnan(angle.value) for angle in boresight):
+    if not any(math.isnan(angle.value) for angle in angles):
         look = (summary.get("scene_values") or {}).get("pupil") or {}
         ahead = not (look.get("azimuth") or look.get("elevation"))
         nothing = all(told(angle, 1e6, "µrad") == NOTHING for angle in angles)
-        text = NOTHING if nothing else listed(boresight, signed=True)
+        text = NOTHING if nothing else listed([angle.scaled(1e6, "µrad") for angle in angles], signed=True)
         rows.append((f"Boresight error {'x, y' if ahead else 'along the pupil’s axes 1, 2'}", text))
     return rows
 
@@ -106,89 +79,19 @@ def remark_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
     return rows
 
 
-def _words(value: Any) -> str:
-    value = to_json(value)
-    if value is None:
-        return "none"
-    if isinstance(value, float):
-        return f"{value:.6g}"
-    if isinstance(value, list) and all(isinstance(item, (int, float, str)) for item in value):
-        return "; ".join(map(_words, value))
-    if isinstance(value, (list, dict)):
-        return json.dumps(value, ensure_ascii=False)
-    return str(value)
-
-
-def _flat(values: Mapping[str, Any], prefix: str = "") -> Iterable[tuple[str, Any]]:
-    for key, value in values.items():
-        if isinstance(value, Mapping):
-            yield from _flat(value, f"{prefix}{key}.")
-        else:
-            yield f"{prefix}{key}", value
-
-
-def _label(name: str) -> str:
-    """Return the name of a key of summary.json in words, with its unit."""
-    from aerokernels.jobs.sweeps.dataset import NUMBERS, TEXTS
-
-    if name in NUMBERS:
-        unit, words = NUMBERS[name]
-        return f"{words} [{unit}]" if unit != "1" else words
-    if name in TEXTS:
-        return TEXTS[name]
-    if name in LABELS:
-        return LABELS[name]
-    group, dot, own = name.partition(".")
-    if dot and group in GROUPS:
-        return GROUPS[group].format(re.sub(r"[-_]", " ", own.replace(".", ", ")))
-    return " ".join(name.replace("_", " ").split())
-
-
-def _numbers(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Return every number of a summary by its name, with its error if it is an estimate."""
-    apart = {"plan", "error", "errors", "seconds", "scene", "version", "verdict", "warnings", "failures"}
-    apart |= {"scene_values", "title"}
-    apart.add("strehl_standard_error")  # contained in the error budget as "sampling"
-    errors = dict(_flat(summary.get("errors") or {}))
-    rows = []
-    for name, value in _flat({key: value for key, value in summary.items() if key not in apart}):
-        number, error = to_json(value), to_json(errors.get(name))
-        if name in errors and isinstance(number, (int, float)):
-            rows.append((_label(name), Quantity(number, number_or_nan(error), is_ratio=name in RATIO_KEYS).text()))
-        elif name.startswith("range_uncertainty_m.") and number is not None:  # these numbers are errors
-            rows.append((_label(name), f"{number:.2g}"))
-        else:
-            rows.append((_label(name), _words(value)))
-    return rows
-
-
-def _budget(error: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Return the rows of the error budget; each entry is an error, for which two digits suffice."""
-    rows = []
-    for cause, value in error.items():
-        words = two_digits(number_or_nan(to_json(value)))
-        rows.append((cause, f"{words} ({CAUSES[cause]})" if cause in CAUSES else words))
-    return rows
-
-
-def _named_section(title: str, content: Mapping[str, Any]) -> str:
-    return section(title, named_values((name, _words(value)) for name, value in _flat(content)))
-
-
 def draw_pictures(dataset: "xarray.Dataset") -> tuple[dict[str, bytes], dict[str, str]]:
     """Return the report's figures as PNG files by name, and by "picture NAME" why a figure could not be drawn.
 
     A figure whose data are missing because a stage failed is in neither: the stage's own reason is reported.
     """
     drawn, undrawn = {}, {}
-    for name, (_, draw) in plots.FIGURES.items():
-        if not plots.NEEDED[name] <= set(dataset.variables):
-            continue
-        data = png_or_fault(partial(draw, dataset))
-        if isinstance(data, str):
-            undrawn[f"picture {name}"] = data
-        else:
-            drawn[name] = data
+    for name, (_, draw, needed) in plots.FIGURES.items():
+        if needed <= set(dataset.variables):
+            data = png_or_fault(partial(draw, dataset))
+            if isinstance(data, str):
+                undrawn[f"picture {name}"] = data
+            else:
+                drawn[name] = data
     return drawn, undrawn
 
 
@@ -204,23 +107,79 @@ def render_report(pictures: Mapping[str, bytes], summary: Mapping[str, Any], sce
         A complete HTML document.
     """
     version = str(summary.get("version"))
-    lead = ", ".join(str(summary.get(key)) for key in ("backend", "device", "precision")) + f", aerokernels {version}"
-    shown = [
-        picture(name, caption, pictures[name])
-        if name in pictures
-        else paragraph(f"No picture: {caption} The reason is given at the top of the page.")
-        for name, (caption, _) in plots.FIGURES.items()
-    ]
+    missing = "The reason is given at the top of the page."
+    figures = [(name, caption, pictures.get(name, missing)) for name, (caption, *_) in plots.FIGURES.items()]
     cite = f"The method follows the paper below; please cite it together with aerokernels {version}."
-    parts = [
-        remarks(remark_rows(summary), "alarm" if summary.get("verdict") == WORTHLESS else "note")
-        + cards(headline_rows(summary)),
-        section("Pictures", "".join(shown)),
-        section("Numbers (SI), each with its error", named_values(_numbers(summary))),
-        section("Error budget of the Strehl ratio", named_values(_budget(summary.get("error") or {}))),
-        _named_section("Plan: what was done, what was skipped, and why", summary.get("plan", {})),
-        _named_section("Seconds per stage", summary.get("seconds", {})),
-        section("Scene as it was run", text_block(scene_text)),
-        section("How to cite", paragraph(cite) + text_block(CITATION)),
-    ]
-    return page(str(summary.get("title") or summary.get("scene", "run")), lead, parts)
+    return page(
+        str(summary.get("title") or summary.get("scene", "run")),
+        ", ".join(str(summary.get(key)) for key in ("backend", "device", "precision")) + f", aerokernels {version}",
+        [
+            {"title": "Pictures", "figures": figures},
+            named_values("Numbers (SI), each with its error", _numbers(summary)),
+            named_values("Error budget of the Strehl ratio", _budget(summary.get("error") or {})),
+            named_values("Plan: what was done, what was skipped, and why", _all_of(summary.get("plan", {}))),
+            named_values("Seconds per stage", _all_of(summary.get("seconds", {}))),
+            {"title": "Scene as it was run", "text": scene_text},
+            {"title": "How to cite", "paragraphs": [cite], "text": CITATION},
+        ],
+        cards=headline_rows(summary),
+        remarks=remark_rows(summary),
+        alarm=summary.get("verdict") == WORTHLESS,
+    )
+
+
+def _numbers(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Return every number of a summary by its name, with its error if it is an estimate."""
+    errors = dict(_flat(summary.get("errors") or {}))
+    rows = []
+    for name, value in _flat({key: value for key, value in summary.items() if key not in ELSEWHERE}):
+        number = to_json(value)
+        if name in errors and isinstance(number, (int, float)):
+            text = Quantity(number, number_or_nan(to_json(errors[name])), is_ratio=is_ratio(name)).text()
+        elif name.startswith("range_uncertainty_m.") and number is not None:  # these numbers are errors
+            text = f"{number:.2g}"
+        else:
+            text = _words(number)
+        rows.append((_label(name), text))
+    return rows
+
+
+def _budget(error: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Return the rows of the error budget; each entry is an error, for which two digits suffice."""
+    words = {cause: two_digits(number_or_nan(to_json(value))) for cause, value in error.items()}
+    return [(cause, f"{text} ({CAUSES[cause]})" if cause in CAUSES else text) for cause, text in words.items()]
+
+
+def _all_of(content: Mapping[str, Any]) -> list[tuple[str, str]]:
+    return [(name, _words(to_json(value))) for name, value in _flat(content)]
+
+
+def _flat(values: Mapping[str, Any], prefix: str = "") -> Iterable[tuple[str, Any]]:
+    for key, value in values.items():
+        if isinstance(value, Mapping):
+            yield from _flat(value, f"{prefix}{key}.")
+        else:
+            yield f"{prefix}{key}", value
+
+
+def _label(name: str) -> str:
+    """Return the name of a key of summary.json in words, with its unit."""
+    if name in NUMBERS:
+        return NUMBERS[name].label
+    if name in TEXTS:
+        return TEXTS[name]
+    group, dot, own = name.partition(".")
+    if dot and group in GROUPS:
+        return GROUPS[group].format(re.sub(r"[-_]", " ", own.replace(".", ", ")))
+    return " ".join(name.replace("_", " ").split())
+
+
+def _words(value: Any) -> str:
+    """Return a JSON value in words."""
+    if value is None:
+        return "none"
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    if isinstance(value, list) and all(isinstance(item, (int, float, str)) for item in value):
+        return "; ".join(map(_words, value))
+    return json.dumps(value, ensure_ascii=False) if isinstance(value, (list, dict)) else str(value)

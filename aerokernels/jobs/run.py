@@ -3,38 +3,38 @@
 import os
 import time
 from collections.abc import Callable
-from functools import cached_property, partial
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
+import numpy as np
+
 from aerokernels.echo import EchoResult
-from aerokernels.echo.paths import trace_options
-from aerokernels.echo.prediction import check_echo
+from aerokernels.echo.parts import Setup, trace_options
+from aerokernels.echo.rangefinder import check_echo
 from aerokernels.echo.simulate import echo_through
 from aerokernels.echo.vacuum import VacuumEcho
 from aerokernels.flow import DensityField
 from aerokernels.inputs.arguments import checked
 from aerokernels.jobs.report import draw_pictures, render_report
-from aerokernels.jobs.run_parts import RunParts
-from aerokernels.jobs.scene_text import scene_toml
-from aerokernels.jobs.store import REPORT_FILE, RESULT_FILE, SUMMARY_FILE, write_folder, write_result, write_summary
-from aerokernels.jobs.summary import summarise
-from aerokernels.jobs.views import pupil_map, ray_fan
+from aerokernels.jobs.run_files import RayFan, RunResult, scene_toml
+from aerokernels.jobs.store import REPORT_FILE, RESULT_FILE, SUMMARY_FILE, staged_folder, write_result, write_summary
 from aerokernels.medium import IndexField
 from aerokernels.prepare import Prepared, prepare_field
 from aerokernels.process.clock import clocked
+from aerokernels.rays import RayBundle
 from aerokernels.scene import Scene, warn_of_unused
 from aerokernels.strehl import StrehlEstimate
 from aerokernels.strehl.estimate import estimate_strehl
+from aerokernels.tracing import Plane, trace
 from aerokernels.tracing.engines.choice import choose_backend
-
-from ..display.shown import shown
+from aerokernels.wavefront import Wavefront, wavefront
 
 if TYPE_CHECKING:
-    import xarray
+    pass
 
 Progress = Callable[[str, float], None]
-Made = TypeVar("Made")
+T = TypeVar("T")
 
 # Name of each stage, its description, and the fraction of the job done before it.
 STAGES = {
@@ -45,22 +45,8 @@ STAGES = {
     "error": ("estimating errors", 0.65),
     "echo": ("tracing the echo", 0.75),
 }
-
-
-@shown
-class RunResult(RunParts):
-    """All parts of a run, its summary and its dataset."""
-
-    @cached_property
-    def summary(self) -> dict[str, Any]:
-        """The run's numbers, in SI units, as written to summary.json; computed when first read."""
-        return summarise(self)
-
-    def to_xarray(self) -> "xarray.Dataset":
-        """Return the run as one dataset with units, as written to result.nc."""
-        from aerokernels.jobs.dataset import run_dataset
-
-        return run_dataset(self, self.summary)
+MAP_PIXELS = 201  # pixels across the pupil's map
+FAN_RAYS, FAN_PLANES = 15, 25
 
 
 def scene_strehl(scene: Scene, field: IndexField) -> StrehlEstimate:
@@ -75,11 +61,61 @@ def scene_strehl(scene: Scene, field: IndexField) -> StrehlEstimate:
     )
 
 
-def _echo_with_errors(vacuum: VacuumEcho, field: IndexField, strehl: StrehlEstimate) -> EchoResult:
+def _echo_with_errors(vacuum: VacuumEcho, field: IndexField, strehl: StrehlEstimate | None) -> EchoResult:
     """Simulate the echo through a field from the scene's echo in vacuum, and compute its errors."""
-    found = echo_through(field, vacuum, estimate=strehl)
-    _ = found.quantities
-    return found
+    echo = echo_through(field, vacuum, estimate=strehl)
+    _ = echo.quantities
+    return echo
+
+
+def scene_wavefront(scene: Scene, field: IndexField) -> Wavefront:
+    """Trace the wavefront over a scene's pupil, piston removed.
+
+    Raises:
+        ValueError: No ray gets through.
+    """
+    try:
+        traced = wavefront(
+            field,
+            scene.view,
+            **trace_options(scene),
+            pixel_count=MAP_PIXELS,
+            allow_truncation=scene.trace.allow_truncation,
+        )
+    except ValueError as fault:
+        raise ValueError(
+            f"{fault}; check the pupil's place, {scene.view.center.tolist()} m, its size and where it looks against "
+            "the body ([pupil], or receiver.aperture_z and receiver.diameter)"
+        ) from None
+    return traced.remove("piston")
+
+
+def ray_fan(field: IndexField, scene: Scene, front: float) -> RayFan:
+    """Trace a row of parallel rays from the pupil to a little beyond the flow, whose highest z is `front` [m]."""
+    pupil = scene.view
+    half, second = pupil.half_extent[1], pupil.axes[1]
+    start = pupil.center + np.linspace(-half, half, FAN_RAYS)[:, None] * second
+    rays = RayBundle(start, np.broadcast_to(pupil.normal, start.shape))
+    end = 1.1 * _distance_out(field, scene, front)
+    position = np.full((FAN_RAYS, FAN_PLANES, 3), np.nan)
+    position[:, 0] = start
+    for column, point in enumerate(np.linspace(pupil.center, pupil.center + end * pupil.normal, FAN_PLANES)):
+        if column:
+            traced = trace(field, rays, **trace_options(scene), until=Plane(point, pupil.normal), outputs=("position",))
+            assert traced.position is not None  # requested by `outputs`
+            position[traced.ok, column] = traced.position[traced.ok]
+    return RayFan(position, position @ second - (start @ second)[:, None])
+
+
+def _distance_out(field: IndexField, scene: Scene, front: float) -> float:
+    """Return the length [m] of the line from a pupil's centre, in its direction of view, to the end of the flow."""
+    pupil = scene.view
+    low, high = (np.array(corner, dtype=np.float64) for corner in field.box)
+    high[2] = front
+    steep = np.abs(pupil.normal) > 1e-9
+    ways = (np.where(pupil.normal > 0.0, high, low) - pupil.center)[steep] / pupil.normal[steep]
+    ways = ways[np.isfinite(ways) & (ways > 0.0)]
+    return float(ways.min()) if len(ways) else 2.0 * pupil.reach
 
 
 @checked
@@ -145,7 +181,7 @@ def run_stages(
     seconds: dict[str, float] = {}
     failed: dict[str, str] = {}
 
-    def timed(name: str, work: Callable[[], Made]) -> Made:
+    def timed(name: str, work: Callable[[], T]) -> T:
         if progress is not None:
             progress(*STAGES[name])
         begin = time.perf_counter()
@@ -154,35 +190,39 @@ def run_stages(
         finally:
             seconds[name] = time.perf_counter() - begin
 
-    def attempted(name: str, work: Callable[[], Made], result: str) -> Made | None:
+    def attempted(name: str, work: Callable[[], T], result: str) -> T | None:
         try:
             return timed(name, work)
         except ValueError as fault:  # bad input was rejected earlier, so this stage has nothing to find in the scene
             failed[result] = str(fault)
             return None
 
-    pupil = fan = echo = None
+    waves = fan = echo = None
     with clocked() as stages:
         choose_backend(scene.trace.backend, scene.trace.device)  # rejects a missing device before anything is computed
         prepared = timed("prepare", prepare)
         index = prepared.field
         if with_echo:
-            vacuum = check_echo(scene, index)  # rejects a scene whose echo cannot be computed for any flow
+            vacuum = check_echo(
+                Setup.of_scene(scene), index
+            )  # rejects a scene whose echo cannot be computed for any flow
         strehl = timed("strehl", lambda: estimate(index))
         if with_views:
-            pupil = attempted("wavefront", lambda: pupil_map(index, scene), "wavefront")
+            waves = attempted("wavefront", lambda: scene_wavefront(scene, index), "wavefront")
             fan = attempted("fan", lambda: ray_fan(index, scene, prepared.front), "rays")
-        timed("error", lambda: (strehl.quantities, pupil and pupil.opd_error))
+        timed("error", lambda: (strehl.quantities, waves and waves.opd_error))
         if with_echo:
-            echo = attempted("echo", lambda: _echo_with_errors(vacuum, index, strehl), "echo")
+            echo = attempted(
+                "echo", lambda: _echo_with_errors(vacuum, index, None if scene.has_own_pupil else strehl), "echo"
+            )
         else:
             failed["echo"] = "left out, as requested"
     seconds["total"] = stages["total"]
-    return RunResult(scene, prepared, strehl, pupil, fan, echo, seconds, stages, failed)
+    return RunResult(scene, prepared, strehl, waves, fan, echo, seconds, stages, failed)
 
 
 def write_run(result: RunResult, out: Path) -> dict[str, Any]:
-    """Write summary.json, result.nc and report.html to the folder `out`: all of them, or none; see `write_folder`.
+    """Write summary.json, result.nc and report.html to the folder `out`: all of them, or none; see `staged_folder`.
 
     Returns:
         The summary as it was written; its failures include any figure that could not be drawn.
@@ -191,11 +231,8 @@ def write_run(result: RunResult, out: Path) -> dict[str, Any]:
     pictures, undrawn = draw_pictures(dataset)
     summary = {**result.summary, "failures": {**result.summary["failures"], **undrawn}}
     page = render_report(pictures, summary, scene_toml(result.scene))
-
-    def write(folder: Path) -> None:
+    with staged_folder(out) as folder:
         write_result(folder / RESULT_FILE, dataset)
         (folder / REPORT_FILE).write_text(page, encoding="utf-8")
         write_summary(folder / SUMMARY_FILE, summary)
-
-    write_folder(out, write)
     return summary

@@ -1,6 +1,5 @@
 """Read a finished run from its folder, and match runs to labels of recorded echoes."""
 
-import contextlib
 import json
 import math
 import tomllib
@@ -11,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from aerokernels.echo.stored import echo_of_result
+from aerokernels.echo.result import echo_of_result
 from aerokernels.jobs.recorded import Label, label_text, load_netcdf
-from aerokernels.jobs.store import RESULT_FILE, SUMMARY_FILE, finish_moving
+from aerokernels.jobs.store import RESULT_FILE, SUMMARY_FILE
 
 if TYPE_CHECKING:
     import xarray
@@ -48,10 +47,9 @@ class RunFolder:
 
     def error_of(self, key: str, method: str | None = None) -> float:
         """Return the error of a number of the summary; NaN if it is not known."""
-        found = (self.summary.get("errors") or {}).get(key)
-        if method is not None:
-            found = found.get(method) if isinstance(found, dict) else None
-        return float(found) if found is not None and _is_number(found) else math.nan
+        error = (self.summary.get("errors") or {}).get(key)
+        error = error.get(method) if isinstance(error, dict) else error
+        return float(error) if isinstance(error, (int, float)) else math.nan
 
 
 class RunWithoutEcho(ValueError):
@@ -71,8 +69,6 @@ def read_run(text: str) -> RunFolder:
         path, label = Path(place), ((key.strip(), value.strip()),)
     if path.name == RESULT_FILE:
         path = path.parent
-    with contextlib.suppress(OSError, ValueError):
-        finish_moving(path)  # completes a write that a killed process had begun
     for name in (RESULT_FILE, SUMMARY_FILE):
         if not (path / name).is_file():
             raise ValueError(
@@ -102,19 +98,17 @@ def run_of(path: Path, summary: Any, result: "xarray.Dataset", label: Label = ()
     _check_echo(path, summary)
     time, voltage = echo_of_result(path, result)
     try:
-        scene = tomllib.loads(str(result.attrs.get("scene", "")))
-    except (ValueError, RecursionError) as error:
-        raise _unreadable(path, f"the scene in {RESULT_FILE}: {error}") from None
-    detector, distance = scene.get("detector", {}), summary.get("true_range_m")
-    for name, found in (("errors", summary.get("errors")), ("ranges_m", summary.get("ranges_m"))):
-        if not _holds_numbers(found, 2 if name == "errors" else 1):
-            raise _unreadable(path, f"{name} in {SUMMARY_FILE} holds something other than numbers")
-    if not (_is_number(distance) and distance > 0.0):
-        raise _unreadable(path, f"true_range_m in {SUMMARY_FILE} is {str(distance)[:40]}")
-    keys = ("threshold", "fraction")
-    if not isinstance(detector, dict) or not all(_is_number(detector.get(key, 0.0)) for key in keys):
-        raise _unreadable(path, f"the [detector] of the scene in {RESULT_FILE} is not valid")
-    return RunFolder(path, summary, time, voltage, float(distance), detector, label)
+        detector = tomllib.loads(str(result.attrs.get("scene", ""))).get("detector", {})
+        distance = float(summary["true_range_m"])
+        numbers = [
+            *(summary.get("ranges_m") or {}).values(),
+            *(detector.get(key, 0.0) for key in ("threshold", "fraction")),
+        ]
+        if not (0.0 < distance < math.inf and all(value is None or math.isfinite(value) for value in numbers)):
+            raise ValueError("it holds numbers that are not finite")
+    except (ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RecursionError) as error:
+        raise _unreadable(path, str(error)) from None
+    return RunFolder(path, summary, time, voltage, distance, detector, label)
 
 
 def _unreadable(path: Path, what: str) -> ValueError:
@@ -128,21 +122,6 @@ def _check_echo(path: Path, summary: Any) -> None:
         raise _unreadable(path, f"{SUMMARY_FILE} is not that of a run")
     if lost.get("echo"):
         raise RunWithoutEcho(f"run {path}: it has no echo to compare with: {lost['echo']}")
-
-
-def _is_number(value: Any) -> bool:
-    """Whether a value is a finite number that fits float64."""
-    try:
-        return isinstance(value, (int, float)) and math.isfinite(value)
-    except OverflowError:
-        return False
-
-
-def _holds_numbers(value: Any, depth: int) -> bool:
-    """Whether a value is None, a number, or a mapping of such values, nested at most `depth` times."""
-    if isinstance(value, dict):
-        return depth > 0 and all(_holds_numbers(one, depth - 1) for one in value.values())
-    return value is None or (depth < 2 and _is_number(value))
 
 
 def match_runs(labels: Sequence[Label], runs: Sequence[RunFolder]) -> dict[Label, RunFolder]:
@@ -189,4 +168,4 @@ def _described(run: RunFolder) -> str:
     if run.label:
         return f"{run.path} ({label_text(run.label)})"
     mach = run.summary.get("mach")
-    return f"{run.path} (mach={mach:g})" if _is_number(mach) else str(run.path)
+    return f"{run.path} (mach={mach:g})" if isinstance(mach, (int, float)) else str(run.path)

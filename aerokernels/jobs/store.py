@@ -9,26 +9,21 @@ import json
 import math
 import os
 import shutil
-import tempfile
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from aerokernels.display.plain_text import plain_json
 from aerokernels.files.netcdf_reading import open_netcdf
-from aerokernels.files.writing import FULL, OutputError, draft_of, only_writer, replacing, write_netcdf
+from aerokernels.files.writing import draft_of, in_room, only_writer, replacing, write_netcdf
 
 if TYPE_CHECKING:
     import xarray
 
 RESULT_FILE, SUMMARY_FILE, REPORT_FILE = "result.nc", "summary.json", "report.html"
 MAPS_FILE = "series.zarr"
-# Keys of summary.json whose numbers are between 0 and 1.
-RATIO_KEYS = ("strehl", "strehl_marechal", "echo_strehl")
-Made = TypeVar("Made")
-COMPLETE = ".result.complete"  # hidden folder with a complete result, inside the folder into which it is moved
 
 
 def check_output_folder(out: Path, own: Sequence[str] = ()) -> None:
@@ -84,8 +79,7 @@ def staged_folder(out: Path) -> Iterator[Path]:
 
     Files that the summary.json of an earlier result names and that the new result does not have are removed; all other
     files in `out` stay. On any exception, interrupts included, the hidden folder is removed and `out` is left as it
-    was: absent if it was absent. If the process is killed while it moves files, the rest stay in a hidden folder, and
-    the next process that writes or reads there completes the move (`finish_moving`).
+    was: absent if it was absent. summary.json, which lists the files, comes last.
 
     Args:
         out: The folder for the files. It and its parents are created if they do not exist.
@@ -98,89 +92,30 @@ def staged_folder(out: Path) -> Iterator[Path]:
         OutputError: The disk is full.
     """
     out = out.absolute()
-    try:
-        with only_writer(out):
-            finish_moving(out)
-            staging = draft_of(out)  # also removes the draft of a killed process
-            staging = draft_of(out / "result") if out.is_dir() else staging  # `out` may be a file system of its own
-            try:
-                staging.mkdir()
-                yield staging
-                _list_files(staging)
-                if not out.exists():
-                    staging.rename(out)
-                    return
-                for file in staging.iterdir():
-                    if (out / file.name).is_dir():
-                        raise ValueError(f"out={out}: {file.name} is a folder there; choose another folder")
-                staging.rename(out / COMPLETE)
-            except BaseException:
-                shutil.rmtree(staging, ignore_errors=True)
-                raise
-            finish_moving(out)
-    except OSError as fault:
-        raise (OutputError(out, fault) if fault.errno in FULL else fault) from fault
-
-
-def write_folder(out: Path, write: Callable[[Path], Made]) -> Made:
-    """Write files to a folder by `write(folder)`: all of them, or none; return what `write` returns.
-
-    What was computed is not lost on a full disk: the files are then written to a new folder in the system's temporary
-    folder, if there is room. The arguments are those of `staged_folder`, for `write` too.
-
-    Raises:
-        ValueError: As for `staged_folder`.
-        OutputError: The disk is full; the message says where the files are instead, if they are.
-    """
-    try:
-        with staged_folder(out) as folder:
-            return write(folder)
-    except OutputError as fault:
-        spare: Path | None = None
+    with in_room(out), only_writer(out):
+        staging = draft_of(out)  # also removes the draft of a killed process
+        staging = draft_of(out / "result") if out.is_dir() else staging  # `out` may be a file system of its own
         try:
-            spare = Path(tempfile.mkdtemp(prefix="aerokernels-"))
-            with staged_folder(spare / out.absolute().name) as folder:
-                write(folder)
-        except OSError:
-            if spare is not None:
-                shutil.rmtree(spare, ignore_errors=True)
-            raise fault from None
-        raise OutputError(out, fault, kept=spare / out.absolute().name) from fault
-
-
-def finish_moving(out: Path) -> None:
-    """Move the files of a complete result into their folder, summary.json last; do nothing if there are none.
-
-    Raises:
-        ValueError: Another process is writing there.
-        OSError: The files cannot be moved.
-    """
-    complete = out / COMPLETE
-    if not complete.is_dir():
-        return
-    with only_writer(out):
-        names = sorted((path.name for path in complete.iterdir()), key=lambda name: (name == SUMMARY_FILE, name))
-        kept = {*names, *_files_of(_read_summary(complete))}
-        stale = [name for name in _files_of(_read_summary(out)) if name not in kept and Path(name).name == name]
-        for name in [name for name in names if name != SUMMARY_FILE]:
-            (complete / name).replace(out / name)
-        for name in stale:
-            (out / name).unlink(missing_ok=True)
-        if SUMMARY_FILE in names:
-            (complete / SUMMARY_FILE).replace(out / SUMMARY_FILE)
-        complete.rmdir()
-
-
-def _list_files(folder: Path) -> None:
-    """List the files of a result in its summary.json, if it has one."""
-    summary = _read_summary(folder)
-    if isinstance(summary, dict):
-        write_summary(folder / SUMMARY_FILE, {**summary, "files": sorted(path.name for path in folder.iterdir())})
-
-
-def _files_of(summary: Any) -> list[str]:
-    files = summary.get("files") if _is_summary(summary) else None
-    return [name for name in files if isinstance(name, str)] if isinstance(files, list) else []
+            staging.mkdir()
+            yield staging
+            names = sorted((path.name for path in staging.iterdir()), key=lambda name: (name == SUMMARY_FILE, name))
+            summary = _read_summary(staging)
+            if isinstance(summary, dict):
+                write_summary(staging / SUMMARY_FILE, {**summary, "files": sorted(names)})
+            if not out.exists():
+                staging.rename(out)
+                return
+            if taken := [name for name in names if (out / name).is_dir()]:
+                raise ValueError(f"out={out}: {taken[0]} is a folder there; choose another folder")
+            earlier = _read_summary(out)
+            listed = earlier.get("files") if _is_summary(earlier) else None
+            for name in names:
+                (staging / name).replace(out / name)
+            for name in listed if isinstance(listed, list) else ():
+                if isinstance(name, str) and name not in names and Path(name).name == name:
+                    (out / name).unlink(missing_ok=True)
+        finally:
+            shutil.rmtree(staging, ignore_errors=True)
 
 
 def to_json(value: Any) -> Any:

@@ -1,11 +1,11 @@
 """Refractive index fields through which rays are traced: meshes, uniform grids, bodies, and resampling."""
 
-from .averages.rows_of_cells import AveragesLacking
-from .bodies.body import Body
-from .bodies.solid_body import SolidBody
-from .field import GroupIndex, IndexField, Upstream
-from .mesh import QuadMesh
-from .resample import ResamplingError
+from aerokernels.medium.averages.kept_averages import AveragesLacking
+from aerokernels.medium.bodies.body import Body
+from aerokernels.medium.bodies.solid_body import SolidBody
+from aerokernels.medium.field import GroupIndex, IndexField, Upstream
+from aerokernels.medium.mesh import QuadMesh
+from aerokernels.medium.resample import ResamplingError
 
 __all__ = [
     "AveragesLacking",

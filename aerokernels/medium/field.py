@@ -9,22 +9,30 @@ from typing import Any
 
 import numpy as np
 
-from ..derived import Derived
-from ..display.shown import shown
-from ..inputs.arguments import Numbers, checked
-from ..inputs.checks import check_choice, check_positive
-from ..inputs.wavelength import check_wavelength, field_wavelength
-from .averages.cell_averages import node_values
-from .averages.kept_averages import conserving_values, cut_and_kept
-from .averages.rows_of_cells import AveragesLacking
-from .averages.vertex_values import vertex_values
-from .bodies.body import Body
-from .bodies.solid_body import SolidBody
-from .given_contrast import checked_walls, contrast_array, warn_of_index
-from .grid import AXIS_CORE, UniformGrid, check_box, check_finite, check_starts_on_axis, local_coordinates
-from .labelled_grid import check_order, grid_arguments
-from .mesh import GEOMETRIES, QuadMesh
-from .mesh_samples import MeshSamples
+from aerokernels.derived import Derived
+from aerokernels.display.shown import shown
+from aerokernels.inputs.arguments import Numbers, checked
+from aerokernels.inputs.checks import check_choice, check_positive
+from aerokernels.inputs.wavelength import check_wavelength, field_wavelength
+from aerokernels.medium.averages.kept_averages import AveragesLacking, conserving_values, cut_and_kept
+from aerokernels.medium.averages.vertex_values import vertex_values
+from aerokernels.medium.bodies.body import Body
+from aerokernels.medium.bodies.solid_body import SolidBody
+from aerokernels.medium.grid import (
+    AXIS_CORE,
+    UniformGrid,
+    check_box,
+    check_finite,
+    check_starts_on_axis,
+    checked_walls,
+    contrast_array,
+    local_coordinates,
+    warn_of_index,
+)
+from aerokernels.medium.labelled_grid import check_order, grid_arguments
+from aerokernels.medium.mesh import GEOMETRIES, QuadMesh
+from aerokernels.medium.mesh_samples import MeshSamples
+from aerokernels.medium.spline import node_values
 
 
 @dataclass(frozen=True)
@@ -143,7 +151,7 @@ class IndexField(Derived):
         """
         array = contrast_array(contrast)
         check_choice(geometry, "geometry", GEOMETRIES)
-        check_order(contrast, geometry)
+        check_order(contrast, "contrast", geometry, "IndexField.from_xarray")
         geometry, interpolation = str(geometry), str(interpolation)  # NumPy strings would be other keys of kernels
         if array.ndim != (dimension := 3 if geometry == "volume" else 2):
             raise ValueError(f"a {geometry} field needs an array of {dimension} axes, got shape {array.shape}")
@@ -269,7 +277,7 @@ class IndexField(Derived):
         """Node spacing [m] of a uniform grid; the median cell size of a mesh, one entry per axis."""
         if self.is_uniform:
             return self.samples.spacing
-        return np.full(2, self.derive("median cell size", lambda: float(np.median(self.samples.mesh.cell_size))))
+        return np.full(2, self.samples.mesh.median_cell_size)
 
     @property
     def box(self) -> tuple[np.ndarray, np.ndarray]:
@@ -335,7 +343,7 @@ class IndexField(Derived):
         interpolation: str = "cubic",
     ):
         """Return the same field on a uniform grid, with the measured resampling error: see `resample.resample`."""
-        from .resample import resample
+        from aerokernels.medium.resample import resample
 
         return resample(
             self, spacing, tolerance=tolerance, wavelength=wavelength, region=region, interpolation=interpolation

@@ -8,16 +8,19 @@ equals the contrast to one part in 10^4; in strong media a quadratic n^2 is repr
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
+from typing import Any
+from weakref import WeakValueDictionary
 
 import numpy as np
 
+from aerokernels.derived import Derived
+from aerokernels.device_arrays import plain_array
+from aerokernels.display.shown import shown
+from aerokernels.inputs.checks import check_choice, warn_caller
+from aerokernels.inputs.kinds import are_numbers
+from aerokernels.medium import spline
+from aerokernels.process.opened import OPENED
 from aerokernels.process.threads import copy_and_scan, extremes_of
-
-from ..derived import Derived
-from ..display.shown import shown
-from ..inputs.checks import check_choice
-from . import spline
-from .grid_places import GridPlaces, places_of
 
 # Radius in cells within which the gradient of a linear interpolant is smoothed about r = 0, where the interpolant may
 # have a kink: rays that oscillate about the axis would otherwise reverse at every crossing.
@@ -26,10 +29,8 @@ AXIS_CORE = 1e-4
 LARGEST_BOX, SMALLEST_BOX = 1e7, 1e-9
 # Float64 does not resolve node positions that are closer together than this fraction of their coordinates.
 LEAST_STEP_SHARE = 1e-11
-
 # Types of samples that are kept as they are given.
 KINDS = np.dtype(np.float32), np.dtype(np.float64)
-
 # Key of a function that copies coefficients from a device.
 FETCH = "fetch coefficients"
 
@@ -48,11 +49,7 @@ def check_finite(array: np.ndarray, what: str) -> None:
 
 
 def as_points(points, dimension: int) -> np.ndarray:
-    """Return points as a float64 array, shape (n, dimension).
-
-    Raises:
-        ValueError: Another shape.
-    """
+    """Return points as a float64 array, shape (n, dimension)."""
     points = np.asarray(points, dtype=np.float64)
     if points.ndim != 2 or points.shape[1] != dimension:
         raise ValueError(f"points need shape (n, {dimension}), got {points.shape}")
@@ -67,11 +64,7 @@ def local_coordinates(points: np.ndarray, geometry: str) -> np.ndarray:
 
 
 def check_box(low: np.ndarray, high: np.ndarray) -> None:
-    """Reject a box [m] whose size no flow has, mostly because its lengths are in another unit.
-
-    Raises:
-        ValueError: A side above 1e7 m or below 1e-9 m.
-    """
+    """Reject a box [m] whose size no flow has, mostly because its lengths are in another unit."""
     extent = high - low
     if extent.max() > LARGEST_BOX or extent.min() < SMALLEST_BOX:
         sides = " by ".join(f"{side:.3g}" for side in extent)
@@ -82,12 +75,7 @@ def check_box(low: np.ndarray, high: np.ndarray) -> None:
 
 
 def checked_axes(shape: tuple[int, ...], origin, spacing) -> tuple[np.ndarray, np.ndarray]:
-    """Return the first node and the spacing [m] of a grid of a shape, as read-only float64 arrays.
-
-    Raises:
-        ValueError: Entries that do not match the shape, are not finite or leave node positions unresolved in float64,
-            or fewer than two nodes along an axis.
-    """
+    """Return the first node and the spacing [m] of a grid of a shape, as read-only float64 arrays."""
     dimension, asked = len(shape), spacing
     origin, given = np.array(origin, dtype=np.float64).reshape(-1), origin
     spacing = np.array(spacing, dtype=np.float64).reshape(-1)
@@ -113,13 +101,54 @@ def checked_axes(shape: tuple[int, ...], origin, spacing) -> tuple[np.ndarray, n
 
 
 def check_starts_on_axis(origin: np.ndarray, spacing: np.ndarray) -> None:
-    """Reject the first node and spacing [m] of an axisymmetric grid that does not start at r = 0.
-
-    Raises:
-        ValueError: It starts elsewhere.
-    """
+    """Reject the first node and spacing [m] of an axisymmetric grid that does not start at r = 0."""
     if abs(origin[0]) > 1e-9 * spacing[0]:
         raise ValueError(f"an axisymmetric grid starts at r = 0, got origin {origin[0]:g} m")
+
+
+@dataclass(frozen=True, eq=False)
+class GridPlaces(Derived):
+    """The positions of a uniform grid's nodes, and the results that later stages have computed from them.
+
+    Attributes:
+        shape: Number of nodes along each axis.
+        origin: Coordinates of the first node [m], shape (d,).
+        spacing: Node spacing [m], shape (d,).
+        even_first_axis: Mirror symmetry at the first node of axis 0.
+    """
+
+    shape: tuple[int, ...]
+    origin: np.ndarray
+    spacing: np.ndarray
+    even_first_axis: bool
+
+
+def places_of(shape: tuple[int, ...], origin: np.ndarray, spacing: np.ndarray, even_first_axis: bool) -> GridPlaces:
+    """Return the positions of such nodes: one object for all grids that exist at the same time.
+
+    The results cached on it live as long as one of these grids. The arguments are the attributes of GridPlaces.
+    """
+    in_use: WeakValueDictionary[tuple, GridPlaces] = OPENED.once("positions of nodes in use", WeakValueDictionary)
+    key = shape, origin.tobytes(), spacing.tobytes(), even_first_axis
+    return in_use.get(key) or in_use.setdefault(key, GridPlaces(shape, origin, spacing, even_first_axis))
+
+
+def contrast_array(contrast: Any) -> np.ndarray:
+    """Return a contrast as a NumPy array of real numbers."""
+    array = plain_array(contrast)
+    if not np.issubdtype(array.dtype, np.number) or np.iscomplexobj(array):
+        raise TypeError(f"contrast must be an array of real numbers, got dtype {array.dtype}")
+    if array.dtype == np.float16:
+        raise ValueError("contrast is float16, whose least digit is 6e-8: compute n - ambient_index in float32 or more")
+    return array
+
+
+def warn_of_index(least: float, greatest: float) -> None:
+    """Warn a caller of from_samples or from_mesh whose contrasts look like indices n, of any medium up to germanium."""
+    if 0.99 < least <= greatest < 4.5:
+        warn_caller(
+            f"contrast is {least:g} to {greatest:g} everywhere: it is n - ambient_index, not n itself",
+        )
 
 
 @shown
@@ -280,3 +309,15 @@ def eq5_step(difference: np.ndarray, size) -> np.ndarray:
         [difference <= 1e-5, difference <= 1e-4, difference <= 1e-3, difference <= 1e-2], [1.0, 0.5, 0.2, 0.1], 0.05
     )
     return share * size
+
+
+def checked_walls(walls: Any) -> tuple[np.ndarray, np.ndarray]:
+    """Return positions at walls [m], shape (n, 2), and the contrast there, shape (n,), as float64 arrays."""
+    if not isinstance(walls, (tuple, list)) or len(walls) != 2 or not all(are_numbers(each) for each in walls):
+        raise TypeError(f"walls must be a pair of arrays, points [m] and contrasts, got {type(walls).__name__}")
+    points, contrast = (np.asarray(each, dtype=np.float64) for each in walls)
+    if contrast.ndim != 1 or points.shape != (len(contrast), 2):
+        raise ValueError(f"walls need points of shape (n, 2) and n contrasts, got {points.shape} and {contrast.shape}")
+    check_finite(points, "the points at walls")
+    check_finite(contrast, "the contrast at walls")
+    return points, contrast

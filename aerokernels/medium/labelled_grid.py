@@ -17,31 +17,19 @@ def unevenness(step: float, farthest: float) -> float:
     return step * float(np.clip(SINGLE * farthest / step, EVEN, UNEVEN)) if step > 0.0 else 0.0
 
 
-def check_order(contrast: Any, geometry: str) -> None:
-    """Reject a labelled array, such as one of xarray, whose dimensions are those of a geometry in another order.
-
-    Raises:
-        ValueError: As described; the message names the remedy.
-    """
-    if not hasattr(contrast, "dims"):
-        return
-    axes = next(axes for axes, name in GEOMETRIES.items() if name == geometry)
-    names = tuple(map(str, contrast.dims))
+def check_order(array: Any, name: str, geometry: str, door: str) -> None:
+    """Reject a labelled array, such as one of xarray, whose dimensions are those of a geometry in another order."""
+    axes = next((axes for axes, one in GEOMETRIES.items() if one == geometry), ())
+    names = tuple(map(str, getattr(array, "dims", axes)))
     if names != axes and sorted(names) == sorted(axes):
         raise ValueError(
-            f"contrast has the dimensions {', '.join(names)}, and a field {', '.join(axes)}: take "
-            f"contrast.transpose({', '.join(map(repr, axes))}), or IndexField.from_xarray, which orders them itself"
+            f"{name} has the dimensions {', '.join(names)}, and a field {', '.join(axes)}: take "
+            f"{name}.transpose({', '.join(map(repr, axes))}), or {door}, which orders them itself"
         )
 
 
 def grid_arguments(array) -> dict:
-    """Return the arguments; see `IndexField.from_xarray`.
-
-    Raises:
-        TypeError: Not an xarray array.
-        ValueError: Other dimensions, coordinates that are absent or not even, units that are not lengths, a unit of the
-            contrast that is none of a ratio, values that are not real numbers, contrasts that no medium has.
-    """
+    """Return the arguments; see `IndexField.from_xarray`."""
     if not hasattr(array, "dims") or not hasattr(array, "coords") or hasattr(array, "data_vars"):
         raise TypeError(f"from_xarray takes an xarray DataArray, got {type(array).__name__}: choose one of a Dataset")
     names = {str(dim): dim for dim in array.dims}

@@ -11,12 +11,20 @@ from itertools import product
 
 import numpy as np
 
-from ..derived import Derived
-from ..display.shown import shown
-from ..inputs.arguments import Numbers, checked
-from .bilinear import EDGE_TOLERANCE, bilinear_point, contains, invert_bilinear
-from .grid import as_points, check_finite
-from .mesh_cells import cells_across, check_duplicates, oriented, parts_across
+from aerokernels.derived import Derived
+from aerokernels.display.shown import shown
+from aerokernels.inputs.arguments import Numbers, checked
+from aerokernels.medium.grid import as_points, check_finite
+from aerokernels.medium.mesh_cells import (
+    EDGE_TOLERANCE,
+    bilinear_point,
+    cells_across,
+    check_duplicates,
+    contains,
+    invert_bilinear,
+    oriented,
+    parts_across,
+)
 
 GEOMETRIES = ("volume", "planar", "axisymmetric")
 # Pairs of points and cells that are tested together, which limits the size of arrays.
@@ -215,6 +223,11 @@ class QuadMesh(Derived):
         """The paper's l = sqrt(a b) of each cell [m]: a, b are the mean lengths of its opposite sides."""
         side = np.linalg.norm(np.roll(self.corners, -1, axis=1) - self.corners, axis=2)
         return np.sqrt(0.5 * (side[:, 0] + side[:, 2]) * 0.5 * (side[:, 1] + side[:, 3]))
+
+    @cached_property
+    def median_cell_size(self) -> float:
+        """The median of `cell_size` [m]."""
+        return float(np.median(self.cell_size))
 
     @cached_property
     def neighbors(self) -> np.ndarray:

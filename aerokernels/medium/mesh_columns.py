@@ -6,10 +6,10 @@ Each piece is in one cell, the one that contains its midpoint.
 
 import numpy as np
 
-from ..derived import cached_on
-from .bodies.crossings import as_lines, crossings
-from .grid import local_coordinates
-from .mesh import QuadMesh
+from aerokernels.derived import cached_on
+from aerokernels.medium.bodies.crossings import as_lines, crossings
+from aerokernels.medium.grid import local_coordinates
+from aerokernels.medium.mesh import QuadMesh
 
 LINES = 64  # lines that are cut together; speed only
 KEPT_LINES = 512  # most lines of a call whose pieces are cached on the mesh until the next call; speed only
@@ -25,10 +25,6 @@ def mesh_columns(mesh: QuadMesh, values: np.ndarray, position, direction, ends=N
         direction: Unit vectors, shape (line_count, 3) or (3,).
         ends: Distances from its point at which each line begins and ends [m], shape (2, line_count); None takes whole
             lines.
-
-    Raises:
-        ValueError: Points that are not finite, directions that are not unit vectors, or lines along x of a planar mesh,
-            which never leave it.
     """
     position, direction = as_lines(position, direction)
     if not np.isfinite(position).all():

@@ -20,7 +20,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from .mesh import QuadMesh
+from aerokernels.derived import cached_on
+from aerokernels.medium.mesh import QuadMesh
 
 
 def refined(field):
@@ -53,11 +54,8 @@ def cut_in_four(mesh: QuadMesh, values: np.ndarray, gradient: np.ndarray) -> tup
         mesh: The mesh.
         values: At its vertices, shape (vertex_count,).
         gradient: At its vertices [1/m], shape (vertex_count, 2).
-
-    Raises:
-        ValueError: The mesh has two vertices in one place, at a seam.
     """
-    finer, a, b, of_edge = mesh.derive("cells cut in four", lambda: _cut(mesh))
+    finer, a, b, of_edge = _cut(mesh)
     rise = np.sum((gradient[a] - gradient[b]) * (mesh.vertices[b] - mesh.vertices[a]), axis=1)
     edge_value = 0.5 * (values[a] + values[b]) + 0.125 * rise
     cell_value = 0.5 * edge_value[of_edge].sum(axis=1) - values[mesh.cells].mean(axis=1)
@@ -66,12 +64,12 @@ def cut_in_four(mesh: QuadMesh, values: np.ndarray, gradient: np.ndarray) -> tup
 
 def cells_of_four(mesh: QuadMesh) -> QuadMesh:
     """Return the mesh with every cell cut in four parts, in the order of the cells: see `cut_in_four` for values."""
-    return mesh.derive("cells cut in four", lambda: _cut(mesh))[0]
+    return _cut(mesh)[0]
 
 
 def edges_of_four(mesh: QuadMesh) -> tuple[np.ndarray, np.ndarray]:
     """Return the vertices at both ends of each edge of a mesh, in the order of the vertices that cut the edges."""
-    return mesh.derive("cells cut in four", lambda: _cut(mesh))[1:3]
+    return _cut(mesh)[1:3]
 
 
 def quarters(xi: np.ndarray, eta: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -84,13 +82,13 @@ def quarters(xi: np.ndarray, eta: np.ndarray) -> tuple[np.ndarray, np.ndarray, n
     return part, np.where(turned, v, u), np.where(turned, u, v)
 
 
+@cached_on("mesh")
 def has_seam(mesh: QuadMesh) -> bool:
     """Return whether a structured mesh closes on itself with two vertices in one place, so that it cannot be cut."""
-    if mesh.shape is None:
-        return False
-    return mesh.derive("has seam", lambda: len(np.unique(mesh.vertices, axis=0)) < len(mesh.vertices))
+    return mesh.shape is not None and len(np.unique(mesh.vertices, axis=0)) < len(mesh.vertices)
 
 
+@cached_on("mesh")
 def _cut(mesh: QuadMesh) -> tuple[QuadMesh, np.ndarray, np.ndarray, np.ndarray]:
     """Return the finer mesh, both ends of each edge, and the edges of each cell, shape (cell_count, 4)."""
     if has_seam(mesh):

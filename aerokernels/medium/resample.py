@@ -14,11 +14,13 @@ from typing import Any
 
 import numpy as np
 
-from ..inputs.checks import check_positive
-from ..inputs.kinds import are_numbers
-from ..sobol import sobol_points
-from .grid import UniformGrid
-from .resample_grid import NODE_LIMIT, node_counts
+from aerokernels.derived import cached_on
+from aerokernels.inputs.checks import check_positive
+from aerokernels.inputs.kinds import are_numbers
+from aerokernels.medium.grid import UniformGrid
+from aerokernels.medium.mesh import QuadMesh
+from aerokernels.process.machine import host_memory
+from aerokernels.sobol import sobol_points
 
 PROBE_COUNT = 4096
 LINE_COUNT = 64
@@ -26,6 +28,11 @@ LINE_COUNT = 64
 GREATEST_GAIN, LEAST_GAIN = 64.0, 4.0
 # Most nodes of a grid whose geometry is cached on the mesh that was resampled last: 100 bytes each, and 10 MB.
 KEPT_NODES = 1 << 18  # speed only
+NODE_LIMIT = 200_000_000
+# Greatest memory that resampling needs per node, measured on the shipped flows.
+BYTES_PER_NODE = 300
+# A grid of fewer cells along an axis does not resolve any structure of a flow.
+LEAST_CELLS = 4
 
 
 @dataclass(frozen=True)
@@ -63,14 +70,6 @@ def resample(field, spacing=None, *, tolerance=None, wavelength=None, region=Non
         region: Lowest and highest corner along the field's axes [m]; the whole box if None. Beyond the box the field is
             ambient: where it is not ambient at a face, the jump there is smoothed over a cell of the grid.
         interpolation: Interpolant of the result.
-
-    Returns:
-        A field whose `resampling` is the measured ResamplingError.
-
-    Raises:
-        ValueError: Both or neither of spacing and tolerance; numbers that are not positive; a region outside the box;
-            a grid of fewer than four cells along an axis (unless the field has no more) or too large for the memory;
-            a tolerance that no grid of allowed size meets.
     """
     wavelength = field.wavelength_for(wavelength)
     if (spacing is None) == (tolerance is None):
@@ -156,19 +155,12 @@ def _resampled(make, step, region, interpolation):
 
 @dataclass(frozen=True, eq=False)
 class _PointSet:
-    """Points at which a field is evaluated.
-
-    Attributes:
-        count: Number of all points.
-        rows: Indices of the points where the field is evaluated; at the others the result is zero.
-        points: Local coordinates of the points `rows` [m].
-        places: The cells of these points, for a field on a mesh.
-    """
+    """Points at which a field is evaluated: the rows among all of them that are; elsewhere the result is zero."""
 
     count: int
     rows: np.ndarray
-    points: np.ndarray
-    places: Any
+    points: np.ndarray  # of these rows, local coordinates [m]
+    places: Any  # the cells of these points, for a field on a mesh
 
     def contrast(self, field) -> np.ndarray:
         """Return the contrast, shape (count,)."""
@@ -188,59 +180,47 @@ class _PointSet:
 
 @dataclass(frozen=True, eq=False)
 class _ResamplingPoints:
-    """The points at which resampling evaluates a field; they do not depend on the field's values.
+    """The points at which resampling evaluates a field; they do not depend on the field's values."""
 
-    Attributes:
-        nodes: The nodes of the grid.
-        inside: Indices of the nodes inside the body.
-        skin: Points at the wall nearest to these nodes.
-        ahead: These nodes mirrored at the wall, at most two spacings from it.
-        fade: Fraction of the slope at the wall with which each of these nodes is extrapolated.
-        probe: Scattered points of the flow.
-        lines: Points along lines parallel to the last axis, LINE_COUNT times `line_points`.
-        line_points: Number of points on a line.
-        length: Length of the line that each point represents [m].
-    """
-
-    nodes: _PointSet
-    inside: np.ndarray
-    skin: _PointSet
-    ahead: _PointSet
-    fade: np.ndarray
-    probe: _PointSet
-    lines: _PointSet
+    nodes: _PointSet  # of the grid
+    inside: np.ndarray  # indices of the nodes inside the body
+    skin: _PointSet  # points at the wall nearest to these nodes
+    ahead: _PointSet  # these nodes mirrored at the wall, at most two spacings from it
+    fade: np.ndarray  # fraction of the slope at the wall with which each of these nodes is extrapolated
+    probe: _PointSet  # scattered points of the flow
+    lines: _PointSet  # points along lines parallel to the last axis, LINE_COUNT times `line_points`
     line_points: int
-    length: float
+    length: float  # of the line that each point represents [m]
 
 
 def _points(field, low: np.ndarray, high: np.ndarray, step: np.ndarray, count: np.ndarray) -> _ResamplingPoints:
-    """Return the points for a grid; the last result is cached on a mesh for fields of other values on it."""
-    make = partial(_make_points, field, low, high, step, count)
-    if field.is_uniform or np.prod(count) > KEPT_NODES:
-        return make()
-    key = ("resampling", low.tobytes(), high.tobytes(), step.tobytes(), tuple(count), field.body)
-    found: _ResamplingPoints = field.samples.mesh.derive(key, make, most=1)
-    return found
+    """Return the points for a grid; the last ones are cached on a mesh, for fields of other values on it."""
+    if field.is_uniform:
+        return _make_points.function(field.samples, field.body, low, high, step, count)
+    make = _make_points.function if np.prod(count) > KEPT_NODES else _make_points
+    return make(field.samples.mesh, field.body, low, high, step, count)
 
 
-def _make_points(field, low: np.ndarray, high: np.ndarray, step: np.ndarray, count: np.ndarray) -> _ResamplingPoints:
-    dimension, box = len(low), (field.samples.low, field.samples.high)
+@cached_on("where")
+def _make_points(where: QuadMesh | UniformGrid, body, low, high, step, count) -> _ResamplingPoints:
+    is_mesh = isinstance(where, QuadMesh)
+    dimension, box = len(low), where.box if is_mesh else (where.low, where.high)
 
     def point_set(points: np.ndarray, kept: np.ndarray) -> _PointSet:
         rows = np.flatnonzero(kept)
-        places = None if field.is_uniform else field.samples.mesh.places(points[rows])
+        places = where.places(points[rows]) if is_mesh else None
         return _PointSet(len(points), rows, points[rows], places)
 
     def within(points: np.ndarray) -> _PointSet:
         return point_set(points, np.all((points >= box[0]) & (points <= box[1]), axis=1))
 
     def flowing(points: np.ndarray) -> _PointSet:
-        return point_set(points, np.ones(len(points), bool) if field.body is None else ~field.body.contains(points))
+        return point_set(points, np.ones(len(points), bool) if body is None else ~body.contains(points))
 
     axes = [np.minimum(low[k] + step[k] * np.arange(count[k]), high[k]) for k in range(dimension)]
     nodes = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, dimension)
-    inside = np.zeros(0, int) if field.body is None else np.flatnonzero(field.body.contains(nodes))
-    foot = nodes[inside] if field.body is None else field.body.nearest_wall(nodes[inside])
+    inside = np.zeros(0, int) if body is None else np.flatnonzero(body.contains(nodes))
+    foot = nodes[inside] if body is None else body.nearest_wall(nodes[inside])
     out = foot - nodes[inside]
     depth = np.linalg.norm(out, axis=1)
     # A node exactly on the wall has no outward direction, and needs none: its own value is valid.
@@ -302,3 +282,41 @@ def _difference(source, result, points: _PointSet) -> tuple[np.ndarray, np.ndarr
     value[points.rows] = after - before
     slope[points.rows] = (slope_after - slope_before)[:, 0]
     return value, slope
+
+
+def node_counts(field, low: np.ndarray, high: np.ndarray, step: np.ndarray) -> np.ndarray:
+    """Return the number of nodes along each axis of a grid that divides a region of a field evenly.
+
+    Args:
+        field: The IndexField that is resampled.
+        low: Lowest corner of the region [m], shape (d,).
+        high: Highest corner [m], shape (d,).
+        step: Greatest spacing [m], shape (d,).
+    """
+    extent = high - low
+    size = " by ".join(f"{side:.3g}" for side in extent) + " m"
+    with np.errstate(over="ignore"):
+        cells = np.ceil(extent / step * (1 - 1e-12))  # as float64: a spacing of 1e-300 m would overflow integers
+    own = field.spacing if field.is_uniform else np.zeros(len(extent))
+    coarse = (cells < LEAST_CELLS) & (step > own * (1 + 1e-9))
+    if coarse.any():
+        most = extent[coarse].min() / LEAST_CELLS
+        raise ValueError(
+            f"spacing {_text(step)} m leaves fewer than {LEAST_CELLS} cells along a side of the region of {size}, "
+            f"which cannot resolve a flow: give at most {most:.3g} m, better a hundredth of the region, in metres"
+        )
+    with np.errstate(over="ignore"):
+        nodes = float(np.prod(np.maximum(cells, 1.0) + 1.0))
+    limit = min(NODE_LIMIT, host_memory() / BYTES_PER_NODE)
+    if nodes > limit:
+        least = float((extent.prod() / limit) ** (1.0 / len(extent)))
+        raise ValueError(
+            f"spacing {_text(step)} m needs {nodes:.3g} nodes in the region of {size}, more than the {limit:.2g} "
+            f"that the memory takes: give a greater spacing or a smaller region; this region takes {least:.2g} m"
+        )
+    return np.maximum(cells, 1.0).astype(int) + 1
+
+
+def _text(step: np.ndarray) -> str:
+    steps = [f"{value:g}" for value in step]
+    return steps[0] if len(set(steps)) == 1 else " by ".join(steps)

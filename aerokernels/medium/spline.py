@@ -17,7 +17,7 @@ from itertools import product
 
 import numpy as np
 
-from ..process.threads import in_threads, slabs
+from aerokernels.process.threads import in_threads, slabs
 
 INTERPOLATIONS = ("cubic", "linear", "monotone")
 SUPPORT = {"linear": 2, "cubic": 4, "monotone": 4}
@@ -266,3 +266,42 @@ def _cross_share(values: np.ndarray, part: dict[tuple[int, ...], np.ndarray]) ->
                 room = np.where(cross > 0.0, (high - base) / cross, np.where(cross < 0.0, (low - base) / cross, 1.0))
             share[here] = np.minimum(share[here], np.clip(room, 0.0, 1.0))
     return share
+
+
+def node_values(average: np.ndarray, interpolation: str, even_first_axis: bool) -> np.ndarray:
+    """Return values at the nodes, float64, shape of `average`.
+
+    Args:
+        average: Averages over the cells, one axis per coordinate.
+        interpolation: One of INTERPOLATIONS.
+        even_first_axis: The field is mirrored at the first node of axis 0.
+    """
+    values = np.asarray(average, dtype=np.float64)
+    if interpolation != "cubic":
+        return values
+    for axis in range(values.ndim):
+        values = _along(values, axis, even_first_axis and axis == 0)
+    return values
+
+
+def _along(average: np.ndarray, axis: int, even_start: bool) -> np.ndarray:
+    count = average.shape[axis]
+    matrix = end_conditions(count, even_start)
+    before, after = _piece(0.5, 1.0), _piece(0.0, 0.5)
+    inner = np.zeros(5)
+    inner[:4] += before
+    inner[1:] += after
+    for node in range(1, count - 1):
+        fill_row(matrix, node + 1, node - 1, inner)
+    fill_row(matrix, 1, 0, 2.0 * after if even_start else _piece(-0.5, 0.5))
+    fill_row(matrix, count, count - 2, _piece(0.5, 1.5))
+    coefficient = solve_along(matrix, average, axis)
+    return np.moveaxis((coefficient[:-2] + 4.0 * coefficient[1:-1] + coefficient[2:]) / 6.0, 0, axis)
+
+
+def _piece(low: float, high: float) -> np.ndarray:
+    """Return integrals of the four cubic B-spline weights over a part of one cell, by two-point Gauss (exact)."""
+    middle, half = 0.5 * (low + high), 0.5 * (high - low)
+    place = middle + half / np.sqrt(3.0) * np.array([-1.0, 1.0])
+    value: np.ndarray = weights("cubic", place)[0]
+    return half * value.sum(axis=1)

@@ -5,8 +5,8 @@ On a tensor product of coordinates the evaluation is one sparse matrix product f
 
 import numpy as np
 
-from . import spline
-from .grid import UniformGrid
+from aerokernels.medium import spline
+from aerokernels.medium.grid import UniformGrid
 
 
 def contrast_on_axes(grid: UniformGrid, axes: list[np.ndarray]) -> np.ndarray:
@@ -18,9 +18,6 @@ def contrast_on_axes(grid: UniformGrid, axes: list[np.ndarray]) -> np.ndarray:
     Args:
         grid: The samples.
         axes: Coordinates along each of its axes [m], in any order.
-
-    Returns:
-        Contrast, with the lengths of `axes` as shape.
     """
     from scipy.sparse import csr_array
 

@@ -22,16 +22,8 @@ from aerokernels.process.foreign_files import LISTS, FileFault, check_own_files
 from aerokernels.process.machine import address_space, host_memory, python_child
 from aerokernels.process.opened import OPENED
 
-# A damaged file may announce more than it holds. The limits of memory and time are therefore proportional to the file's
-# size, with room for compressed data. Files that only list other files may use most of the machine's memory.
-MEMORY_SHARE = 0.8
-LEAST_MEMORY, MEMORY_FOR_BYTE = 2.0e9, 200.0  # [bytes], and bytes per byte of the file
-LEAST_TIME, TIME_FOR_BYTE = 20.0, 1e-6  # [s], and s per byte: a twentieth of a slow disk's speed
-# A child that computed for this share of its time is given as much again: on a busy machine it waits for a core.
-WORKING = 0.01
-# A library in an endless loop on a damaged file is ended by its computing time; a small file takes 2 s.
-LEAST_COMPUTING = 6.0  # [s], and TIME_FOR_BYTE per byte
-TIME_FOR_LISTS = 600.0  # [s]
+LISTED_TIME = 600.0  # [s] for files that only list other files
+LEAST_COMPUTING = 6.0  # [s] of computing for any other file; a small one takes 2 s
 # Readers need no linear algebra, whose threads would each take address space: on many cores more than the limit.
 ONE_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 DAMAGED = "the file is damaged or of another format: write it again"
@@ -50,13 +42,17 @@ class Bounds(NamedTuple):
 
 
 def bounds_of(path: Path) -> Bounds:
-    """Return the limits for a file; memory is unlimited if the system does not report how much it has."""
-    total = MEMORY_SHARE * host_memory()
+    """Return the limits for a file; memory is unlimited if the system does not report how much it has.
+
+    A damaged file may announce more than it holds. The limits are therefore proportional to the file's size, with room
+    for compressed data and for a twentieth of a slow disk's speed. Files that only list other files may use most of the
+    machine's memory. The computing time ends a library in an endless loop.
+    """
+    total = 0.8 * host_memory()
     if path.suffix.lower() in LISTS:
-        return Bounds(total, LEAST_COMPUTING - LEAST_TIME + TIME_FOR_LISTS, TIME_FOR_LISTS)
+        return Bounds(total, LISTED_TIME, LISTED_TIME)
     size = path.stat().st_size
-    more = TIME_FOR_BYTE * size
-    return Bounds(min(total, LEAST_MEMORY + MEMORY_FOR_BYTE * size), LEAST_COMPUTING + more, LEAST_TIME + more)
+    return Bounds(min(total, 2.0e9 + 200.0 * size), LEAST_COMPUTING + 1e-6 * size, 60.0 + 1e-6 * size)
 
 
 class _Child:
@@ -78,19 +74,14 @@ class _Child:
     def ask(self, request: Any, time_limit: float) -> Any:
         """Send a request and return the answer; raises EOFError if the child ends, or is ended, before it answers."""
         assert self.process.stdin is not None and self.process.stdout is not None
-        answered = threading.Event()
 
-        def watch() -> None:
-            before = _computed(self.process.pid)
-            while not answered.wait(time_limit):
-                now = _computed(self.process.pid)
-                if not now >= before + WORKING * time_limit:
-                    self.is_late = True
-                    self.process.kill()
-                    return
-                before = now
+        def end() -> None:
+            self.is_late = True
+            self.process.kill()
 
-        threading.Thread(target=watch, daemon=True).start()
+        timer = threading.Timer(time_limit, end)
+        timer.daemon = True
+        timer.start()
         try:
             pickle.dump(request, self.process.stdin, protocol=5)
             self.process.stdin.flush()
@@ -98,7 +89,7 @@ class _Child:
         except (BrokenPipeError, pickle.UnpicklingError) as fault:
             raise EOFError from fault
         finally:
-            answered.set()
+            timer.cancel()
 
     def end(self) -> int:
         """End the child, and return its exit status, negative for a signal."""
@@ -110,14 +101,6 @@ class _Child:
         except subprocess.TimeoutExpired:
             self.process.kill()
             return self.process.wait()
-
-
-def _computed(process: int) -> float:
-    """Computing time of a process so far [s]; NaN if the system does not tell."""
-    with suppress(OSError, ValueError, IndexError):
-        numbers = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
-        return (int(numbers[11]) + int(numbers[12])) / float(os.sysconf("SC_CLK_TCK"))
-    return math.nan
 
 
 def _idle() -> list[_Child]:
@@ -244,12 +227,8 @@ def _sent(fault: Exception) -> Any:
         return RuntimeError(f"{type(fault).__name__}: {fault}")
 
 
-def _main() -> None:
-    # Libraries print to the standard output, so the answers go through a private copy of it.
-    answers = os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)
-    _serve(sys.stdin.buffer, answers)
-
-
 if __name__ == "__main__":
-    _main()
+    # Libraries print to the standard output, so the answers go through a private copy of it.
+    private = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)
+    _serve(sys.stdin.buffer, private)

@@ -101,8 +101,8 @@ def _address_space() -> tuple[float, float]:
     return (math.inf, 0.0) if limit == resource.RLIM_INFINITY else (float(limit), address_space())
 
 
-def _folders(controller: str) -> Iterator[Path]:
-    """Return the folders of this process's control groups, and of their parents, that may limit a resource.
+def _folders() -> Iterator[Path]:
+    """Return the folders of this process's control group (version 2), and of its parents, that may limit a resource.
 
     In a container the path may be the host's; then only the group at the root is visible.
     """
@@ -112,11 +112,9 @@ def _folders(controller: str) -> Iterator[Path]:
         return
     for line in lines:
         _, names, path = [*line.split(":", 2), "", ""][:3]
-        if names and controller not in names.split(","):
-            continue
-        root = GROUPS / controller if names else GROUPS  # versions 1 and 2 of the kernel's interface
-        own = root / path.lstrip("/")
-        yield from (folder for folder in (own, *own.parents) if folder == root or root in folder.parents)
+        own = GROUPS / path.lstrip("/")
+        if not names:
+            yield from (folder for folder in (own, *own.parents) if folder == GROUPS or GROUPS in folder.parents)
 
 
 def _number(folder: Path, name: str, field: int = 0) -> float:
@@ -129,33 +127,23 @@ def _number(folder: Path, name: str, field: int = 0) -> float:
 
 
 def _core_quotas() -> Iterator[float]:
-    for folder in _folders("cpu"):
-        for quota, period in (
-            (_number(folder, "cpu.max"), _number(folder, "cpu.max", 1)),
-            (_number(folder, "cpu.cfs_quota_us"), _number(folder, "cpu.cfs_period_us")),
-        ):
-            if 0.0 < quota < math.inf and period > 0.0:
-                yield quota / period
+    for folder in _folders():
+        quota, period = _number(folder, "cpu.max"), _number(folder, "cpu.max", 1)
+        if 0.0 < quota < math.inf and period > 0.0:
+            yield quota / period
 
 
 def _group_memory() -> Iterator[tuple[float, float]]:
     """Yield each control group's memory limit and its memory in use, without droppable file caches [bytes]."""
-    for folder in _folders("memory"):
-        for limit_name, used_name, dropped in (
-            ("memory.max", "memory.current", "inactive_file"),
-            ("memory.limit_in_bytes", "memory.usage_in_bytes", "total_inactive_file"),
-        ):
-            limit, used = _number(folder, limit_name), _number(folder, used_name)
-            if 0.0 < limit < math.inf and used >= 0.0:
-                yield limit, max(0.0, used - _statistic(folder / "memory.stat", dropped))
+    for folder in _folders():
+        limit, used = _number(folder, "memory.max"), _number(folder, "memory.current")
+        if 0.0 < limit < math.inf and used >= 0.0:
+            yield limit, max(0.0, used - _droppable(folder / "memory.stat"))
 
 
-def _statistic(path: Path, name: str) -> float:
+def _droppable(path: Path) -> float:
     try:
-        for line in path.read_text(encoding="ascii").splitlines():
-            key, _, value = line.partition(" ")
-            if key == name:
-                return float(value)
-    except (OSError, ValueError):
-        pass
-    return 0.0
+        lines = [line.split() for line in path.read_text(encoding="ascii").splitlines()]
+        return next((float(line[1]) for line in lines if line[0] == "inactive_file"), 0.0)
+    except (OSError, ValueError, IndexError):
+        return 0.0

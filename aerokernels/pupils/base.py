@@ -3,16 +3,18 @@
 import weakref
 from abc import ABC, abstractmethod
 from collections.abc import Hashable
-from dataclasses import fields
+from dataclasses import dataclass, fields
 from functools import cached_property
 from hashlib import blake2b
+from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
 from ..inputs.checks import check_choice, check_count
+from ..inputs.kinds import are_numbers
 from ..sobol import sobol_points
 from .square_map import SquareMap
-from .vectors import as_unit_vector, as_vector, transverse_axes
 
 SAMPLINGS = ("sobol", "gauss", "grid", "random")
 
@@ -154,3 +156,153 @@ class Pupil(ABC):
         x, y = np.meshgrid(*(0.5 * (edge[1:] + edge[:-1]) / self.reach for edge in (x_edges, y_edges)))
         lit = weight > 0.0
         return np.stack([x[lit], y[lit]], axis=1), weight[lit] / weight[lit].sum()
+
+
+def as_vector(value, name: str) -> np.ndarray:
+    """Return `value` as a finite float64 vector of shape (3,), a read-only copy: callers may reuse their array.
+
+    Raises:
+        TypeError: It does not consist of numbers.
+        ValueError: It is not three finite numbers.
+    """
+    if not are_numbers(value):
+        raise TypeError(f"{name} must be three finite numbers (x, y, z), got {value!r}")
+    vector = np.array(value, dtype=np.float64)
+    if vector.shape != (3,) or not np.isfinite(vector).all():
+        raise ValueError(f"{name} must be three finite numbers (x, y, z), got {value!r}")
+    vector.setflags(write=False)
+    return vector
+
+
+def as_unit_vector(value, name: str) -> np.ndarray:
+    """Return `value` normalised to length 1, read-only, shape (3,).
+
+    Raises:
+        TypeError: As for `as_vector`.
+        ValueError: As for `as_vector`, or the zero vector.
+    """
+    vector = as_vector(value, name)
+    greatest = np.abs(vector).max()
+    if greatest == 0.0:
+        raise ValueError(f"{name} must not be the zero vector")
+    # Scaled first, because the squared length of a very long or short vector would overflow or underflow.
+    vector = vector / greatest
+    vector /= np.linalg.norm(vector)
+    vector.setflags(write=False)
+    return vector
+
+
+def transverse_axes(normal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return two unit vectors that complete `normal` to a right-handed frame; x and y if `normal` is +z."""
+    helper = np.array([0.0, 1.0, 0.0]) if abs(normal[1]) < 0.9 else np.array([0.0, 0.0, 1.0])
+    first = _cross(helper, normal)
+    first /= np.linalg.norm(first)
+    return first, _cross(normal, first)
+
+
+def _cross(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """Return the cross product of two vectors (3,), in a tenth of the time of `np.cross`."""
+    (a, b, c), (x, y, z) = one.tolist(), other.tolist()
+    return np.array([b * z - c * y, c * x - a * z, a * y - b * x])
+
+
+def transverse_frames(normals: np.ndarray) -> np.ndarray:
+    """Return the two vectors of `transverse_axes` for each unit vector (n, 3), shape (n, 2, 3)."""
+    helper = np.where(np.abs(normals[:, 1:2]) < 0.9, [0.0, 1.0, 0.0], [0.0, 0.0, 1.0])
+    first = np.cross(helper, normals)
+    first /= np.linalg.norm(first, axis=1, keepdims=True)
+    return np.stack([first, np.cross(normals, first)], axis=1)
+
+
+def lengths(vectors: np.ndarray) -> np.ndarray:
+    """Return the lengths of vectors (n, 3), shape (n,), in a fifth of the time of `np.linalg.norm`."""
+    x, y, z = vectors[:, 0], vectors[:, 1], vectors[:, 2]
+    return np.asarray(np.sqrt(x * x + y * y + z * z))
+
+
+def direction_of(azimuth: Any, elevation: Any) -> np.ndarray:
+    """Return look directions, shape (..., 3), of azimuths toward +x and elevations toward +y [rad]; 0, 0 is +z."""
+    flat = np.cos(elevation)
+    return np.stack(np.broadcast_arrays(np.sin(azimuth) * flat, np.sin(elevation), np.cos(azimuth) * flat), axis=-1)
+
+
+# Points along each side of a cell at which the transmission of a pupil seen askew is sampled.
+SUBDIVISION = 16
+
+
+def across_look(pupil: Pupil, look: np.ndarray) -> np.ndarray:
+    """Return the matrix that makes coordinates across a look direction of those in the pupil's plane, shape (2, 2).
+
+    The axes across it are those of a pupil that faces along it.
+    """
+    if np.array_equal(look, pupil.normal):
+        return np.eye(2)
+    return np.stack(transverse_axes(look)) @ np.stack(pupil.axes, axis=1)
+
+
+def seen_along(pupil: Pupil, look: np.ndarray | None) -> "Pupil | Projected":
+    """Return a pupil as it is seen along a unit vector: itself if that is its normal, or None."""
+    if look is None or np.array_equal(look, pupil.normal):
+        return pupil
+    matrix = across_look(pupil, look)
+    if abs(np.linalg.det(matrix)) < 1e-6:
+        raise ValueError(f"the pupil is seen from its side along {np.asarray(look).tolist()}: turn its normal")
+    return Projected(pupil, matrix)
+
+
+@dataclass(frozen=True, eq=False)
+class Projected:
+    """A pupil in coordinates across a look direction.
+
+    Attributes:
+        pupil: The pupil.
+        matrix: Makes coordinates across the look direction of those in the pupil's plane, shape (2, 2).
+    """
+
+    pupil: Pupil
+    matrix: np.ndarray
+
+    @property
+    def center(self) -> np.ndarray:
+        """Origin of the coordinates [m], shape (3,)."""
+        return self.pupil.center
+
+    @cached_property
+    def _inverse(self) -> np.ndarray:
+        return np.linalg.inv(self.matrix)
+
+    @property
+    def axes(self) -> tuple[np.ndarray, np.ndarray]:
+        """Vectors in the pupil's plane by which points move for a metre of either coordinate, shape (3,) each."""
+        first, second = self._inverse.T @ np.stack(self.pupil.axes)
+        return first, second
+
+    @cached_property
+    def half_extent(self) -> tuple[float, float]:
+        """Greatest distance from the centre along each of the axes [m], or slightly more."""
+        if self.pupil.inner_ratio is not None:
+            x, y = self.pupil.reach * np.linalg.norm(self.matrix, axis=1)
+        else:
+            x, y = np.abs(self.matrix) @ self.pupil.half_extent
+        return float(x), float(y)
+
+    def coverage(self, x_edges: np.ndarray, y_edges: np.ndarray, power: int = 1) -> np.ndarray:
+        """Return the mean of a power of the transmission in each cell of a grid: see `Pupil.coverage`.
+
+        It is exact if the look direction is turned about one of the pupil's axes. Otherwise it is a mean over points,
+        by which the share of a cell on the pupil's edge is off by about a hundredth.
+        """
+        x_edges, y_edges = np.asarray(x_edges), np.asarray(y_edges)
+        size = np.abs(self.matrix)
+        if min(size[0, 0], size[1, 1]) > 0.0 and max(size[0, 1], size[1, 0]) < 1e-12:
+            x_sense, y_sense = (-1 if self.matrix[axis, axis] < 0.0 else 1 for axis in (0, 1))
+            x, y = x_edges / self.matrix[0, 0], y_edges / self.matrix[1, 1]
+            return self.pupil.coverage(x[::x_sense], y[::y_sense], power)[::y_sense, ::x_sense]
+        inner = (np.arange(SUBDIVISION) + 0.5) / SUBDIVISION
+        x = (x_edges[:-1, None] + inner * np.diff(x_edges)[:, None]).ravel()
+        found = np.empty((len(y_edges) - 1, len(x_edges) - 1))
+        for row, (low, high) in enumerate(pairwise(y_edges)):
+            place = np.stack(np.meshgrid(x, low + inner * (high - low)), axis=-1) @ self._inverse.T
+            seen = self.pupil.transmission(place[..., 0], place[..., 1]) ** power
+            found[row] = seen.reshape(SUBDIVISION, -1, SUBDIVISION).mean(axis=(0, 2))
+        return found

@@ -4,13 +4,14 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from pydantic import ValidationError
+from pydantic import BaseModel, ValidationError
 
-from ..inputs.units import quantity, si_unit
-from .errors import SceneError, scene_error
-from .key_units import dimension_of
-from .loading import override, toml_value
-from .scene import Scene
+from aerokernels.inputs.checks import warn_caller
+from aerokernels.inputs.units import quantity, si_unit
+from aerokernels.scene.errors import SceneError, scene_error
+from aerokernels.scene.loading import override, toml_value
+from aerokernels.scene.scene import Scene
+from aerokernels.scene.values import dimension_of
 
 
 def changed_scene(scene: Scene | str | Path, changes: Mapping[str, Any]) -> Scene:
@@ -80,3 +81,35 @@ def _without_none(values: Mapping[str, Any]) -> dict[str, Any]:
 
 
 __all__ = ["SceneError", "changed_scene", "key_dimension", "key_unit", "key_value", "with_units"]
+
+
+_LASER = ("atmosphere", "beam", "detector", "strehl", "target")
+_STEPS = ("trace.allow_truncation", "trace.max_steps", "trace.method", "trace.step")
+# Tables and keys that change no number of a command. The field of `strehl` includes the lines to the target.
+UNUSED = {
+    "run": ("series",),
+    "strehl": ("atmosphere", "detector", "series"),
+    "schlieren": (*_LASER, "pupil", "receiver", "series", *_STEPS),
+    "series": (*_LASER, "flow.source", "flow.density", "flow.interpolation", "grid", *_STEPS),
+}
+
+
+def warn_of_unused(scene: Scene, command: str) -> None:
+    """Warn in one line of the tables and keys that differ from their defaults without an effect on the command.
+
+    A scene without a flow is refused where the flow is read, in one line as well.
+    """
+    if scene.flow.source is None and command != "series":
+        return
+    idle = [f"[{name}]" if "." not in name else name for name in UNUSED[command] if _is_set(scene, name)]
+    if idle:
+        warn_caller(f"{scene.name}: {', '.join(idle)} {'has' if len(idle) == 1 else 'have'} no effect here")
+
+
+def _is_set(scene: Scene, name: str) -> bool:
+    """Whether a table, or a key of a table, differs from its default."""
+    table, _, leaf = name.partition(".")
+    model: BaseModel = getattr(scene, table)
+    if not leaf:
+        return model != type(model)()
+    return getattr(model, leaf) not in (None, type(model).model_fields[leaf].get_default())

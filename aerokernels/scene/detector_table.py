@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from .values import (
+from aerokernels.scene.values import (
     Count,
     Current,
     DiodeResponsivity,

@@ -6,8 +6,20 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BeforeValidator, model_validator
 
-from ..pupils import Annulus, Disc, Pupil, Rectangle
-from .values import Coordinate, Fraction, Length, Number, PointCount, Power, Share, Table, Tilt, Time, key
+from aerokernels.pupils import Annulus, Disc, Pupil, Rectangle
+from aerokernels.scene.values import (
+    Coordinate,
+    Fraction,
+    Length,
+    Number,
+    PointCount,
+    Power,
+    Share,
+    Table,
+    Tilt,
+    Time,
+    key,
+)
 
 LEAST_PULSE_SAMPLES = 4
 
@@ -45,6 +57,20 @@ def _node_count(value: Any) -> Any:
     if not whole:
         raise ValueError("give an odd whole number from 3 to 999, or 'every'")
     return int(value)
+
+
+def orientation(tilt: float, tilt_axis: tuple[float, float, float]) -> np.ndarray:
+    """Return the axes x, y, z turned by `tilt` [rad] about an axis of any length, as columns, shape (3, 3)."""
+    axis = np.array(tilt_axis) / np.abs(tilt_axis).max()
+    x, y, z = axis / np.linalg.norm(axis)
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.eye(3) + math.sin(tilt) * cross + (1.0 - math.cos(tilt)) * cross @ cross
+
+
+def rectangle_corners(width: float, height: float, orientation: np.ndarray) -> np.ndarray:
+    """Return the corners of a rectangle in cyclic order, relative to its centre [m], shape (4, 3)."""
+    side = 0.5 * np.array([[-width, -height, 0.0], [width, -height, 0.0]])
+    return np.concatenate([side, -side]) @ orientation.T
 
 
 class BeamTable(Table):
@@ -140,16 +166,12 @@ class TargetTable(Table):
     @property
     def orientation(self) -> np.ndarray:
         """Unit vectors of the reflector as columns: along its width, along its height, its normal; shape (3, 3)."""
-        axis = np.array(self.tilt_axis) / np.abs(self.tilt_axis).max()
-        x, y, z = axis / np.linalg.norm(axis)
-        cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-        return np.eye(3) + math.sin(self.tilt) * cross + (1.0 - math.cos(self.tilt)) * cross @ cross
+        return orientation(self.tilt, self.tilt_axis)
 
     @property
     def corners(self) -> np.ndarray:
         """The reflector's corners in cyclic order, relative to its centre [m], shape (4, 3)."""
-        side = 0.5 * np.array([[-self.width, -self.height, 0.0], [self.width, -self.height, 0.0]])
-        return np.concatenate([side, -side]) @ self.orientation.T
+        return rectangle_corners(self.width, self.height, self.orientation)
 
 
 class ReceiverTable(Table):
@@ -214,11 +236,6 @@ class ReceiverTable(Table):
         if self.shape == "rectangle":
             return Rectangle(self.diameter, self.diameter if self.height is None else self.height, center)
         return Disc(0.5 * self.diameter, center)
-
-    @property
-    def equal_diameter(self) -> float:
-        """Diameter of the disc that has the pupil's area and so collects the same light [m]."""
-        return self.diameter if self.shape == "disc" else math.sqrt(4.0 * self.pupil.area / math.pi)
 
 
 class AtmosphereTable(Table):

@@ -7,9 +7,9 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
-from ..display.plain_text import cut
-from ..inputs.units import si_unit
-from .key_units import dimension_of
+from aerokernels.display.plain_text import cut
+from aerokernels.inputs.units import si_unit
+from aerokernels.scene.values import dimension_of
 
 
 class SceneError(ValueError):

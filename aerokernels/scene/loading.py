@@ -1,7 +1,6 @@
 """Find and read a scene file, and set single keys from the command line."""
 
 import os
-import re
 import sys
 import tomllib
 from collections.abc import Mapping
@@ -10,17 +9,13 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from ..display.plain_text import cut
-from ..flow.shipped import shipped_names
-from .errors import SceneError
+from aerokernels.display.plain_text import cut
+from aerokernels.flow.shipped import shipped_names
+from aerokernels.scene.errors import SceneError
 
 _SHIPPED = files("aerokernels") / "scenes"
 _COMMON = _SHIPPED / "common" / "laser_rangefinder.toml"  # the tables from [beam] on, which end every shipped scene
-MOST = 4 << 20  # [bytes] of a scene
-DEEPEST = 100  # greatest nesting of tables and lists: deeper than any scene, below Python's recursion limit
 CHANGED = "-changed"  # ends the name of a scene whose values were changed
-_PART = r"""(?:"[^"\n]*+"|'[^'\n]*+'|[\w-]++)"""
-_NAMES = re.compile(rf"{_PART}(?:[ \t]*+\.[ \t]*+{_PART})*+")
 
 
 def shipped_scenes() -> tuple[str, ...]:
@@ -54,9 +49,9 @@ def read_scene(place: str | Path) -> tuple[str, str, dict[str, Any]]:
     """
     path, name = Path(place), str(place)
     if name == "-":
-        read, label, stem = lambda: sys.stdin.buffer.read(MOST + 1), "standard input", "scene"
+        read, label, stem = sys.stdin.buffer.read, "standard input", "scene"
     elif os.path.isfile(path):
-        read, label, stem = lambda: _start_of(path), str(path), path.stem
+        read, label, stem = path.read_bytes, str(path), path.stem
     elif name in shipped_scenes():
         read, label, stem = shipped_scene_text(name).encode, f"{name}.toml", name
     else:
@@ -66,48 +61,17 @@ def read_scene(place: str | Path) -> tuple[str, str, dict[str, Any]]:
         what = "is a folder" if os.path.isdir(path) else "there is no such scene file"
         raise SceneError(f"{name}: {what}; {hint}give a TOML file or a shipped scene: {', '.join(shipped_scenes())}")
     try:
-        if len(text := read()) > MOST:
-            raise SceneError(f"{label}: longer than {MOST >> 20} MiB, which no scene is: give a TOML file")
-        return label, stem, _toml(text.decode("utf-8-sig"))  # Windows editors may write a byte-order mark
+        return label, stem, tomllib.loads(read().decode("utf-8-sig"))  # Windows editors may write a byte-order mark
     except OSError as fault:
         raise SceneError(f"{label}: cannot be read, {fault.strerror}: check the file and its permissions") from None
     except UnicodeDecodeError as fault:
         raise SceneError(f"{label}: byte {fault.start} is not UTF-8: save the scene as UTF-8 text") from None
     except RecursionError:
-        raise SceneError(f"{label}: tables and lists are nested too deeply, more than {DEEPEST} times") from None
-    except SceneError:
-        raise
-    except ValueError as fault:  # not TOML, or a number of thousands of digits
+        raise SceneError(f"{label}: tables and lists are nested too deeply") from None
+    except ValueError as fault:
         raise SceneError(
             f'{label}: not valid TOML, {fault}: write key = value, and texts such as "1.5 m" in quotes'
         ) from None
-
-
-def _start_of(path: Path) -> bytes:
-    with path.open("rb") as file:
-        return file.read(MOST + 1)
-
-
-def _toml(text: str) -> dict[str, Any]:
-    """Parse a TOML text into tables whose values can all be shown in messages.
-
-    Raises:
-        RecursionError: Tables and lists nested more than DEEPEST times.
-        ValueError: The text is not TOML, or holds a number of thousands of digits.
-    """
-    if any(name[0].count(".") > DEEPEST for name in _NAMES.finditer(text)):  # tomllib would take hours for such names
-        raise RecursionError
-    tables = tomllib.loads(text)
-    left: list[tuple[Any, int]] = [(tables, 0)]
-    while left:
-        value, depth = left.pop()
-        if depth > DEEPEST:
-            raise RecursionError
-        if isinstance(value, int):
-            str(value)
-        elif isinstance(value, (dict, list)):
-            left += ((inner, depth + 1) for inner in (value.values() if isinstance(value, dict) else value))
-    return tables
 
 
 def resolve_paths(tables: dict[str, Any], place: str | Path) -> None:
@@ -141,8 +105,6 @@ def override(tables: dict[str, Any], overrides: Mapping[str, Any], label: str) -
             raise SceneError(
                 f"{label} (changed): {key!r} is not a key: write table.key=value, as in target.distance=1.2"
             )
-        if len(path) > DEEPEST:
-            raise SceneError(f"{label} (changed): a key of {len(path) + 1} parts: no key of a scene has so many")
         table = tables
         for depth, part in enumerate(path):
             table = table.setdefault(part, {})
@@ -173,7 +135,7 @@ def changes_in_words(changes: Mapping[str, Any]) -> str:
 def toml_value(text: str) -> Any:
     """Parse a text as a TOML value, or return it unchanged if it is none: "1e-4" is a number, "10 deg" a text."""
     try:
-        parsed = _toml(f"value = {text}")
-    except (ValueError, RecursionError):  # not TOML, a number of thousands of digits, or endless brackets
+        parsed = tomllib.loads(f"value = {text}")
+    except (ValueError, RecursionError):
         return text
     return parsed["value"] if list(parsed) == ["value"] else text

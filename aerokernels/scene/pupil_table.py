@@ -7,10 +7,10 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BeforeValidator
 
-from ..inputs.units import quantity
-from ..pupils import Annulus, Disc, Polygon, Pupil, Rectangle, direction_of
-from .echo_tables import ReceiverTable
-from .values import Angle, Elevation, Length, Table, key
+from aerokernels.inputs.units import quantity
+from aerokernels.pupils import Annulus, Disc, Polygon, Pupil, Rectangle, direction_of
+from aerokernels.scene.echo_tables import ReceiverTable
+from aerokernels.scene.values import Angle, Elevation, Length, Table, key
 
 # The size keys of each shape.
 SIZES = {
@@ -48,7 +48,7 @@ def _lengths(convert: Callable[[Any], Any]) -> BeforeValidator:
     def given(value: Any) -> Any:
         return None if value is None else convert(value)
 
-    given.dimension = "length"  # type: ignore[attr-defined]  # read by `key_units.dimension_of`
+    given.dimension = "length"  # type: ignore[attr-defined]  # read by `values.dimension_of`
     return BeforeValidator(given)
 
 

@@ -1,29 +1,28 @@
 """A scene: the checked description, in SI units, of everything that one run needs."""
 
+import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from pydantic import Field, ValidationError, model_validator
 
-from ..flow import SEA_LEVEL_DENSITY, DensityField, read, shipped, shipped_names, uniform_air
-from ..inputs.arguments import checked
-from ..pupils import Pupil
-from .detector_table import DetectorTable
-from .echo_tables import AtmosphereTable, BeamTable, ReceiverTable, TargetTable
-from .errors import SceneError, scene_error
-from .loading import override, read_scene, resolve_paths
-from .pupil_table import PupilTable
-from .series_table import SeriesTable
-from .tables import STATIC, FlowTable, GridTable, StrehlTable, TraceTable
-from .values import Table
+from aerokernels.flow import SEA_LEVEL_DENSITY, DensityField, read, shipped, shipped_names, uniform_air
+from aerokernels.inputs.arguments import checked
+from aerokernels.pupils import Pupil
+from aerokernels.scene.detector_table import DetectorTable
+from aerokernels.scene.echo_tables import AtmosphereTable, BeamTable, ReceiverTable, TargetTable
+from aerokernels.scene.errors import SceneError, scene_error
+from aerokernels.scene.loading import override, read_scene, resolve_paths
+from aerokernels.scene.pupil_table import PupilTable
+from aerokernels.scene.tables import STATIC, FlowTable, GridTable, SeriesTable, StrehlTable, TraceTable
+from aerokernels.scene.values import Table
 
 
 class Scene(Table):
     """The scene that a user describes in a TOML file. Loaded numbers are SI.
 
-    The keys are defined in tables.py, echo_tables.py, pupil_table.py, detector_table.py, series_table.py and
-    file_table.py.
+    The keys are defined in tables.py, echo_tables.py, pupil_table.py and detector_table.py.
     """
 
     name: str = Field("scene", description="Short name for files and tables; the file's name if absent.")
@@ -109,6 +108,28 @@ class Scene(Table):
             return cls.model_validate(tables)
         except ValidationError as fault:
             raise scene_error(fault, tables, label, changes, cls) from None
+
+    @classmethod
+    @checked
+    def from_summary(cls, path: str | Path) -> "Scene":
+        """Return the scene of a finished run.
+
+        Args:
+            path: The run's summary.json, or its folder.
+
+        Raises:
+            SceneError: A file that does not exist, or is not the summary of a run by this version.
+        """
+        place = Path(path) / "summary.json" if Path(path).is_dir() else Path(path)
+        try:
+            tables = json.loads(place.read_text(encoding="utf-8"))["scene_values"]
+            return cls.model_validate(tables)
+        except OSError as fault:
+            raise SceneError(f"{place}: cannot be read, {fault.strerror}: give the summary.json of a run") from None
+        except ValidationError as fault:
+            raise scene_error(fault, tables, str(place), (), cls) from None
+        except (ValueError, KeyError, TypeError):
+            raise SceneError(f"{place}: holds no values of a scene: give the summary.json of a run") from None
 
     def density_field(self) -> DensityField:
         """Return the scene's flow at its density; "static" is air at rest around the model, by default at sea level.

@@ -1,10 +1,11 @@
 """Types of the values in a scene (quantities with units, whole numbers, shares) and the base class of its tables."""
 
+import typing
 from typing import Annotated, Any
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, field_validator
 
-from ..inputs.units import quantity
+from aerokernels.inputs.units import quantity
 
 
 class Table(BaseModel):
@@ -35,7 +36,7 @@ def measured(dimension: str) -> BeforeValidator:
         except TypeError as fault:
             raise ValueError(str(fault)) from None
 
-    convert.dimension = dimension  # type: ignore[attr-defined]  # read by `key_units.dimension_of`
+    convert.dimension = dimension  # type: ignore[attr-defined]  # read by `values.dimension_of`
     return BeforeValidator(convert)
 
 
@@ -81,3 +82,26 @@ OpenShare = Annotated[float, measured("dimensionless"), Field(ge=1e-6, lt=1.0)]
 Whole = Annotated[int, BeforeValidator(_whole)]
 Count = Annotated[int, BeforeValidator(_whole), Field(ge=1, le=10**9)]
 PointCount = Annotated[Count, Field(le=10**7)]  # of what is held in memory
+
+
+def dimension_of(model: Any, key: str) -> str | None:
+    """Return a dotted key's dimension, "angle" for "target.tilt"; None if it has no dimension or is unknown."""
+    *tables, leaf = key.split(".")
+    for name in tables:
+        field = getattr(model, "model_fields", {}).get(name)
+        model = field.annotation if field is not None else None
+    field = getattr(model, "model_fields", {}).get(leaf) if model is not None else None
+    if field is None or (isinstance(field.annotation, type) and issubclass(field.annotation, BaseModel)):
+        return None
+    return next(iter(_dimensions([*field.metadata, field.annotation])), None)
+
+
+def _dimensions(parts: list[Any]) -> list[str]:
+    """Collect the dimensions of the validators in an annotation's parts, nested parts included."""
+    found = []
+    for part in parts:
+        if isinstance(part, BeforeValidator):
+            found += [name for name in [getattr(part.func, "dimension", None)] if name]
+        elif typing.get_args(part):
+            found += _dimensions([*typing.get_args(part), *getattr(part, "__metadata__", ())])
+    return found

@@ -15,15 +15,18 @@ partly a shadowgraph.
 Reference: G. S. Settles, Schlieren and Shadowgraph Techniques (Springer, 2001), sections 2.3, 3.2 and 3.4.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from ..inputs.arguments import checked
-from ..inputs.checks import check_count
-from ..pupils import Pupil
+from ..inputs.checks import check_choice, check_count
+from ..medium import IndexField
+from ..pupils import Disc, Pupil, Rectangle
 from ..sensor import Sensor
-from .source_shape import check_source, light_below, light_in, shape_of
+from .line_of_sight import LineOfSight, ParallelLight, line_of_sight
 
 # An edge is sought in one of many equal parts of the source, then in one of as many parts of that: 2^60 in all.
 PARTS, ROUNDS = 64, 10
@@ -157,3 +160,145 @@ class Bench:
     def _middles(self, side: float) -> np.ndarray:
         edges = side * (np.arange(self.source_points + 1) / self.source_points - 0.5)
         return np.asarray(0.5 * (edges[1:] + edges[:-1]))
+
+
+# Positions of an edge evaluated together.
+BLOCK = 1 << 14  # speed only
+
+
+def check_source(source: str | Pupil) -> None:
+    """Check that `source` is a known name or a pupil.
+
+    Raises:
+        ValueError: The name is unknown.
+    """
+    if not isinstance(source, Pupil):
+        check_choice(source, "source", ("slit", "disc", "square"))
+
+
+def shape_of(source: str | Pupil) -> Pupil | None:
+    """Return the shape, of any size; None for a slit, which has no width along the edge."""
+    if isinstance(source, Pupil):
+        return source
+    return Disc(1.0) if source == "disc" else Rectangle(2.0, 2.0) if source == "square" else None
+
+
+def light_in(shape: Pupil, x_edges: np.ndarray, y_edges: np.ndarray) -> np.ndarray:
+    """Return the light below positions on the first axis, in a strip between two positions on the second."""
+    areas = np.diff(y_edges)[:, None] * np.diff(x_edges)
+    return np.asarray(shape.coverage(x_edges, y_edges, 2) * areas)
+
+
+def light_below(shape: Pupil, place: np.ndarray, low: float, high: float) -> np.ndarray:
+    """Return the light below positions on the first axis, within a strip between two positions on the second."""
+    reach = shape.half_extent[0]
+    places = np.clip(np.ravel(place), -reach, reach)
+    edges, where = np.unique(np.concatenate([[-reach], places]), return_inverse=True)
+    light, strip = np.zeros(len(edges)), np.array([low, high])
+    for first in range(0, len(edges) - 1, BLOCK):
+        part = edges[first : first + BLOCK + 1]
+        light[first + 1 : first + len(part)] = light_in(shape, part, strip)[0]
+    return np.asarray(np.cumsum(light)[where[1:]].reshape(np.shape(place)))
+
+
+class SourceLight:
+    """The light of a source's points through a field; iterating traces it, point by point.
+
+    Attributes:
+        lights: The light of each point that was traced.
+        known: Pixels whose light is known for all of these points, shape (ny, nx).
+        middle: The rays of the source's middlemost point, once they are traced.
+    """
+
+    def __init__(self, field: IndexField, tilts: np.ndarray, focus: float, options: dict[str, Any]):
+        """Take the points' angles toward right and up [rad], shape (n, 2), and options of `line_of_sight`."""
+        self.field, self.tilts, self.options = field, tilts, {**options, "focus": focus}
+        self.lights: list[ParallelLight | None] = []
+        self.known: np.ndarray | None = None
+        self.middle: LineOfSight | None = None
+
+    def __iter__(self) -> Iterator[LineOfSight]:
+        """Trace the light of each point."""
+        middle = int(np.argmin(np.hypot(*self.tilts.T)))
+        for number, (right, up) in enumerate(self.tilts):
+            traced = line_of_sight(self.field, tilt=(right, up), **self.options)
+            self.lights.append(traced.light)
+            self.known = traced.known if self.known is None else self.known & traced.known
+            if number == middle:
+                self.middle = traced
+            yield traced
+
+
+# Bisections in the search for the size whose weights have the right variance; cells across a shape that give its
+# variance.
+HALVINGS, CELLS = 50, 1024
+
+
+def blurred(irradiance: np.ndarray, source: str | Pupil, size: float, pitch: tuple[float, float]) -> np.ndarray:
+    """Convolve a picture with the image of a source.
+
+    Args:
+        irradiance: The picture, shape (ny, nx).
+        source: A shape as in source_shape.py, its first axis along the picture's horizontal; a slit has no width along
+            the vertical.
+        size: Width of the source's image along the horizontal [m]; negative if it is inverted.
+        pitch: Spacing of the pixels along the horizontal and the vertical [m].
+    """
+    from scipy.ndimage import convolve, convolve1d
+
+    shape = shape_of(source)
+    if shape is None:
+        slit = Rectangle(2.0, 2.0)
+        edges, _ = _fitted(slit, 0, 0.5 * abs(size), pitch[0])
+        weights = light_in(slit, edges, np.array([-1.0, 1.0]))[0]
+        return np.asarray(convolve1d(irradiance, weights / weights.sum(), axis=1, mode="nearest"))
+    scale = abs(size) / (2.0 * shape.half_extent[0])
+    drawn = [_fitted(shape, axis, scale * shape.half_extent[axis], pitch[axis]) for axis in (0, 1)]
+    if isinstance(shape, Rectangle):  # separable
+        across, along = (light / light.sum() for _, light in drawn)
+        picture = convolve1d(irradiance, across, axis=1, mode="nearest")
+        return np.asarray(convolve1d(picture, along, axis=0, mode="nearest"))
+    weights = light_in(shape, drawn[0][0], drawn[1][0])
+    if size < 0.0:
+        weights = weights[::-1, ::-1]
+    return np.asarray(convolve(irradiance, weights / weights.sum(), mode="nearest"))
+
+
+def _fitted(shape: Pupil, axis: int, half: float, step: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return the edges of pixels along an axis of a shape, in its units, and the light between them.
+
+    The shape is scaled such that this light has the shape's own mean square distance from its centre.
+
+    Args:
+        shape: The shape.
+        axis: 0 for its first axis, 1 for its second.
+        half: Half the size of the source's image [m].
+        step: Spacing of the pixels [m].
+    """
+    reach = shape.half_extent[axis]
+    fine = np.linspace(-reach, reach, CELLS + 1)
+    light = _along(shape, axis, fine)
+    cell = fine[1] - fine[0]
+    square = float(light @ ((0.5 * (fine[1:] + fine[:-1])) ** 2 + cell**2 / 12.0) / light.sum())
+    wanted = square * (half / reach) ** 2
+    low, high = max(half - step, 1e-6 * step), half + step
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        edges = _edges(middle / step) * step
+        weights = _along(shape, axis, edges * reach / middle)
+        place = 0.5 * (edges[1:] + edges[:-1])
+        low, high = (middle, high) if float(weights @ place**2) < wanted * weights.sum() else (low, middle)
+    return edges * reach / middle, weights
+
+
+def _along(shape: Pupil, axis: int, edges: np.ndarray) -> np.ndarray:
+    """Return the light of a shape between positions along one of its axes."""
+    reach = shape.half_extent[1 - axis]
+    ends = np.array([-reach, reach])
+    return np.ravel(light_in(shape, edges, ends) if axis == 0 else light_in(shape, ends, edges))
+
+
+def _edges(half: float) -> np.ndarray:
+    """Return the edges of the pixels that a half width about a centre reaches, in pixels."""
+    count = int(np.ceil(half - 0.5 + 1e-9)) if half > 0.5 else 0
+    return np.arange(-count - 0.5, count + 1.0)

@@ -12,75 +12,49 @@ Reference: W. Merzkirch, Flow Visualization, 2nd ed. (Academic Press, 1987), sec
 """
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from aerokernels.inputs.checks import warn_caller
-from aerokernels.medium import IndexField
-
 from ..display.shown import shown
 from ..inputs.arguments import checked
-from .bench import Bench
+from ..inputs.checks import warn_caller
+from ..medium import IndexField
+from .bench import Bench, SourceLight
 from .line_of_sight import LineOfSight, check_exposure, check_turn, line_of_sight
-from .picture import traced_dataset
+from .picture import TracedPicture
 from .picture_error import SomeLight, error_of
-from .source_light import SourceLight
-from .view import TracedPicture
 
 if TYPE_CHECKING:
     import xarray
 
-# Share of the picture in which fringes may be too narrow without a warning: a shock is a line of such places.
-NARROW_SHARE = 0.01
-
 
 @shown
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Interferogram(TracedPicture):
-    """An interferogram, rows from the lowest up, with the data that it was made from.
+    """An interferogram with the data that it was made from.
 
     Attributes:
-        intensity: brightness times the exposure, 1 for white, 0 behind the body; shape (ny, nx).
-        horizontal: pixel centres along `right` [m], shape (nx,).
-        vertical: pixel centres along `up` [m], shape (ny,).
         opd: optical path difference against the ambient medium [m], shape (ny, nx); NaN where no ray came through.
-        blocked: pixels that the body hides, shape (ny, nx).
-        right: direction of the picture's horizontal axis, shape (3,).
-        up: direction of its vertical axis, shape (3,).
         wavelength: vacuum wavelength [m].
         fringe_spacing: distance between undisturbed fringes [m]; None for the infinite fringe.
         fringe_angle: direction across the undisturbed fringes, from right toward up [rad].
         phase: of the undisturbed fringes at the middle of the picture [waves].
         visibility: contrast of the fringes, 0 to 1.
-        exposure: brightness of a bright fringe, 1 for white.
-        known: pixels whose light is known, shape (ny, nx): see `LineOfSight.known`; None for all.
-        measure_error: function of the brightness without sensor noise that returns its error; `error` calls it.
     """
 
-    intensity: np.ndarray
-    horizontal: np.ndarray
-    vertical: np.ndarray
     opd: np.ndarray
-    blocked: np.ndarray
-    right: np.ndarray
-    up: np.ndarray
     wavelength: float
     fringe_spacing: float | None
     fringe_angle: float
     phase: float
     visibility: float
-    exposure: float
-    known: np.ndarray | None = None
-    measure_error: Callable[[], np.ndarray] | None = field(default=None, repr=False)
 
     def to_xarray(self) -> "xarray.Dataset":
         """Return the picture as a dataset with units."""
-        return traced_dataset(
-            self,
+        return self._dataset(
             {"opd": ("pixel", self.opd, "m", "optical path difference against the ambient medium")},
             {
                 "kind": "interferogram",
@@ -125,23 +99,20 @@ def interferogram(
     Raises:
         ValueError: an argument is out of range; the message names it and the remedy.
     """
-    check_fringes(fringe_spacing, fringe_angle, phase, visibility, exposure)
     fringes = Fringes(fringe_spacing, fringe_angle, phase, visibility)
+    check_exposure(exposure)
     if bench is None:
         return _picture(line_of_sight(field, **options), fringes, exposure)
     points, shares = bench.points()
     traced = SourceLight(field, points, bench.focus, options)
     light = exposure * sum(share * fringes.light(one) for share, one in zip(shares, traced, strict=True))
     assert traced.middle is not None
-    shown = np.clip(light, 0.0, 1.0)
+    brightness = np.clip(light, 0.0, 1.0)
     return replace(
-        _picture(traced.middle, fringes, exposure),
+        _picture(traced.middle, fringes, exposure, brightness, is_same=len(points) == 1),
         # Light above white included: a sensor may not be saturated by it.
-        intensity=shown if bench.sensor is None else bench.sensor.expose(light, bench.seed),
+        intensity=brightness if bench.sensor is None else bench.sensor.expose(light, bench.seed),
         known=traced.known,
-        measure_error=error_of(
-            shown, traced.middle, partial(_of_pixels, fringes=fringes, exposure=exposure), is_same=len(points) == 1
-        ),
     )
 
 
@@ -160,18 +131,31 @@ def fringe_picture(
     Raises:
         ValueError: as in `interferogram`; or the fringes are too fine for the pixels.
     """
-    check_fringes(fringe_spacing, fringe_angle, phase, visibility, exposure)
-    return _picture(traced, Fringes(fringe_spacing, fringe_angle, phase, visibility), exposure)
+    return _picture(traced, Fringes(fringe_spacing, fringe_angle, phase, visibility), check_exposure(exposure))
 
 
 @dataclass(frozen=True)
 class Fringes:
-    """Undisturbed fringes: the arguments of `interferogram` of the same names."""
+    """Undisturbed fringes: the arguments of `interferogram` of the same names.
 
-    spacing: float | None
-    angle: float
-    phase: float
-    visibility: float
+    Raises:
+        ValueError: an argument is out of range.
+    """
+
+    spacing: float | None = None
+    angle: float = 0.5 * math.pi
+    phase: float = 0.0
+    visibility: float = 1.0
+
+    def __post_init__(self) -> None:
+        """Check the values."""
+        if self.spacing is not None and not (np.isfinite(self.spacing) and self.spacing > 0.0):
+            raise ValueError(f"fringe_spacing = {self.spacing}: give a positive length in metres, or None")
+        check_turn("fringe_angle", self.angle)
+        if not np.isfinite(self.phase):
+            raise ValueError(f"phase = {self.phase}: give a finite number")
+        if not 0.0 <= self.visibility <= 1.0:
+            raise ValueError(f"visibility = {self.visibility}: give a fraction from 0 to 1")
 
     def light(self, traced: LineOfSight) -> np.ndarray:
         """Return the light of traced rays, a mean over each pixel, shape (ny, nx).
@@ -206,11 +190,20 @@ class Fringes:
         return np.asarray(waves)
 
 
-def _picture(traced: LineOfSight, fringes: Fringes, exposure: float) -> Interferogram:
-    shown = np.clip(exposure * fringes.light(traced), 0.0, 1.0)
+def _picture(
+    traced: LineOfSight,
+    fringes: Fringes,
+    exposure: float,
+    brightness: np.ndarray | None = None,
+    is_same: bool = True,
+) -> Interferogram:
+    """Return the picture of traced light; `brightness` is that of a bench, and `is_same` as in `error_of`."""
+    if brightness is None:
+        brightness = np.clip(exposure * fringes.light(traced), 0.0, 1.0)
     _warn_of_narrow(traced, fringes)
+    of_pixels = partial(_of_pixels, fringes=fringes, exposure=exposure)
     return Interferogram(
-        intensity=shown,
+        intensity=brightness,
         opd=traced.pixel_mean(traced.opd),
         **traced.frame,
         wavelength=traced.wavelength,
@@ -219,7 +212,7 @@ def _picture(traced: LineOfSight, fringes: Fringes, exposure: float) -> Interfer
         phase=float(fringes.phase),
         visibility=float(fringes.visibility),
         exposure=float(exposure),
-        measure_error=error_of(shown, traced, partial(_of_pixels, fringes=fringes, exposure=exposure)),
+        measure_error=error_of(brightness, traced, of_pixels, is_same=is_same),
     )
 
 
@@ -229,30 +222,16 @@ def _of_pixels(some: SomeLight, fringes: Fringes, exposure: float) -> np.ndarray
 
 
 def _warn_of_narrow(traced: LineOfSight, fringes: Fringes) -> None:
-    """Warn if fringes are narrower than two rays in more than a hundredth of the picture: they show a moire then."""
+    """Warn if fringes are narrower than two rays in over 1 % of the picture: a shock is a line of such places."""
     waves = np.where(traced.through, fringes.waves(traced), np.nan)
     narrow = np.zeros(waves.shape, bool)
     for axis in (0, 1):
         steps = np.abs(np.diff(waves, axis=axis)) > 0.5  # NaN at the edge of the body is none
         narrow |= np.pad(steps, [(0, int(axis == side)) for side in (0, 1)])
     share = float(narrow.sum() / max(int(np.isfinite(waves).sum()), 1))
-    if share > NARROW_SHARE:
+    if share > 0.01:
         warn_caller(
             f"in {100.0 * share:.2g} % of the interferogram the phase changes by more than half a fringe from one ray "
             "to the next, so that its pattern there is not that of the fringes: raise pixel_count or rays_per_pixel, "
             "or take a smaller extent"
         )
-
-
-def check_fringes(
-    fringe_spacing: float | None, fringe_angle: float, phase: float, visibility: float, exposure: float
-) -> None:
-    """Check the arguments."""
-    if fringe_spacing is not None and not (np.isfinite(fringe_spacing) and fringe_spacing > 0.0):
-        raise ValueError(f"fringe_spacing = {fringe_spacing}: give a positive length in metres, or None")
-    check_turn("fringe_angle", fringe_angle)
-    if not np.isfinite(phase):
-        raise ValueError(f"phase = {phase}: give a finite number")
-    if not 0.0 <= visibility <= 1.0:
-        raise ValueError(f"visibility = {visibility}: give a fraction from 0 to 1")
-    check_exposure(exposure)

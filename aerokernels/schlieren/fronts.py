@@ -15,8 +15,6 @@ LEAST_AGREEING = 0.5
 # Number of trial curves: through three points each, one in eight is free of outliers if half of all points are
 # outliers.
 TRIAL_COUNT = 300
-# A band counts if its height is so many standard deviations of the noise, and this share of the strongest one.
-NOISE_FACTOR, LEAST_SHARE = 6.0, 0.03
 # Share of each scan line, from its outer end, that is assumed undisturbed.
 UNDISTURBED_SHARE = 0.05
 
@@ -54,7 +52,7 @@ def outer_fronts(lines: np.ndarray, level: float) -> np.ndarray:
     background = float(np.median(undisturbed))
     noise = 1.4826 * float(np.median(np.abs(undisturbed - background)))
     change = lines - background
-    least = max(NOISE_FACTOR * noise, LEAST_SHARE * float(np.quantile(np.abs(change).max(axis=1), 0.9)), 1e-6)
+    least = max(6.0 * noise, 0.03 * float(np.quantile(np.abs(change).max(axis=1), 0.9)), 1e-6)
     return np.array([_outer_front(line, least, max(3.0 * noise, 0.02 * least), level) for line in change])
 
 
@@ -186,3 +184,37 @@ def _most_agreed(powers: np.ndarray, across: np.ndarray) -> tuple[np.ndarray, fl
     distance = np.quantile(np.abs(across - curves @ powers.T), LEAST_AGREEING, axis=1)
     best = int(np.argmin(distance))
     return curves[best], float(distance[best])
+
+
+# The greatest step from pixel to pixel as a share of the brightness range around the front, above which the edge is
+# taken for a staircase: 1 without noise, where nothing is between the two sides, and less by the noise, which widens
+# the range by more than the step. It is 0.75 where pixels see areas.
+STAIRCASE_SHARE, SHARE_OF_NOISE = 0.98, 3.0
+MOST = 0.25  # of the lines may have something in between by noise
+AROUND = 3  # pixels on each side of a front that are compared
+
+
+def is_staircase(lines: np.ndarray, places: np.ndarray) -> bool:
+    """Return whether the fronts of most scan lines jump from one pixel to the next, with nothing in between.
+
+    Args:
+        lines: Brightness along the scan lines, not smoothed, shape (line_count, n).
+        places: Position of the front on each line [samples], shape (line_count,).
+    """
+    middle = np.clip(np.rint(places).astype(np.int64), AROUND, max(lines.shape[1] - 1 - AROUND, AROUND))
+    around = np.minimum(middle[:, None] + np.arange(-AROUND, AROUND + 1), lines.shape[1] - 1)
+    values = np.take_along_axis(lines, around, axis=1)
+    steps, extent = np.abs(np.diff(values, axis=1)).max(axis=1), np.ptp(values, axis=1)
+    share = steps / np.where(extent > 0.0, extent, np.inf)
+    undisturbed = lines[:, : max(3, round(UNDISTURBED_SHARE * lines.shape[1]))]
+    noise = 1.4826 * float(np.median(np.abs(undisturbed - np.median(undisturbed))))
+    least = STAIRCASE_SHARE - SHARE_OF_NOISE * noise / max(float(np.median(extent)), 1e-300)
+    return bool(np.quantile(share, MOST) > least)
+
+
+def slope_error(slope: float, count: int) -> float:
+    """Return the standard deviation of a slope [pixels per pixel] that `count` columns of a staircase leave unseen."""
+    period = np.arange(1, max(count, 2))
+    teeth = count * np.abs(slope * period - np.rint(slope * period))
+    bound = np.max(np.minimum(1.0, 1.0 / np.maximum(teeth, 1e-300)) / (period * count))
+    return float(bound / np.sqrt(3.0))

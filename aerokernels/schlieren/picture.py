@@ -1,15 +1,84 @@
-"""A picture with its scale, synthetic or from a photograph, and its datasets."""
+"""Pictures with their scale, synthetic or from a photograph: plotting, datasets, comparison of two halves."""
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..display.shown import drawn_on, extent_of
 from ..inputs.arguments import checked
-from .view import PictureView
 
 if TYPE_CHECKING:
     import xarray
+
+
+class PictureView:
+    """A picture with its scale.
+
+    Attributes:
+        intensity: Brightness, 0 black to 1 white, rows from the lowest up, shape (ny, nx).
+        horizontal: Pixel centres along the horizontal [m], shape (nx,).
+        vertical: Pixel centres along the vertical [m], shape (ny,).
+    """
+
+    intensity: np.ndarray
+    horizontal: np.ndarray
+    vertical: np.ndarray
+
+    def plot(self, axes: Any = None) -> Any:
+        """Draw the picture in grey over millimetres on matplotlib axes; return the axes."""
+        axes = drawn_on(axes)
+        ends = extent_of(1e3 * self.horizontal, 1e3 * self.vertical)
+        axes.imshow(self.intensity, origin="lower", extent=ends, cmap="gray", vmin=0.0, vmax=1.0)
+        axes.set(xlabel="horizontal [mm]", ylabel="vertical [mm]")
+        return axes
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class TracedPicture(PictureView):
+    """A picture made of traced light, rows from the lowest up.
+
+    Attributes:
+        intensity: brightness, 1 for white; shape (ny, nx).
+        horizontal: pixel centres along `right` [m], shape (nx,); z where the view is along x.
+        vertical: pixel centres along `up` [m], shape (ny,); y where the view is along x.
+        blocked: pixels that the body hides, without deflection, shape (ny, nx).
+        right: direction of the picture's horizontal axis, shape (3,).
+        up: direction of its vertical axis, shape (3,).
+        exposure: brightness of full light (a bright fringe, undisturbed light), 1 for white.
+        known: pixels whose light is known, shape (ny, nx): see `LineOfSight.known`; None for all.
+        measure_error: function of the brightness without sensor noise that returns its error; `error` calls it.
+    """
+
+    intensity: np.ndarray
+    horizontal: np.ndarray
+    vertical: np.ndarray
+    blocked: np.ndarray
+    right: np.ndarray
+    up: np.ndarray
+    exposure: float = 1.0
+    known: np.ndarray | None = None
+    measure_error: Callable[[], np.ndarray] | None = field(default=None, repr=False)
+
+    @cached_property
+    def error(self) -> np.ndarray:
+        """Error of each pixel's brightness before the sensor, shape (ny, nx); NaN if it is not known.
+
+        The light is traced again when it is first read: see picture_error.py.
+        """
+        return np.full(self.intensity.shape, np.nan) if self.measure_error is None else self.measure_error()
+
+    def _dataset(
+        self, extra: dict[str, tuple[str, np.ndarray, str, str]], attributes: dict[str, object]
+    ) -> "xarray.Dataset":
+        """Return `picture_dataset` with marked pixels, exposure and axes."""
+        marks = {"blocked": ("pixel", self.blocked.astype(np.int8), "1", "1 where the body hides the light")}
+        if self.known is not None:
+            marks["known"] = ("pixel", self.known.astype(np.int8), "1", "0 where the light is not known")
+        own = {"exposure": self.exposure, "right": self.right, "up": self.up}
+        return picture_dataset(self, {**extra, **marks}, {**attributes, **own})
 
 
 @checked
@@ -78,13 +147,103 @@ def picture_dataset(
     return xarray.Dataset(variables, coordinates, attributes)
 
 
-def traced_dataset(
-    picture: Any, extra: dict[str, tuple[str, np.ndarray, str, str]], attributes: dict[str, object]
-) -> "xarray.Dataset":
-    """Return `picture_dataset` of a traced picture, with its marked pixels, exposure and axes."""
-    blocked = ("pixel", picture.blocked.astype(np.int8), "1", "1 where the body hides the light")
-    marks = {"blocked": blocked}
-    if picture.known is not None:
-        marks["known"] = ("pixel", picture.known.astype(np.int8), "1", "0 where the light is not known")
-    own = {"exposure": picture.exposure, "right": picture.right, "up": picture.up}
-    return picture_dataset(picture, {**extra, **marks}, {**attributes, **own})
+@dataclass(frozen=True, eq=False)
+class HalfComparison(PictureView):
+    """Upper half simulated, lower half measured.
+
+    Attributes:
+        intensity: the two halves on the simulation's pixels, rows from the lowest up, shape (ny, nx); mid-grey where
+            the measured picture does not reach.
+        horizontal: pixel centres along the horizontal [m], shape (nx,).
+        vertical: pixel centres along the vertical [m], shape (ny,).
+        simulated: the simulated picture's lower half on the common pixels, shape (m,).
+        measured: the measured brightness there, scaled to the simulation's, shape (m,).
+        correlation: Pearson's r of the two, over the common pixels of the lower half.
+        gain: factor applied to the measured brightness.
+        offset: offset added after that.
+        covered: share of the lower half that the measured picture covers.
+    """
+
+    intensity: np.ndarray
+    horizontal: np.ndarray
+    vertical: np.ndarray
+    simulated: np.ndarray
+    measured: np.ndarray
+    correlation: float
+    gain: float
+    offset: float
+    covered: float
+
+    def to_xarray(self) -> "xarray.Dataset":
+        """Return the picture as a dataset with units."""
+        return picture_dataset(
+            self,
+            {},
+            {
+                "kind": "upper half simulated, lower half measured",
+                "correlation": self.correlation,
+                "gain": self.gain,
+                "offset": self.offset,
+                "covered": self.covered,
+            },
+        )
+
+
+@checked
+def compare_halves(simulated: PictureView, measured: Picture) -> HalfComparison:
+    """Combine the upper half of a simulated picture with the lower half of a measured one.
+
+    The measured picture is interpolated to the simulation's pixels, and its brightness scaled such that its 5 % and 95
+    % quantiles in the lower half are those of the simulation: exposure and film are not compared. Both pictures should
+    have the same knife edge.
+
+    Args:
+        simulated: a synthetic picture along x, the axis at height 0.
+        measured: a photograph with its scale, see `read_picture`.
+
+    Raises:
+        ValueError: the lower halves have fewer than 100 pixels in common, or one of them has a single brightness there.
+    """
+    from scipy.ndimage import map_coordinates
+
+    below = simulated.vertical < 0.0
+    columns = _places(simulated.horizontal, measured.horizontal)
+    rows = _places(simulated.vertical[below], measured.vertical)
+    inside = np.logical_and.outer(
+        (rows >= 0.0) & (rows <= len(measured.vertical) - 1),
+        (columns >= 0.0) & (columns <= len(measured.horizontal) - 1),
+    )
+    if inside.sum() < 100:
+        raise ValueError(
+            f"the measured picture has {int(inside.sum())} pixels in common with the simulation's lower half: "
+            "check pixel_size and nose"
+        )
+    drawn = map_coordinates(
+        measured.intensity, np.stack(np.meshgrid(rows, columns, indexing="ij")), order=1, mode="nearest"
+    )
+    ours, theirs = simulated.intensity[below][inside], drawn[inside]
+    # A photograph finer than the simulation's pixels is sampled, not averaged: smooth it first if its grain matters.
+    low, high = np.quantile(ours, (0.05, 0.95))
+    dark, bright = np.quantile(theirs, (0.05, 0.95))
+    if np.ptp(ours) == 0.0 or bright <= dark:
+        raise ValueError("one of the pictures has a single brightness where they overlap: there is nothing to compare")
+    gain = float((high - low) / (bright - dark))
+    offset = float(low - gain * dark)
+    intensity = np.array(simulated.intensity, dtype=np.float64)
+    intensity[below] = np.where(inside, np.clip(gain * drawn + offset, 0.0, 1.0), 0.5)
+    return HalfComparison(
+        intensity=intensity,
+        horizontal=simulated.horizontal,
+        vertical=simulated.vertical,
+        simulated=ours,
+        measured=gain * theirs + offset,
+        correlation=float(np.corrcoef(ours, theirs)[0, 1]),
+        gain=gain,
+        offset=offset,
+        covered=float(inside.mean()),
+    )
+
+
+def _places(coordinates: np.ndarray, centres: np.ndarray) -> np.ndarray:
+    """Convert coordinates [m] to positions relative to pixel centres [pixels]."""
+    return (coordinates - centres[0]) / ((centres[-1] - centres[0]) / (len(centres) - 1))

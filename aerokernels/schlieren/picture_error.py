@@ -15,8 +15,8 @@ from functools import partial
 import numpy as np
 
 from ..tracing.some_pixels import SomePixels, total
-from ..tracing.variants.rays import Rays
-from ..tracing.variants.spread import FACTOR
+from ..tracing.variants.causes import FACTOR
+from ..tracing.variants.paths import Rays
 from .line_of_sight import LineOfSight, ParallelLight
 from .window import Window
 

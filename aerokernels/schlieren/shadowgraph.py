@@ -16,75 +16,47 @@ size: exact where light is stretched along the picture's axes, of second order i
 Reference: G. S. Settles, Schlieren and Shadowgraph Techniques (Springer, 2001), chapter 6.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from aerokernels.medium import IndexField
-
 from ..display.shown import shown
 from ..inputs.arguments import checked
+from ..medium import IndexField
 from ..pupils import Pupil
 from ..tracing.pupil.air import GREATEST_SHARE
-from .bench import Bench
+from .bench import Bench, blurred, check_source
 from .line_of_sight import LineOfSight, check_exposure, line_of_sight
-from .picture import traced_dataset
+from .picture import TracedPicture
 from .picture_error import SPREAD, SomeLight, error_of, light_on_squares
-from .source_blur import blurred
-from .source_shape import check_source
-from .view import TracedPicture
 from .window import Window, ray_lines
 
 if TYPE_CHECKING:
     import xarray
 
-PARTS_PER_PIXEL = 3
-MOST_PARTS = 64  # along each side of a quadrilateral
-
 
 @shown
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Shadowgraph(TracedPicture):
-    """A shadowgraph, rows from the lowest up, with the data that it was made from.
+    """A shadowgraph with the data that it was made from; none of the rays that begin or land at a known pixel fails.
 
     Attributes:
-        intensity: irradiance times the exposure, 1 for white; shape (ny, nx).
-        horizontal: pixel centres along `right` [m], shape (nx,).
-        vertical: pixel centres along `up` [m], shape (ny,).
         irradiance: light on the screen, 1 where there is no field, shape (ny, nx).
-        blocked: pixels that the body hides without deflection, shape (ny, nx).
-        right: direction of the picture's horizontal axis, shape (3,).
-        up: direction of its vertical axis, shape (3,).
         distance: from the field's middle to the screen, along the light [m].
         source_angle: full angle that the source subtends [rad].
-        exposure: brightness of undisturbed light, 1 for white.
         source: the source's shape, as in a `Bench`.
-        known: pixels whose light is known, shape (ny, nx): none of the rays that begin or land there is doubtful, see
-            `LineOfSight.known`; None for all.
-        measure_error: function of the brightness without sensor noise that returns its error; `error` calls it.
     """
 
-    intensity: np.ndarray
-    horizontal: np.ndarray
-    vertical: np.ndarray
     irradiance: np.ndarray
-    blocked: np.ndarray
-    right: np.ndarray
-    up: np.ndarray
     distance: float
     source_angle: float
-    exposure: float
     source: str | Pupil = "disc"
-    known: np.ndarray | None = None
-    measure_error: Callable[[], np.ndarray] | None = field(default=None, repr=False)
 
     def to_xarray(self) -> "xarray.Dataset":
         """Return the picture as a dataset with units."""
-        return traced_dataset(
-            self,
+        return self._dataset(
             {"irradiance": ("pixel", self.irradiance, "1", "light on the screen over undisturbed light")},
             {
                 "kind": "shadowgraph",
@@ -122,14 +94,13 @@ def shadowgraph(
     Raises:
         ValueError: an argument is out of range; the message names it and the remedy.
     """
-    check_screen(distance, source_angle, exposure)
+    screen = Screen(distance, source_angle)
+    check_exposure(exposure)
     if bench is not None:
         if source_angle:
             raise ValueError(f"source_angle = {source_angle}: the bench's source gives it; leave it out")
-        source_angle = bench.angle
-    traced = line_of_sight(field, **options)
-    shape = "disc" if bench is None else bench.source
-    found = shadow_picture(traced, distance=distance, source_angle=source_angle, exposure=exposure, source=shape)
+        screen = Screen(distance, bench.angle, bench.source)
+    found = _picture(line_of_sight(field, **options), screen, exposure)
     if bench is None or bench.sensor is None:
         return found
     return replace(found, intensity=bench.sensor.expose(exposure * found.irradiance, bench.seed))
@@ -148,61 +119,67 @@ def shadow_picture(
 
     `source` is the source's shape, as in a `Bench`.
     """
-    check_screen(distance, source_angle, exposure)
-    check_source(source)
-    window = traced.window
+    return _picture(traced, Screen(distance, source_angle, source), check_exposure(exposure))
+
+
+@dataclass(frozen=True)
+class Screen:
+    """A screen and the source whose light falls on it: the arguments of `shadow_picture` of the same names.
+
+    Raises:
+        ValueError: an argument is out of range.
+    """
+
+    distance: float
+    source_angle: float = 0.0
+    source: str | Pupil = "disc"
+
+    def __post_init__(self) -> None:
+        """Check the values."""
+        if not np.isfinite(self.distance):
+            raise ValueError(
+                f"distance = {self.distance}: give the position of the screen in metres from the field's middle"
+            )
+        if not 0.0 <= self.source_angle < 0.5:
+            raise ValueError(f"source_angle = {self.source_angle}: give an angle in radians, 0 for a point source")
+        check_source(self.source)
+
+    def landing(self, traced: LineOfSight | SomeLight) -> np.ndarray:
+        """Return the displacement of the rays on the screen [m]: they go straight on from the focal plane."""
+        sine = traced.deflection
+        tangent = sine / np.sqrt(1.0 - np.sum(sine**2, axis=-1, keepdims=True))
+        return np.asarray(traced.displacement + (self.distance - (traced.focus - traced.window.middle)) * tangent)
+
+    def light(self, traced: LineOfSight, share: np.ndarray | None = None) -> np.ndarray:
+        """Return the irradiance of the pixels, blurred by the source; `share` as in `spread`."""
+        sharp, width = spread(traced, self.landing(traced), share), self.distance * self.source_angle
+        return blurred(sharp, self.source, width, traced.window.pitch) if self.source_angle > 0.0 else sharp
+
+
+def _picture(traced: LineOfSight, screen: Screen, exposure: float) -> Shadowgraph:
     if min(traced.through.shape) < 2:
         raise ValueError(f"a shadowgraph needs at least 2 x 2 rays, got {traced.through.shape}: raise pixel_count")
-    light = spread(traced, _landing(traced, distance))
-    irradiance = _blurred(light, window, distance, source_angle, source)
+    irradiance, known = screen.light(traced), traced.known
     brightness = np.clip(exposure * irradiance, 0.0, 1.0)
-    known = traced.known
     if traced.doubtful is not None and traced.doubtful.any():
-        lands = spread(traced, _landing(traced, distance), traced.doubtful.astype(np.float64))
-        known = known & (_blurred(lands, window, distance, source_angle, source) <= GREATEST_SHARE)
+        known = known & (screen.light(traced, traced.doubtful.astype(np.float64)) <= GREATEST_SHARE)
+    of_pixels = partial(_of_pixels, screen=screen, exposure=exposure)
+    square = max(*traced.window.pitch, abs(screen.distance) * screen.source_angle)
     return Shadowgraph(
         intensity=brightness,
         irradiance=irradiance,
         **{**traced.frame, "known": known},
-        distance=float(distance),
-        source_angle=float(source_angle),
+        distance=float(screen.distance),
+        source_angle=float(screen.source_angle),
         exposure=float(exposure),
-        source=source,
-        measure_error=error_of(
-            brightness,
-            traced,
-            partial(_of_pixels, distance=distance, exposure=exposure),
-            square=max(*window.pitch, abs(distance) * source_angle),
-            curved=SPREAD,
-        ),
+        source=screen.source,
+        measure_error=error_of(brightness, traced, of_pixels, square=square, curved=SPREAD),
     )
 
 
-def _of_pixels(some: SomeLight, distance: float, exposure: float) -> np.ndarray:
+def _of_pixels(some: SomeLight, screen: Screen, exposure: float) -> np.ndarray:
     """Return the brightness of some pixels."""
-    return np.clip(exposure * light_on_squares(some, _landing(some, distance)), 0.0, 1.0)
-
-
-def _landing(traced: LineOfSight | SomeLight, distance: float) -> np.ndarray:
-    """Return the displacement of the rays on a screen [m]: they go straight on from the focal plane."""
-    sine = traced.deflection
-    tangent = sine / np.sqrt(1.0 - np.sum(sine**2, axis=-1, keepdims=True))
-    return np.asarray(traced.displacement + (distance - (traced.focus - traced.window.middle)) * tangent)
-
-
-def _blurred(
-    light: np.ndarray, window: Window, distance: float, source_angle: float, source: str | Pupil
-) -> np.ndarray:
-    return blurred(light, source, distance * source_angle, window.pitch) if source_angle > 0.0 else light
-
-
-def check_screen(distance: float, source_angle: float, exposure: float) -> None:
-    """Check the arguments."""
-    if not np.isfinite(distance):
-        raise ValueError(f"distance = {distance}: give the position of the screen in metres from the field's middle")
-    if not 0.0 <= source_angle < 0.5:
-        raise ValueError(f"source_angle = {source_angle}: give an angle in radians, 0 for a point source")
-    check_exposure(exposure)
+    return np.clip(exposure * light_on_squares(some, screen.landing(some)), 0.0, 1.0)
 
 
 def spread(traced: LineOfSight, shift: np.ndarray, share: np.ndarray | None = None) -> np.ndarray:
@@ -259,7 +236,7 @@ def _spread(rest: np.ndarray, shift: np.ndarray, window: Window, share: np.ndarr
     amount = np.ones(len(corners)) if share is None else share.ravel()[there]
     # Rounded up to powers of two, so that there are few sizes to process.
     size = np.ptp(corners, axis=1).max(axis=1)
-    parts = np.exp2(np.ceil(np.log2(np.clip(PARTS_PER_PIXEL * size, 1.0, MOST_PARTS)))).astype(int)
+    parts = np.exp2(np.ceil(np.log2(np.clip(3.0 * size, 1.0, 64.0)))).astype(int)
     shape = (len(window.vertical), len(window.horizontal))
     light = np.zeros(shape[0] * shape[1])
     for count in np.unique(parts):

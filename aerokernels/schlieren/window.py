@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aerokernels.medium import IndexField
-from aerokernels.rays import as_unit_vector
+from ..medium import IndexField
+from ..pupils.base import as_unit_vector
 
 _AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from ..device_arrays import host_array
 from ..flow import DensityField, GridMesh, Series, refractivity_model
-from ..rays import as_unit_vector
+from ..pupils.base import as_unit_vector
 from .line_integrals import LineIntegrals
 from .modes import first_zero_weights, integral_length
 from .uncertainty import Mean, about_mean_of, root_of, standard_errors

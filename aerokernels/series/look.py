@@ -17,6 +17,7 @@ import numpy as np
 
 from aerokernels import __version__
 from aerokernels.inputs.checks import warn_caller
+from aerokernels.series.look_batch import Look, numbers_of, tell_errors
 
 from ..flow import DensityField, Series
 from ..inputs.arguments import checked
@@ -26,13 +27,12 @@ from ..medium import IndexField
 from ..pupils import direction_of
 from ..rays import RayBundle
 from ..strehl.estimate import PreparedStrehl
-from ..strehl.sums import NoRayArrived
-from ..tracing.flow_ends import flow_ends
-from ..tracing.meeting import NoRayMeetsField
-from ..tracing.pupil.radial_quadrature import asymmetry
-from ..wavefront.pupil_numbers import NUMBERS
+from ..strehl.ratio import NoRayArrived
+from ..tracing.cuts import flow_ends
+from ..tracing.lines import NoRayMeetsField
+from ..tracing.pupil.quadrature import asymmetry
+from ..wavefront.terms import NUMBERS
 from .look_batch import batch_looks, can_batch
-from .look_errors import Look, numbers_of, tell_errors
 
 if TYPE_CHECKING:
     import xarray
@@ -101,7 +101,7 @@ def look_map(
     Returns:
         A dataset (azimuth, elevation), with `time` before them for a series: `strehl`, `opd_rms` [m], `boresight`,
         `boresight_azimuth` and `boresight_elevation` [rad], each with its error (`strehl_error` and so on), which
-        covers the truth in 95 of 100 cases and is computed for a few directions (look_errors.py),
+        covers the truth in 95 of 100 cases and is computed for a few directions (look_batch.py),
         `strehl_standard_error`, the part of the sampling in that of `strehl`, `blocked`, the share in the body's
         shadow, and `known`: 1, or 0 along which more than a thousandth of the pupil looks through disturbed air that
         was cut off, or more than a hundredth past the field's box, so that the numbers lack that air, or where the

@@ -1,4 +1,4 @@
-r"""Trace many look directions of a pupil through a volume in one launch, and check some of them by traced rays.
+r"""Many look directions of a pupil: traced through a volume in one launch, and the errors of a few told to all.
 
 Along each undisturbed ray, by two Gauss points a cell of the cubic spline,
 
@@ -7,45 +7,116 @@ Along each undisturbed ray, by two Gauss points a cell of the cubic spline,
 plus the contributions of the faces and of the path to the stop: the straight line's optical path, and its change by
 bending to second order (see bending.py). Sums over the pupil are formed on the device that traces the rays, the
 processor's cores or a GPU. Terms of third order in the contrast are neglected. Some rays of the directions whose errors
-are computed (look_errors.py) are traced in full. If these differ by more than the tolerance, all directions are traced.
+are computed are traced in full. If these differ by more than the tolerance, all directions are traced.
+
+Errors are computed for a few directions, of which each other one takes the nearest's. The few are spread over the map:
+the strongest first, and then whichever is farthest from all before it. Distance is that of the directions, as unit
+vectors, and of the decimal logarithms of the OPD rms, so that a direction through strong air does not take the errors
+of one beside it. The sampling errors are each direction's own.
 """
 
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from ..device_arrays.pinned import to_host
-from ..medium import IndexField
-from ..process.opened import OPENED
-from ..pupils.vectors import transverse_frames
-from ..rays import RayBundle
-from ..strehl.budget import sampling_of
-from ..tracing import Plane
-from ..tracing.cuts import lost
-from ..tracing.lines import box_span
-from ..tracing.pupil.air import GREATEST_SHARE, PAST_TOLD
-from ..tracing.variants.causes import Variants, sample_rows
-from ..tracing.variants.spread import errors
-from ..wavefront.pupil_numbers import PupilNumbers
-from .look_errors import Look, few_of, numbers_of
-from .snapshot import gpu_of
-from .straight_variants import straight_variants
-from .warp_launch import launch
+from aerokernels.device_arrays.pinned import to_host
+from aerokernels.medium import IndexField
+from aerokernels.process.opened import OPENED
+from aerokernels.pupils.base import transverse_frames
+from aerokernels.rays import RayBundle
+from aerokernels.series.kernels import launch
+from aerokernels.series.map_errors import straight_variants
+from aerokernels.series.snapshot import gpu_of
+from aerokernels.strehl.budget import sampling_of
+from aerokernels.tracing import Plane
+from aerokernels.tracing.cuts import lost
+from aerokernels.tracing.lines import box_span
+from aerokernels.tracing.pupil.air import GREATEST_SHARE, PAST_TOLD
+from aerokernels.tracing.variants.causes import Variants, errors, sample_rows
+from aerokernels.wavefront.terms import PupilNumbers
 
-LEAST = 12  # directions; fewer are traced one by one
 REPLICATES = 16
-AT_ONCE = 1 << 24  # rays of a launch; speed only
-KNOWN_RAYS = 256  # rays of a direction for which it is examined what they miss of the flow
-KNOWN_FIRST = 16  # rays of the first check of all directions
-KNOWN_AT_ONCE = 1 << 18  # speed only
-CURVE_BITS = 12  # of the coordinates of points, along each axis; speed only
+
+
+@dataclass(eq=False)
+class Look:
+    """What is known of a direction.
+
+    Attributes:
+        numbers: "strehl", "strehl_standard_error", "opd_rms" [m], "blocked" and "known".
+        axes: The pupil's two axes, shape (2, 3).
+        tilt: The beam's deflection along them [rad], shape (2,).
+        met: Whether the pupil looks through the flow.
+        sampling: Errors of PupilNumbers' numbers by the number of rays, shape (5,).
+        model: Computes those by all other causes, shape (5,); None where there are none.
+    """
+
+    numbers: dict[str, float]
+    axes: np.ndarray
+    tilt: np.ndarray
+    met: bool
+    sampling: np.ndarray
+    model: Callable[[], np.ndarray] | None = None
+
+    @property
+    def in_space(self) -> np.ndarray:
+        """The deflection in space [rad], shape (3,)."""
+        return np.asarray(self.tilt @ self.axes)
+
+
+def numbers_of(strehl: float, standard_error: float, rms: float, blocked: float, known: float) -> dict[str, float]:
+    """Return the numbers of a direction, without their errors."""
+    names = "strehl", "strehl_standard_error", "opd_rms", "blocked", "known"
+    return dict(zip(names, (strehl, standard_error, rms, blocked, known), strict=True))
+
+
+def few_of(looks: np.ndarray, rms: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the rows of a few directions, and for each direction which of these is the nearest, shape (n,).
+
+    Args:
+        looks: Unit vectors, shape (n, 3).
+        rms: Their OPD rms [m], shape (n,).
+    """
+    level = np.log10(np.maximum(rms, 1e-4 * rms.max(initial=0.0) + 1e-300))
+    place = np.column_stack([looks, level])
+    rows = [int(np.argmax(rms))]
+    apart = [np.linalg.norm(place - place[rows[0]], axis=1)]
+    while len(rows) < 8 and np.min(apart, axis=0).max() > 0.0:
+        rows.append(int(np.argmax(np.min(apart, axis=0))))
+        apart.append(np.linalg.norm(place - place[rows[-1]], axis=1))
+    return np.array(rows), np.argmin(apart, axis=0)
+
+
+def tell_errors(found: list[Look], looks: np.ndarray) -> np.ndarray:
+    """Add "strehl_error" and "opd_rms_error" to directions' numbers; return errors of their tilts.
+
+    Returns:
+        Vectors in space along both of each pupil's axes, of the errors' lengths [rad], shape (n, 2, 3).
+    """
+    rows = np.array([k for k, one in enumerate(found) if one.model is not None], int)
+    model = np.zeros((len(found), len(found[0].sampling)))
+    axes = np.stack([one.axes for one in found])
+    along = axes.copy()
+    if len(rows):
+        few, nearest = few_of(looks[rows], np.array([found[k].numbers["opd_rms"] for k in rows]))
+        computed = np.stack([found[k].model() for k in rows[few]])
+        model[rows] = computed[nearest]
+        along[rows] = axes[rows[few]][nearest]
+    total = np.hypot(model, np.stack([one.sampling for one in found]))
+    for one, error in zip(found, total, strict=True):  # in the order of wavefront/pupil_numbers.py
+        one.numbers |= {"strehl_error": float(error[0]), "opd_rms_error": float(error[2])}
+    # Another direction's axes, as they lie across this one.
+    normal = np.cross(axes[:, 0], axes[:, 1])
+    along -= np.einsum("nak,nk->na", along, normal)[..., None] * normal[:, None]
+    return np.asarray(along * total[:, 3:5, None])
 
 
 def can_batch(field: IndexField, looks: np.ndarray, options: dict[str, Any]) -> bool:
     """Return whether directions can be batched: many of them, through a cubic volume without a body, in float32."""
-    if len(looks) < LEAST or not field.is_uniform or field.geometry != "volume" or field.body is not None:
+    if len(looks) < 12 or not field.is_uniform or field.geometry != "volume" or field.body is not None:
         return False
     if field.interpolation != "cubic":
         return False
@@ -70,15 +141,15 @@ def batch_looks(
     per_replicate = max(1, -(-int(options["ray_count"]) // REPLICATES))
     ahead = replace(pupil, normal=np.array([0.0, 0.0, 1.0]))
     samples = [ahead.sample(per_replicate, "sobol", seed)[0] - ahead.center for seed in range(REPLICATES)]
-    points = np.concatenate([side_by_side(one @ np.stack(ahead.axes, axis=1)) for one in samples])
+    points = np.concatenate(samples) @ np.stack(ahead.axes, axis=1)
     device = gpu_of(options.get("backend"), options.get("device")) or "cpu"
     traced = _Traced(field, pupil, points, per_replicate, wavelength, options["remove"], device)
-    each = max(1, AT_ONCE // len(points))  # speed only
+    each = max(1, (1 << 24) // len(points))  # speed only
     parts = [traced(looks[k : k + each], axes[k : k + each]) for k in range(0, len(looks), each)]
     found = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
     if not found["met"].any():
         return None
-    known = _known(field, pupil.center, points[:: -(-len(points) // KNOWN_RAYS)], looks, axes, tolerance * wavelength)
+    known = _known(field, pupil.center, points[:: -(-len(points) // 256)], looks, axes, tolerance * wavelength)
     given = []
     for k, met in enumerate(found["met"]):
         strehl, standard_error, rms = (float(found[name][k]) for name in ("strehl", "standard_error", "rms"))
@@ -126,27 +197,14 @@ class _Model:
         return np.sqrt(np.sum(np.square(list(errors(number, found).values())), axis=0))
 
 
-def side_by_side(points: np.ndarray) -> np.ndarray:
-    """Sort points of a plane, shape (n, 2), along a Z-order curve, so that consecutive points are close together.
-
-    Rays that are traced together then read the same samples.
-    """
-    span = np.ptp(points, axis=0).max() or 1.0
-    place = ((points - points.min(axis=0)) / span * ((1 << CURVE_BITS) - 1)).astype(np.int64)
-    order = np.zeros(len(points), np.int64)
-    for bit in range(CURVE_BITS):
-        order |= ((place[:, 0] >> bit & 1) << (2 * bit)) | ((place[:, 1] >> bit & 1) << (2 * bit + 1))
-    return points[np.argsort(order, kind="stable")]
-
-
 def _known(field: IndexField, center: np.ndarray, points: np.ndarray, looks, axes, tolerance: float) -> np.ndarray:
     """Return whether the rays of each direction miss nothing: by cuts a thousandth of the points, past the box more."""
     found = np.ones(len(looks))
     most, most_past = GREATEST_SHARE * len(points), PAST_TOLD * len(points)
     # A few points suffice to find most directions that miss something; the others are checked with all points.
-    for some in (points[:: -(-len(points) // KNOWN_FIRST)], points):
+    for some in (points[:: -(-len(points) // 16)], points):
         left = np.flatnonzero(found)
-        each = max(1, KNOWN_AT_ONCE // len(some))  # speed only
+        each = max(1, (1 << 18) // len(some))  # speed only
         for rows in (left[first : first + each] for first in range(0, len(left), each)):
             position = (center + np.einsum("pa,nak->npk", some, axes[rows])).reshape(-1, 3)
             direction = np.repeat(looks[rows], len(some), axis=0)
@@ -165,13 +223,13 @@ class _Traced:
         import warp as wp
 
         from ..process.quiet_warp import open_device
-        from .look_kernels import build_kernels
+        from .kernels import look_kernels
 
         open_device(device)
         self.device, self.remove, self.each, self.points = device, remove, per_replicate, points
         self.field, self.center, self.wavelength = field, pupil.center, wavelength
         self.wavenumber = 2.0 * np.pi / wavelength
-        self.kernels = OPENED.once("kernels of look maps", build_kernels)
+        self.kernels = OPENED.once("kernels of look maps", look_kernels)
         grid = field.samples
         flat = np.ascontiguousarray(grid.coefficients, dtype=np.float32).reshape(-1)
         corners = np.array(np.meshgrid(*zip(grid.low, grid.high, strict=True))).reshape(3, -1).T

@@ -1,9 +1,9 @@
 """Optical path differences of a series over a pupil: OPD(x, y, t), Strehl ratio and boresight of each snapshot."""
 
 import hashlib
-import json
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,23 +11,20 @@ import numpy as np
 
 from aerokernels import __version__
 from aerokernels.inputs.checks import warn_caller
+from aerokernels.series.map_errors import NAMES, WRONG, Chosen
 
 from ..flow import GridMesh, Series
 from ..flow.series import mark_of
 from ..inputs.arguments import checked
 from ..inputs.checks import check_choice, check_positive
 from ..inputs.wavelength import DEFAULT_WAVELENGTH, check_wavelength
-from ..rays import as_unit_vector
+from ..pupils.base import as_unit_vector
 from ..tracing.plan import PRECISIONS
 from ..tracing.pupil.air import GREATEST_SHARE, PAST_REFUSED, PupilAir, TruncationWarning
 from ..wavefront import check_terms
-from .journal import FIRST, LAST
-from .map_numbers import NAMES, WRONG
-from .nearest_errors import Chosen
 from .pupil_grid import MapReader, PupilGrid, pupil_grid
 from .snapshot import METHODS, SnapshotResult, Snapshots, SnapshotSettings
-from .store import MemoryStore, ZarrStore
-from .store_arrays import KEPT
+from .store import FIRST, KEPT, LAST, MemoryStore, ZarrStore, code_of
 
 if TYPE_CHECKING:
     import xarray
@@ -94,8 +91,8 @@ def optical_series(
         where the first snapshot ends in disturbed air, which the maps take as the whole flow. Lazy where `out` is
         given.
         Pixels whose rays end on a body, and with method="linear" those whose rays leave the grid sideways or miss it,
-        are not valid, and in no number. Errors are computed on some snapshots (nearest_errors.py), the part of the
-        pixels on each (finer_pixels.py).
+        are not valid, and in no number. Errors are computed on some snapshots (map_errors.py), the part of the
+        pixels on each (pupil_grid.py).
 
     Warns:
         TruncationWarning: More than a thousandth of the pupil is not valid, or more than a hundredth of it looks past
@@ -136,15 +133,8 @@ def optical_series(
     if out is None:
         store = MemoryStore(template)
     else:
-        definition = _plain(_definition(series, template, settings, len(series)))
-
-        def earlier(found: Mapping[str, Any]) -> Any:
-            times = found.get("time")
-            count = times[0] if isinstance(times, list) and times else 0
-            known = isinstance(count, int) and 0 < count < len(series)
-            return _plain(_definition(series, template, settings, count)) if known else None
-
-        store = ZarrStore(Path(out), template, definition, series.is_unchanged, earlier)
+        define = partial(_definition, series, template, settings)
+        store = ZarrStore(Path(out), template, define, partial(_is_unchanged, series))
         if store.changed_count:
             warn_caller(
                 f"out={out}: files of snapshot {store.done.count} have changed since its map was stored: it and those "
@@ -183,8 +173,9 @@ def optical_series(
             wrong = snapshots.errors(found) if chosen(found.slope) else dict.fromkeys(WRONG, np.nan)
             entry = _entry(grid, found, good, reader, wrong)
             _finished(written, number, len(series), progress)
-            source = () if stamp is None else (stamp, mark_of(read[0]))
-            written = writer.submit(store.add, *entry, source)
+            if stamp is not None:
+                entry[1].update(stamp=code_of(stamp), mark=code_of(mark_of(read[0])))
+            written = writer.submit(store.add, *entry)
         _finished(written, len(series), len(series), progress)
     _warn_of_lost(store.done.column("known"))
     return store.finish()
@@ -339,10 +330,17 @@ def _definition(series: Series, template: "xarray.Dataset", settings: SnapshotSe
     }
 
 
-def _plain(definition: dict[str, Any]) -> dict[str, Any]:
-    """Return a definition as it is read from a journal."""
-    found: dict[str, Any] = json.loads(json.dumps(definition, default=str))
-    return found
+def _is_unchanged(series: Series, number: int, stamp: float, mark: float) -> bool:
+    """Return whether a snapshot is the one whose files had this code of their stamp, and whose samples this one.
+
+    Files that have been copied, or written again as they were, have another stamp: only these are read.
+    """
+    if series.stamp is None or code_of(series.stamp(number)) == stamp:
+        return True
+    try:
+        return code_of(series.mark(number)) == mark
+    except ValueError:  # it cannot be read any more, which is said when it is computed
+        return False
 
 
 def _digest(*arrays: np.ndarray) -> str:

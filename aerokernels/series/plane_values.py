@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 from scipy import sparse
 
+from aerokernels.medium.spline import node_values
+
 from ..medium import spline
-from ..medium.averages.cell_averages import node_values
 
 REST = 1e-13
 SPARSEST = 4.0  # grid points for each place on the grid; above it places are interpolated one by one; speed only

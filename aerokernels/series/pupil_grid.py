@@ -1,16 +1,16 @@
 """A pupil as a grid of pixels, and the numbers computed from a map of optical path differences over it."""
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from ..inputs.checks import check_count
-from ..pupils import Projected, Pupil, seen_along
-from ..wavefront import remove_terms, weighted_mean
-from ..wavefront.stencils import three_in_a_row
-from .finer_pixels import FACTOR, FinerPixels
+from aerokernels.inputs.checks import check_count
+from aerokernels.pupils import Projected, Pupil, seen_along
+from aerokernels.wavefront import remove_terms, weighted_mean
+from aerokernels.wavefront.pixels import derivatives, three_in_a_row
 
 # Share of a pixel below which a remainder is rounding.
 ROUNDING = 1e-9
@@ -154,4 +154,64 @@ class MapReader:
         if self.finer is None:
             return np.full(len(reading.numbers), np.nan)
         parts, reader = self.finer
-        return np.asarray(FACTOR * np.abs(reader(parts(opd)).numbers - reading.numbers))
+        return np.asarray(DOUBTED * np.abs(reader(parts(opd)).numbers - reading.numbers))
+
+
+DOUBTED = 2.0
+# Parts of a pixel's side, and their middles from its own [pixels].
+PIXEL_PARTS, STEPS = 3, (-1.0 / 3.0, 0.0, 1.0 / 3.0)
+
+
+class FinerPixels:
+    """The parts of a map's pixels that lie in the pupil.
+
+    Attributes:
+        points: Coordinates of the parts [m], shape (m, 2).
+        weight: Their shares of the pupil, shape (m,).
+    """
+
+    def __init__(
+        self, x: np.ndarray, y: np.ndarray, pixel: float, weight: np.ndarray, coverage: Callable[..., np.ndarray]
+    ):
+        """Divide the pixels.
+
+        Args:
+            x: Pixel centres along the first axis [m], shape (nx,).
+            y: Pixel centres along the second axis [m], shape (ny,).
+            pixel: Side of a pixel [m].
+            weight: Shares of the pixels, 0 where there is no ray, shape (ny, nx).
+            coverage: Returns the shares of cells, between edges along both axes, that are in the pupil.
+        """
+        self._lit = weight > 0.0
+        middles = [(axis[:, None] + pixel * np.array(STEPS)).ravel() for axis in (x, y)]
+        edges = [np.append(axis, axis[-1] + pixel / PIXEL_PARTS) - 0.5 * pixel / PIXEL_PARTS for axis in middles]
+        share = coverage(*edges)
+        whole, mean = (
+            np.repeat(np.repeat(one, PIXEL_PARTS, axis=0), PIXEL_PARTS, axis=1)
+            for one in (weight, share.reshape(len(y), PIXEL_PARTS, len(x), PIXEL_PARTS).mean(axis=(1, 3)))
+        )
+        fine = whole * share / np.where(mean > 0.0, mean, 1.0)
+        self._there = fine > 0.0
+        self.weight = fine[self._there] / fine.sum()
+        columns, rows = np.meshgrid(*middles)
+        self.points = np.stack([columns[self._there], rows[self._there]], axis=1)
+
+    def __call__(self, opd: np.ndarray) -> np.ndarray:
+        """Return the optical path differences of the parts, shape (m,), from those of the lit pixels, shape (n,)."""
+        whole = np.zeros(self._lit.shape)
+        whole[self._lit] = opd
+        parts = [whole]
+        for axis in (0, 1):
+            parts = [
+                one + step * slope + 0.5 * step**2 * bend
+                for one in parts
+                for slope, bend in [derivatives(one, self._lit, axis)]
+                for step in STEPS
+            ]
+        fine = (
+            np.stack(parts)
+            .reshape(PIXEL_PARTS, PIXEL_PARTS, *whole.shape)
+            .transpose(2, 0, 3, 1)
+            .reshape(self._there.shape)
+        )
+        return np.asarray(fine[self._there])

@@ -4,11 +4,34 @@ from typing import Any
 
 import numpy as np
 
-from ..process.opened import OPENED
-from .warp_launch import launch
+from aerokernels.process.opened import OPENED
+from aerokernels.series.kernels import launch
 
-LANES = 4  # neighbouring lines of one thread, which share most of their nodes
-PARTS = 32  # threads that share the planes of a line where planes are contiguous in memory: a warp reads them together
+
+def to_device(samples: Any, device: str) -> Any:
+    """Return samples as a flat Warp array on a device; one on a GPU stays there.
+
+    Later work on the device waits for the copy, which may still be in progress; samples on the host have been read.
+    """
+    import warp as wp
+
+    from ..device_arrays.pinned import bring
+    from ..process.quiet_warp import open_device
+
+    there = open_device(device)
+    if isinstance(samples, wp.array):
+        flat = samples.contiguous().flatten()
+        if flat.device.is_cuda or not there.is_cuda:
+            return flat
+        copy = wp.empty_like(flat, device=there)
+        wp.copy(copy, flat)
+        wp.synchronize_stream(there)
+        return copy
+    values = np.ascontiguousarray(samples).reshape(-1)
+    copy = wp.empty(values.size, dtype=wp.dtype_from_numpy(values.dtype), device=there)
+    for _ in bring([values], [copy]):
+        pass
+    return copy
 
 
 class DeviceLattice:
@@ -25,18 +48,20 @@ class DeviceLattice:
         import warp as wp
 
         from ..process.quiet_warp import open_device
-        from .shear_kernels import build_kernels
+        from .kernels import shear_kernels
 
         open_device(device)
         self._device = device
         real: Any = {"float32": wp.float32, "float64": wp.float64}[precision]
         taps = [one.shape[1] for one in lattice.blends]
-        lanes = LANES if taps[1] > 1 else 1
+        lanes = 4 if taps[1] > 1 else 1  # neighbouring lines of one thread, which share most of their nodes
         planes = lattice.shape[lattice.axis]
         strides = np.array([lattice.shape[1] * lattice.shape[2], lattice.shape[2], 1])
-        parts = PARTS if lattice.axis == 2 and planes >= PARTS else 1
+        parts = (
+            32 if lattice.axis == 2 and planes >= 32 else 1
+        )  # planes contiguous in memory: a warp reads them together
         options = precision, *taps, lanes, parts
-        self._kernels = OPENED.once(("kernels of sheared lattices", *options), lambda: build_kernels(*options))
+        self._kernels = OPENED.once(("kernels of sheared lattices", *options), lambda: shear_kernels(*options))
 
         def put(array: np.ndarray, kind: Any = real) -> Any:
             return wp.array(np.ascontiguousarray(array), dtype=kind, device=device)

@@ -12,16 +12,13 @@ Fourth order, like the spline; along an axis without shift there is a single wei
 """
 
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from ..medium import spline
 from .plane_values import PlaneValues
 from .sheared_products import ShearedProducts
-
-if TYPE_CHECKING:
-    from .device_copies import DeviceSamples
 
 STILL = 1e-9  # of a cell, over the box: a smaller shift counts as none
 MARGIN, STILL_MARGIN = 2, 8  # cells of the lattice beyond the requested lines, with shift and without
@@ -77,7 +74,6 @@ class ShearedLattice:
         self.low, self.size = low, high - low + 1
         self.values = PlaneValues(places - low, self.size, within, "cubic", False, averages, tuple(sheared))
         self._devices: dict[tuple[str, str], Any] = {}
-        self._copies: dict[str, Any] = {}
 
     def __call__(self, samples: np.ndarray, offset: float = 0.0) -> np.ndarray:
         """Return sums of samples minus a constant, on the processor's cores, shape (n,), float64."""
@@ -88,27 +84,18 @@ class ShearedLattice:
         counts = [self.shape[k] for k in self.others]
         return ShearedProducts(self.axis, counts, self.shift, self.blends, self.weights, self.low, self.size)
 
-    def to_device(self, samples: Any, device: str) -> "DeviceSamples":
-        """Return samples on a Warp device: in place if they are on one, else copied to `device`."""
-        from .device_copies import Copies, to_device
-
-        if device not in self._copies:
-            self._copies[device] = Copies(device)
-        return to_device(samples, self._copies[device])
-
-    def on_gpu(self, samples: Any, device: str, offset: float = 0.0) -> np.ndarray:
+    def on_device(self, samples: Any, device: str, offset: float = 0.0) -> np.ndarray:
         """Return the same sums, computed entirely on a Warp device.
 
         Args:
-            samples: A result of `to_device`, or samples that it accepts.
-            device: For samples that are not on a device yet.
+            samples: Samples; a Warp array on a GPU is summed there.
+            device: By its name in Warp, for other samples.
             offset: The constant.
         """
-        from .device_copies import DeviceSamples
-        from .sheared_device import DeviceLattice
+        from aerokernels.series.sheared_device import DeviceLattice, to_device
 
-        there = samples if isinstance(samples, DeviceSamples) else self.to_device(samples, device)
-        key = there.precision, there.device
+        there = to_device(samples, device)
+        key = there.dtype.__name__, str(there.device)
         if key not in self._devices:
             self._devices[key] = DeviceLattice(self, *key)
-        return np.asarray(self._devices[key](there.ready(), offset))
+        return np.asarray(self._devices[key](there, offset))

@@ -19,7 +19,7 @@ import numpy as np
 from ..process.machine import core_count
 
 BEYOND = 3  # cells beyond an edge to which samples are extrapolated, by the cubic through the last four
-PARTS = (1, 2, 3, 4, 6, 8)  # of the planes; speed only
+DIVISIONS = (1, 2, 3, 4, 6, 8)  # of the planes; speed only
 SHIFT_COST = 50.0  # cost of shifting a value of P, in multiplications of its product; speed only
 AT_ONCE = 1_000_000  # samples at a time; speed only
 ON = np.array([[4.0, -6.0, 4.0, -1.0], [10.0, -20.0, 15.0, -4.0], [20.0, -45.0, 36.0, -10.0]])  # 1, 2, 3 cells beyond
@@ -41,7 +41,7 @@ class ShearedProducts:
             size: Lines along each axis.
         """
         self._axis, self._counts, self._low, self._size = axis, counts, low, size
-        found = [_parts(shift, blends, weights, count) for count in PARTS if count <= len(weights)]
+        found = [_parts(shift, blends, weights, count) for count in DIVISIONS if count <= len(weights)]
         self._parts = min(found, key=_cost)
         offsets = np.concatenate([offset for _, offset, _ in self._parts])
         first = np.clip(low + offsets.min(axis=0), -BEYOND, np.add(counts, BEYOND - 1))
@@ -85,8 +85,8 @@ class ShearedProducts:
             product = np.matmul(matrix, block[:, planes])
             for number, (du, dv) in enumerate(offsets.tolist()):
                 low = self._low[0] + lines[0] + du, self._low[1] + dv
-                some, rows = _meeting(int(low[0]), len(total), self._counts[0], begin, end)
-                _, columns = _meeting(
+                some, rows = _lines_at(int(low[0]), len(total), self._counts[0], begin, end)
+                _, columns = _lines_at(
                     int(low[1]), int(self._size[1]), self._counts[1], int(self._first[1]), int(self._stop[1])
                 )
                 if some.stop > some.start:
@@ -127,7 +127,7 @@ class ShearedProducts:
         return np.concatenate(parts, axis=axis)
 
 
-def _meeting(first: int, size: int, count: int, begin: int, end: int) -> tuple[slice, Any]:
+def _lines_at(first: int, size: int, count: int, begin: int, end: int) -> tuple[slice, Any]:
     """Return which of `size` lines at the nodes from `first` meet the nodes from `begin` to `end`, and where.
 
     A line further beyond the edge than the extrapolated samples uses the last one.

@@ -1,10 +1,9 @@
 r"""The optical path differences of a snapshot: from straight lines where those are accurate enough, else traced.
 
 On straight rays OPD = K \int (rho - rho_ambient) ds is linear in the density (Gladstone-Dale), so a snapshot costs one
-pass over its samples. The neglected bending and displacement of the rays are computed for some of the rays: in volumes
-to second order (bending.py), elsewhere by full traces. They grow with the square of the slopes of the wavefront,
--1/2 \int theta^2 ds, so they are computed again whenever the slopes have grown. Where they are above the tolerance the
-snapshot is traced in full.
+pass over its samples. The neglected bending and displacement of the rays are measured by full traces of some rays. They
+grow with the square of the slopes of the wavefront, -1/2 \int theta^2 ds, so they are measured again whenever the
+slopes have grown. Where they are above the tolerance the snapshot is traced in full.
 """
 
 from collections.abc import Callable
@@ -15,6 +14,9 @@ from typing import Any
 import numpy as np
 
 from aerokernels.inputs.kinds import refuse_half_precision
+from aerokernels.series.line_integrals import MeshIntegrals
+from aerokernels.series.map_errors import MapNumbers, map_errors, straight_variants
+from aerokernels.tracing.stop import plane_beyond
 
 from ..device_arrays import host_array
 from ..flow import DensityField, Series, refractivity_model
@@ -22,22 +24,14 @@ from ..flow.gas import GREATEST_DENSITY, LEAST_DENSITY
 from ..medium import IndexField, QuadMesh
 from ..medium.refined import has_seam
 from ..rays import Pupil, RayBundle
-from ..tracing.beyond import plane_beyond, way_beyond
 from ..tracing.engines.choice import choose_backend
 from ..tracing.engines.info import cuda_driver_loads
 from ..tracing.pupil.air import PupilAir, pupil_air
 from ..tracing.trace import trace
 from ..tracing.variants.causes import Variants, few_rows, sample_size
-from ..tracing.variants.rays import Rays
 from ..wavefront import remove_terms
-from .bending import bending
-from .device_copies import DeviceSamples
 from .line_integrals import LineIntegrals, NotLinearError
-from .map_numbers import MapNumbers, map_errors
-from .mesh_integrals import MeshIntegrals
-from .plane_values import nodes_along
 from .pupil_grid import PupilGrid
-from .straight_variants import straight_variants
 
 METHODS = ("auto", "linear", "trace")
 GROWN = 1.5  # growth of the squared slopes after which the bending is measured again
@@ -171,24 +165,29 @@ class Snapshots:
         if np.isfinite(probe):
             self._measured_slope, self._measured = slope, probe
 
-    def read(self, number: int) -> tuple[Any, DeviceSamples | None]:
+    def read(self, number: int) -> tuple[Any, Any]:
         """Read a snapshot, and start copying its samples to the device that sums them, if there is one."""
         stored = self.series.read(number, self.device is not None)
-        if self.device is None or not isinstance(self.lines, LineIntegrals) or self.model.form != "gladstone-dale":
+        lines = self.lines
+        on_device = isinstance(lines, LineIntegrals) and lines.runs_on_device and self.model.form == "gladstone-dale"
+        if self.device is None or not on_device:
             return stored, None
-        if not isinstance(stored, DensityField):
-            return stored, self.lines.to_device(stored, self.device)
-        samples = getattr(stored, "density", None)
-        if not isinstance(samples, np.ndarray) or samples.dtype not in (np.float32, np.float64):
-            return stored, None
-        return stored, self.lines.to_device(samples, self.device) if self.series.lies_here(stored) else None
+        samples = stored
+        if isinstance(stored, DensityField):
+            samples = getattr(stored, "density", None)
+            known = isinstance(samples, np.ndarray) and samples.dtype in (np.float32, np.float64)
+            if not known or not self.series.lies_here(stored):
+                return stored, None
+        from .sheared_device import to_device
+
+        return stored, to_device(samples, self.device)
 
     def air(self, pupil: Pupil, number: int, stored: Any) -> PupilAir:
         """Return what the pupil misses of a snapshot."""
         field = self.settings.index_field(self.series.field(stored, number))
         return pupil_air(field, pupil, self.settings.direction, self.settings.tolerance * self.settings.wavelength)
 
-    def __call__(self, number: int, read: tuple[Any, DeviceSamples | None] | None = None) -> SnapshotResult:
+    def __call__(self, number: int, read: tuple[Any, Any] | None = None) -> SnapshotResult:
         """Return the optical path differences of a snapshot, which `read` may have read already."""
         stored, there = self.read(number) if read is None else read
         flow = stored if isinstance(stored, DensityField) else None
@@ -208,7 +207,7 @@ class Snapshots:
             bad = int((~np.isfinite(samples)).sum())
             raise ValueError(f"snapshot {number}: {bad} of {samples.size} densities are not finite; repair the file")
         slope = self._slope(opd, valid)
-        probe, known = np.nan, None
+        probe, rows = np.nan, None
         if self.settings.method == "auto" and not (
             np.isfinite(self._measured) and slope <= GROWN * self._measured_slope + 1e-30
         ):
@@ -216,14 +215,14 @@ class Snapshots:
             rows = self._sample(valid)
             few = rows[few_rows(len(rows))]
             bent = self._bent(stored, number, few)
-            probe, known = self._rms(bent - opd[few], few), (rows, bent)
+            probe = self._rms(bent - opd[few], few)
             self.resume(slope, probe)
         grown = max(1.0, slope / self._measured_slope) if self._measured_slope > 0.0 else 1.0
         tolerance = self.settings.tolerance * self.settings.wavelength
         if self.settings.method == "auto" and self._measured * grown > tolerance:
             found = self._traced(self.settings.index_field(self.series.field(stored, number)))
             return replace(found, slope=slope, probe=probe)
-        varied = partial(self._varied, stored, number, opd, valid, known)
+        varied = partial(self._varied, stored, number, opd, valid, rows)
         return SnapshotResult(opd, valid, False, slope, varied, probe)
 
     def errors(self, found: SnapshotResult) -> dict[str, float]:
@@ -266,11 +265,6 @@ class Snapshots:
         points = self.grid.points[chosen]
         return RayBundle(points, np.broadcast_to(self.settings.direction, points.shape))
 
-    @property
-    def _is_volume(self) -> bool:
-        """Whether straight lines go through a volume, where the bending is computed to second order."""
-        return isinstance(self.lines, LineIntegrals) and self.lines.mesh.geometry == "volume"
-
     def _sample(self, valid: np.ndarray) -> np.ndarray:
         """Return rows of some of the rays that came through: those nearest to the rays of a Strehl ratio's error."""
         from scipy.spatial import cKDTree
@@ -285,29 +279,19 @@ class Snapshots:
         there = apart <= self.grid.pixel
         return rows[nearest[there if there.any() else slice(None)]]
 
-    def _varied(self, stored: Any, number: int, opd: np.ndarray, valid: np.ndarray, known: Any) -> Variants | None:
-        """Return how rays on straight lines change by each cause; None where there are none.
-
-        `known` are the rows of these rays and the optical path differences of few of them, bent, where they are known.
-        """
+    def _varied(self, stored: Any, number: int, opd: np.ndarray, valid: np.ndarray, rows: Any) -> Variants | None:
+        """Return how some rays on straight lines, those of `rows` if known, change by each cause; None without any."""
         if not valid.any():
             return None
-        rows, bent = (self._sample(valid), None) if known is None else known
+        rows = self._sample(valid) if rows is None else rows
         field, rays = self.settings.index_field(self.series.field(stored, number)), self._rays(rows)
         until = plane_beyond(field, self.grid.pupil, self.settings.direction)
 
-        def run(_field: Any, some: RayBundle, _plan: Any) -> tuple[Rays, np.ndarray]:
-            """Return the few rays, bent to second order: in a volume no others are asked for."""
-            path = self._bent(stored, number, rows[few_rows(len(rows))]) if bent is None else bent
-            return replace(Rays.still(len(path)), opd=path, direction=some.direction), np.zeros(len(path), int)
-
-        given = opd[rows], until, self.settings.wavelength, self.settings.tolerance, self.settings.trace_options
-        return straight_variants(field, rays, *given, run if self._is_volume else None)
+        wavelength, tolerance = self.settings.wavelength, self.settings.tolerance
+        return straight_variants(field, rays, opd[rows], until, wavelength, tolerance, self.settings.trace_options)
 
     def _bent(self, stored: Any, number: int, rows: np.ndarray) -> np.ndarray:
         """Return the optical path differences of some rays, which may bend [m]; NaN where a ray failed."""
-        if self._is_volume:
-            return self._second_order(stored, rows)
         field = self.settings.index_field(self.series.field(stored, number))
         traced = trace(
             field,
@@ -320,31 +304,6 @@ class Snapshots:
         )
         assert traced.opd is not None
         return np.where(traced.ok, traced.opd, np.nan)
-
-    def _second_order(self, stored: Any, rows: np.ndarray) -> np.ndarray:
-        """Return the same for a volume, from samples near the rays."""
-        assert isinstance(self.lines, LineIntegrals)
-        flow = stored if isinstance(stored, DensityField) else None
-        density = host_array(stored if flow is None else flow.density)  # type: ignore[attr-defined]
-        ambient = self.series.ambient_density if flow is None else flow.ambient_density
-        assert ambient is not None
-        wavelength, mesh = self.settings.wavelength, self.lines.mesh
-        if mesh.cell_averages:
-            density = nodes_along(density, range(3), self.lines.interpolation, False)
-            mesh = replace(mesh, cell_averages=False)
-        points, along = self.grid.points[rows], self.settings.direction
-        lines = LineIntegrals(mesh, points, along, self.lines.interpolation)
-
-        def contrast(values: np.ndarray) -> np.ndarray:
-            return np.asarray(self.model.contrast(np.asarray(values, np.float64), ambient, wavelength))
-
-        axis = lines.axis
-        face = mesh.box[1 if along[axis] > 0.0 else 0][axis]
-        leave = points + ((face - points[:, axis]) / along[axis])[:, None] * along
-        pupil = self.grid.pupil
-        beyond = pupil.center @ along + way_beyond(mesh.box, pupil.center, pupil.reach, along) - leave @ along
-        bent, straight = bending(lines, density, contrast, beyond)
-        return straight + bent
 
     def _rms(self, values: np.ndarray, rows: np.ndarray) -> float:
         """Return the root mean square over those of some rays that came through, terms removed [m]; inf without any."""

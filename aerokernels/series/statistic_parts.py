@@ -1,16 +1,24 @@
-"""The parts of the statistics of a series: each adds its variables, and their errors, to a table."""
+"""The parts of the statistics of a series, each of which adds its variables and their errors, and the warnings."""
 
 import math
 from typing import Any
 
 import numpy as np
 
-from ..pupils import Disc
-from .linking import linking_equation, snapshots_at
-from .modes import Modes, about_mean, integral_length, two_point_correlation
-from .pupil_grid import MapReader
-from .spectra import Spectrum, mean_spectrum, sample_rate, welch
-from .uncertainty import Mean, about_mean_of, mean_of, root_of, standard_errors, student_share
+from aerokernels.pupils import Disc
+from aerokernels.series.linking import linking_equation, snapshots_at
+from aerokernels.series.modes import (
+    Modes,
+    Spectrum,
+    about_mean,
+    integral_length,
+    mean_spectrum,
+    sample_rate,
+    two_point_correlation,
+    welch,
+)
+from aerokernels.series.pupil_grid import MapReader
+from aerokernels.series.uncertainty import Mean, about_mean_of, mean_of, root_of, standard_errors, student_share
 
 BLOCKS = 10  # blocks of the series, whose differences give the error of numbers that are not plain means
 APERTURES = (0.25, 0.5, 0.75, 1.0)  # of the pupil, by default
@@ -228,3 +236,113 @@ def add_linking(table, dataset, series, time, opd, points, weight, wavelength) -
     described = "rms of optical path differences in time at a point, by the maps"
     independent = float(weight @ standard_errors(whole)[1])
     table.number("opd_rms_point", root_of(about_mean_of(unsteady, independent)), "m", described)
+
+
+def lost_pixels(finite: np.ndarray, share: np.ndarray) -> str:
+    """Return a warning of pixels that have a number in some snapshots but not in all; empty if these are few.
+
+    Args:
+        finite: Whether pixels have a number, shape (t, y, x).
+        share: Their shares of the pupil, shape (y, x). Pixels that have no number in any snapshot do not count: a
+            caller leaves them out on purpose.
+    """
+    share = np.where(finite.any(axis=0), share, 0.0)
+    lost = (share * ~finite.all(axis=0)).sum() / share.sum()
+    if not lost > 1e-3:
+        return ""
+    each = (share * ~finite).sum(axis=(1, 2)) / share.sum()
+    worst = int(each.argmax())
+    return (
+        f"{100.0 * lost:.3g} % of the pupil is in no statistic, because it has no number in some of the snapshots, "
+        f"{100.0 * each[worst]:.3g} % of it in snapshot {worst}: leave out such snapshots by dataset.isel(time=...), "
+        "or take a smaller pupil"
+    )
+
+
+def uneven_times(time: np.ndarray) -> str:
+    """Return a warning of times [s], shape (t,), for which means over snapshots are not means over time."""
+    if len(time) < 3:
+        return ""
+    steps = np.diff(time)
+    stands_for = 0.5 * (np.append(steps, 0.0) + np.insert(steps, 0, 0.0))
+    stands_for[[0, -1]] *= 2.0  # the ends stand for as much time on their other side
+    shares = len(time) * stands_for / stands_for.sum()
+    if not 0.5 * np.abs(shares - 1.0).mean() > 0.05:
+        return ""
+    return (
+        f"the times are uneven, with steps of {steps.min():.3g} to {steps.max():.3g} s, and each snapshot counts once: "
+        "numbers are means over the snapshots and not over time; for those interpolate the maps to even times by "
+        "dataset.interp(time=...), or leave out snapshots where they are dense"
+    )
+
+
+def few_independent(independent: float, count: int) -> str:
+    """Return a warning of maps that count as few independent ones, of `count` snapshots; empty if these suffice."""
+    if not independent < 10.0:
+        return ""
+    return (
+        f"the statistics rest on {independent:.2g} independent snapshots (of {count}), fewer than 10: they and their "
+        "errors are uncertain; take snapshots over a longer time"
+    )
+
+
+# Statistics and the numbers of snapshots of which they are means, or rms deviations.
+OF_SNAPSHOTS = {
+    **{name: name for name in ("strehl", "opd_rms", "opd_rms_with_tilt", "boresight_x", "boresight_y")},
+    **{"jitter_x": "boresight_x", "jitter_y": "boresight_y", "opd_mean": ""},
+}
+# Powers of the OPD and of the tilts.
+POWERS = {
+    **dict.fromkeys(("opd_std", "opd_rms_steady", "opd_rms_unsteady", "opd_rms_aperture"), ("opd_rms", 1.0)),
+    **dict.fromkeys(("opd_rms_linking", "opd_rms_path", "opd_rms_point"), ("opd_rms", 1.0)),
+    **dict.fromkeys(("spectrum_opd", "pod_energy"), ("opd_rms", 2.0)),
+    **{f"spectrum_jitter_{axis}": (f"boresight_{axis}", 2.0) for axis in "xy"},
+}
+
+
+def add_model_errors(table: Table, dataset: Any, wavelength: float) -> None:
+    """Add the errors of the maps of `optical_series` to those of a table; other maps have none.
+
+    They do not become smaller by averaging in time: they are those of one grid and one gas. A mean has the root mean
+    square of the snapshots' errors; other lengths have the share of the OPD rms that its error is, squares of lengths
+    twice that, and a Strehl ratio S of the rms changes by 2 S |ln S| of it. Errors of maps are twice a standard error.
+
+    Args:
+        table: The statistics.
+        dataset: The maps.
+        wavelength: Vacuum wavelength of the statistics [m].
+    """
+    whole = "opd_rms" if "tilt" in terms_of(dataset) else "opd_rms_with_tilt"
+
+    def rms(name: str) -> float:
+        return float(np.sqrt(np.mean(in_time(dataset, name) ** 2)))
+
+    def error(name: str) -> float:
+        return 0.5 * rms(f"{name}_error" if name else "error")
+
+    def share(name: str) -> float:
+        size = rms(name)
+        return error(name) / size if size > 0.0 else 0.0
+
+    def add(name: str, more: Any) -> None:
+        if f"{name}_error" in table.variables:
+            dims, before, about = table.variables[f"{name}_error"]
+            table.variables[f"{name}_error"] = dims, np.hypot(before, more), about
+
+    needed = {"error", *(f"{name}_error" for name in OF_SNAPSHOTS.values() if name)}
+    if not needed <= set(dataset.data_vars):
+        return
+    by_rms = [
+        "strehl_large_aperture",
+        "strehl_aperture",
+        *(["strehl"] if wavelength != dataset.attrs.get("wavelength") else []),
+    ]
+    for name, of in OF_SNAPSHOTS.items():
+        if name not in by_rms:
+            add(name, error(of))
+    for name, (of, power) in POWERS.items():
+        if name in table.variables:
+            add(name, power * share(whole if of == "opd_rms" else of) * np.abs(table.variables[name][1]))
+    for name in by_rms:
+        value = np.clip(table.variables[name][1], 1e-300, 1.0)
+        add(name, 2.0 * value * np.abs(np.log(value)) * share(whole))

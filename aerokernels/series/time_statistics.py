@@ -11,6 +11,7 @@ from aerokernels import __version__
 from aerokernels.flow.reading.arrays import stated_unit
 from aerokernels.inputs.checks import warn_caller
 from aerokernels.inputs.units import unit_of
+from aerokernels.series.statistic_parts import add_model_errors, few_independent, lost_pixels, uneven_times
 
 from ..flow import Series
 from ..inputs.arguments import checked, seconds
@@ -18,7 +19,6 @@ from ..inputs.checks import check_count, check_positive
 from ..inputs.wavelength import DEFAULT_WAVELENGTH, check_wavelength
 from ..wavefront import weighted_mean
 from .linking import NotLinkedError
-from .model_errors import add_model_errors
 from .modes import orthogonal_modes
 from .pupil_grid import MapReader
 from .statistic_parts import (
@@ -34,7 +34,6 @@ from .statistic_parts import (
     spread_map,
     terms_of,
 )
-from .statistic_warnings import few_independent, lost_pixels, uneven_times
 from .uncertainty import Mean, about_mean_of, deviations_of, mean_of, root_of, standard_errors
 
 if TYPE_CHECKING:

@@ -24,11 +24,11 @@ from typing import Any
 
 import numpy as np
 
-LEAST = 4  # samples needed for an error estimate
+LEAST_SNAPSHOTS = 4  # samples needed for an error estimate
 LEAST_SUMS = 8  # cosines, if there are as many samples
 # Corners of the spectrum: the least, of one independent sample, pi j0 / 2 = 1; the greatest over J; steps in log2.
 CORNERS, CORNER_STEP = (2.0 / math.pi, 10.0), 0.5
-MOST = 10.0  # greatest number of independent samples that a sample counts as, where samples alternate
+MOST_INDEPENDENT = 10.0  # greatest number of independent samples that a sample counts as, where samples alternate
 MANY = 1e6  # degrees of freedom, half of them, of which a variance is normally distributed
 COLUMNS = 4096  # series processed together
 HELD = 0.95  # share of cases in which two standard errors contain the truth
@@ -61,7 +61,7 @@ def standard_errors(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         Two arrays of the shape of one sample; errors are NaN below four samples.
     """
     count, shape = len(values), values.shape[1:]
-    if count < LEAST:
+    if count < LEAST_SNAPSHOTS:
         return np.full(shape, np.nan), np.full(shape, float(count))
     flat = values.reshape(count, -1)
     parts = [_standard_errors(flat[:, k : k + COLUMNS]) for k in range(0, flat.shape[1], COLUMNS)]
@@ -87,8 +87,8 @@ def _standard_errors(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     weight /= weight.sum(axis=0)
     error = np.sqrt(np.sum(weight * sums, axis=0) / (max(len(order) - 2, 1) * count))
     independent = 1.0 + np.sum(weight * variance * len(order) * count / sums, axis=0)
-    error = np.maximum(error, np.sqrt(variance / (MOST * count)))
-    return np.where(known, error, 0.0), np.where(known, np.minimum(independent, MOST * count), float(count))
+    error = np.maximum(error, np.sqrt(variance / (MOST_INDEPENDENT * count)))
+    return np.where(known, error, 0.0), np.where(known, np.minimum(independent, MOST_INDEPENDENT * count), float(count))
 
 
 def mean_of(values: np.ndarray) -> Mean:
@@ -177,7 +177,7 @@ def student_share(count: int) -> float:
 def trend_of(values: np.ndarray) -> float:
     """Return the probability of a Mann-Kendall statistic at least as great as this one in a series without drift."""
     count = len(values)
-    if count < LEAST or not np.ptp(values) > 0.0:
+    if count < LEAST_SNAPSHOTS or not np.ptp(values) > 0.0:
         return math.nan
     from scipy.stats import kendalltau
 

@@ -5,19 +5,19 @@ from functools import cached_property
 
 import numpy as np
 
-from ..display.error_budget import ErrorBudget, combine, unknown
+from ..display.quantities import ErrorBudget, combine, unknown
 from ..medium import IndexField
 from ..pupils import transverse_axes
-from ..rays import Pupil, RayBundle
+from ..pupils.base import Pupil
+from ..rays import RayBundle
 from ..tracing import Plane
 from ..tracing.cuts import lost
 from ..tracing.plan import TracePlan
-from ..tracing.pupil.fit import fit_moments, rms_about
+from ..tracing.pupil.sums import fit_moments, rms_about
 from ..tracing.status import reached
 from ..tracing.trace import rerun
-from ..tracing.variants.causes import Variants, sample_size, variants
-from ..tracing.variants.spread import errors
-from ..wavefront.pupil_numbers import NUMBERS, PupilNumbers
+from ..tracing.variants.causes import Variants, errors, sample_size, variants
+from ..wavefront.terms import NUMBERS, PupilNumbers
 
 # Standard errors of a mean over 16 replicates within which it is 95 times of 100 (Student's t).
 STANDARD_ERRORS = 2.13

@@ -1,10 +1,10 @@
 """Estimate the Strehl ratio of a pupil over millions of rays that are traced and summed on the device."""
 
 import threading
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from functools import partial
-from typing import Any
+from typing import Unpack
 
 import numpy as np
 
@@ -15,17 +15,16 @@ from ..inputs.checks import check_count
 from ..medium import IndexField
 from ..process.clock import clocked, stage
 from ..process.threads import in_turn
-from ..rays import Pupil, as_unit_vector
+from ..pupils.base import Pupil, as_unit_vector
 from ..tracing.engines import engine_of
-from ..tracing.plan import TracePlan
-from ..tracing.pupil.fit import fit_moments
-from ..tracing.pupil.job import REPLICATES, PupilJob, make_job
+from ..tracing.plan import TraceOptions, TracePlan, complete
+from ..tracing.pupil.job import REPLICATES, PupilJob, PupilRequest
 from ..tracing.pupil.new_values import next_job
+from ..tracing.pupil.sums import fit_moments
 from ..tracing.retrace import report_rejected
 from ..wavefront import check_terms
 from .budget import StrehlErrors, StrehlVariants
-from .ratio import StrehlEstimate
-from .sums import combined, met_nothing
+from .ratio import StrehlEstimate, combined, met_nothing
 
 
 @checked
@@ -86,8 +85,8 @@ def estimate_strehl(
     """
     options = {name: value for name, value in locals().items() if name not in ("field", "pupil", "seed")}
     with clocked() as seconds:
-        found = prepare_strehl(field, pupil, **options)(seed)
-    return replace(found, seconds=seconds)
+        estimate = prepare_strehl(field, pupil, **options)(seed)
+    return replace(estimate, seconds=seconds)
 
 
 def prepare_strehl(field: IndexField, pupil: Pupil, **options) -> "PreparedStrehl":
@@ -129,70 +128,54 @@ class PreparedStrehl:
         *,
         wavelength: float | None = None,
         ray_count: int = 1_000_000,
-        tolerance: float = 1e-3,
         remove: str | Iterable[str] = ("piston",),
         direction=None,
         symmetry: str | bool = "auto",
         bundle: str = "auto",
-        allow_truncation: bool = False,
-        method: str = "auto",
-        backend: str = "auto",
-        device: str | None = None,
-        precision: str = "float32",
-        step: float | None = None,
-        max_steps: int | None = None,
+        **options: Unpack[TraceOptions],
     ):
         """Check the arguments and plan."""
         if not isinstance(field, IndexField):
             raise TypeError(f"field must be an IndexField, got {type(field).__name__}")
         if not isinstance(pupil, Pupil):
             raise TypeError(f"pupil must be a Disc, Annulus, Rectangle, Polygon or Mask, got {type(pupil).__name__}")
-        self.field, self.pupil, self.tolerance = field, pupil, tolerance
-        self.wavelength = field.wavelength_for(wavelength)
-        self.remove = check_terms(remove)
-        ray_count = check_count(ray_count, "ray_count", REPLICATES)
-        self.look = pupil.normal if direction is None else as_unit_vector(direction, "direction")
-        self.asked_wavelength, self.allow_truncation = wavelength, allow_truncation
-        self.choices: dict[str, Any] = {
-            "symmetry": symmetry,
-            "bundle": bundle,
-            "method": method,
-            "backend": backend,
-            "device": device,
-            "precision": precision,
-            "step": step,
-            "tolerance": tolerance,
-            "max_steps": max_steps,
-        }
-        self.ray_count = int(ray_count)
+        options = complete(options)
+        self.field, self.pupil, self.options = field, pupil, options
+        self.wavelength, self.asked_wavelength = field.wavelength_for(wavelength), wavelength
+        self.request = PupilRequest(
+            pupil=pupil,
+            look=pupil.normal if direction is None else as_unit_vector(direction, "direction"),
+            remove=check_terms(remove),
+            ray_count=int(check_count(ray_count, "ray_count", REPLICATES)),
+            symmetry=symmetry,
+            bundle=bundle,
+            choices={name: value for name, value in options.items() if name != "allow_truncation"},
+        )
         self.seconds: dict[str, float] = {}
         self._turn = threading.Lock()  # held during a call, because calls share the buffers of the job
         self._make_job(None)
 
     def __reduce__(self):
         """What it was made of: what is on a device stays there."""
-        options: dict[str, Any] = {
-            "wavelength": self.asked_wavelength,
-            "ray_count": self.ray_count,
-            "remove": self.remove,
-        }
-        options |= {"direction": self.look, "allow_truncation": self.allow_truncation, **self.choices}
+        request = self.request
+        options = {name: getattr(request, name) for name in ("ray_count", "remove", "symmetry", "bundle")}
+        options |= {"wavelength": self.asked_wavelength, "direction": request.look, **self.options}
         return partial(prepare_strehl, **options), (self.field, self.pupil)
 
     def __repr__(self) -> str:
         """Return ray count, pupil, wavelength and backend as text."""
         pupil, backend = type(self.pupil).__name__, self.plan.backend
-        return f"PreparedStrehl of {self.ray_count:,} rays, {pupil}, {self.wavelength * 1e9:.6g} nm, by {backend}"
+        return (
+            f"PreparedStrehl of {self.request.ray_count:,} rays, {pupil}, {self.wavelength * 1e9:.6g} nm, by {backend}"
+        )
 
     def _make_job(self, like: PupilJob | None) -> None:
-        chosen: dict[str, Any] = {"ray_count": self.ray_count, "remove": self.remove, **self.choices}
-        make: Callable[..., PupilJob] = partial(make_job, pupil=self.pupil, look=self.look, **chosen)
         with stage("plan"):
             if like is None:
-                self.job = make(self.field, wavelength=self.wavelength)
+                self.job = self.request.job(self.field, self.wavelength)
             else:
-                self.job = next_job(make, like, self.field, self.wavelength)
-        self.job.air.check(self.allow_truncation)
+                self.job = next_job(like, self.field, self.wavelength)
+        self.job.air.check(self.options["allow_truncation"])
         self.plan = self.job.plan
 
     def with_field(self, field: IndexField) -> "PreparedStrehl":
@@ -247,10 +230,12 @@ class PreparedStrehl:
 
     def varied(self, plan: TracePlan, seed: int = 0) -> StrehlVariants:
         """Return some rays of the pupil that are traced by a plan, and how they change by each cause of an error."""
-        return StrehlVariants(self.field, self.pupil, self.look, seed, self.job.until, self.wavelength, plan)
+        return StrehlVariants(
+            self.field, self.pupil, self.request.look, seed, self.job.task.until, self.wavelength, plan
+        )
 
     def _estimate(self, seed: int, seconds: dict[str, float]) -> StrehlEstimate:
-        job, wavelength = self.job, self.wavelength
+        job, wavelength, remove = self.job, self.wavelength, self.request.remove
         run, why = job.run, []
         sums = run(seed)
         traced, evaluations, standard_error = job.traced_ray_count, sums.evaluation_count, sums.standard_error
@@ -271,22 +256,22 @@ class PreparedStrehl:
             plan = report_rejected(plan, sums.rejected_count, sums.ray_count, sums.greatest_error, wavelength)
         fit = fit_moments(sums.total)
         mean, tilt, rms, _ = fit
-        estimate = combined(sums.total, sums.phasors, wavelength, self.remove, fit)
-        if met_nothing(self.field, max(abs(mean), rms), wavelength, self.tolerance):
+        estimate = combined(sums.total, sums.phasors, wavelength, remove, fit)
+        if met_nothing(self.field, max(abs(mean), rms), wavelength, self.options["tolerance"]):
             warn_caller(
                 "all rays of the pupil pass through undisturbed air only, although the field is disturbed elsewhere: "
                 "the Strehl ratio is 1; check the units (metres are expected), and the pupil's direction and position"
             )
 
-        found = self.varied(plan, seed)
+        varied = self.varied(plan, seed)
         return StrehlEstimate(
-            ray_count=job.per_replicate * REPLICATES,
+            ray_count=job.quadrature.per_replicate * REPLICATES,
             traced_ray_count=traced,
             # The weights of a lattice add up to its number of rays within 3e-7 only.
             blocked=max(0.0, 1.0 - float(np.add.reduce(sums.moments[:, 0])) / sums.ray_count),
             plan=plan,
-            varied=found,
-            budgets=StrehlErrors(found, standard_error, sums.moments, self.remove),
+            varied=varied,
+            budgets=StrehlErrors(varied, standard_error, sums.moments, remove),
             seconds=seconds,
             standard_error=standard_error,
             evaluation_count=evaluations,

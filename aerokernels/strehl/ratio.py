@@ -16,13 +16,14 @@ from typing import Any
 
 import numpy as np
 
-from ..display.error_budget import ErrorBudget, main_cause
-from ..display.quantities import Quantity, listed
+from ..display.quantities import ErrorBudget, Quantity, Verdict, judge, listed, main_cause
 from ..display.shown import shown
-from ..display.verdict import Verdict, judge
 from ..inputs.arguments import Numbers, checked
 from ..inputs.wavelength import check_wavelength
+from ..medium import IndexField
 from ..process.clock import clocked, stage
+from ..tracing.lines import box_size, greatest_contrast
+from ..tracing.pupil.sums import rms_about
 from ..wavefront import check_metres, check_terms, check_wavefront, map_points, mean_phasor, remove_terms, weighted_mean
 
 
@@ -181,3 +182,42 @@ class StrehlEstimate:
         ]
         verdict = self.verdict
         return "\n".join([*lines, f"  {verdict.level}: {verdict.reason}"] if verdict else lines)
+
+
+# Fraction of the tolerance below which an optical path difference counts as zero.
+UNSEEN = 1e-3
+
+
+class NoRayArrived(ValueError):
+    """A pupil of which no ray arrived beyond the field: it has no Strehl ratio."""
+
+
+def combined(
+    total: np.ndarray, phasor: np.ndarray, wavelength: float, remove: tuple[str, ...], fit: Any = None
+) -> dict[str, float]:
+    """Return ratio, Marechal's approximation and rms OPD from the sum of all replicates' moments and their phasors.
+
+    `fit` is the result of `fit_moments` for these moments, if it is known.
+
+    Raises:
+        NoRayArrived: No ray arrived beyond the field.
+    """
+    if total[0] == 0:
+        raise NoRayArrived(
+            "no ray of the pupil arrived beyond the field: all met the body or left their path; "
+            "move the pupil, or turn its normal toward the flow"
+        )
+    rms = rms_about(total, remove, fit)
+    value = float(np.abs(np.add.reduce(phasor) / total[0]) ** 2)
+    return {
+        "value": value,
+        "marechal": float(np.exp(-((2.0 * np.pi * rms / wavelength) ** 2))),
+        "opd_rms": rms,
+    }
+
+
+def met_nothing(field: IndexField, size: float, wavelength: float, tolerance: float) -> bool:
+    """Return whether no ray met the field's contrast although it could matter; `size` is the rays' OPD [m]."""
+    if size > UNSEEN * tolerance * wavelength:
+        return False
+    return greatest_contrast(field) * box_size(field) > tolerance * wavelength

@@ -2,9 +2,19 @@
 
 from .engines.choice import available_backends
 from .engines.info import BackendInfo
+from .plan import TraceOptions
 from .result import TraceResult
 from .status import RayStatus
 from .stop import ArcLength, Plane
 from .trace import trace
 
-__all__ = ["ArcLength", "BackendInfo", "Plane", "RayStatus", "TraceResult", "available_backends", "trace"]
+__all__ = [
+    "ArcLength",
+    "BackendInfo",
+    "Plane",
+    "RayStatus",
+    "TraceOptions",
+    "TraceResult",
+    "available_backends",
+    "trace",
+]

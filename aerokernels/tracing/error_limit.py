@@ -10,7 +10,10 @@ import numpy as np
 from ..derived import cached_on
 from ..medium import IndexField
 from ..medium.grid import UniformGrid
+from ..process.threads import slabs
 from .blocks import over_lines
+from .scheme import LEAPFROG_ANGLE
+from .straight_lines import LeverArms
 
 # The share of the field's greatest optical path difference that a ray may lose.
 SHARE = 1e-3
@@ -18,11 +21,9 @@ SHARE = 1e-3
 LEAST = 1e-24
 # Lines along the last axis that are summed first, along each other axis; relative difference of sums in another order.
 SOME, ROUNDING = 4, 1e-9
-# Tolerances whose limits a field caches.
-CACHED = 4  # speed only
 
 
-@cached_on("field", CACHED)
+@cached_on("field", 4)
 def error_limit(field: IndexField, tolerance: float) -> float:
     """The OPD error [m] allowed to a ray, at most the requested `tolerance` [m]."""
     if path_exceeds(field, tolerance / SHARE):
@@ -62,3 +63,100 @@ def _some_path(grid: UniformGrid) -> float:
 def _greatest_path(grid: UniformGrid) -> float:
     sums = over_lines(grid.samples, np.add)
     return max(float(found.max()) * float(spacing) for found, spacing in zip(sums, grid.spacing, strict=True))
+
+
+# The share of the tolerance that may be lost by taking the air outside to be uniform.
+SUPPORT_SHARE = 0.05
+# Nodes to each side on whose splines a coefficient acts, and one to spare.
+MARGIN_NODES = 3
+
+
+@cached_on("field", 8)
+def support_box(
+    field: IndexField, tolerance: float, lever_arms: LeverArms | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Corners of the support along the local axes [m], each of shape (2,) or (3,).
+
+    Outside, the optical potential is so small that ignoring it changes the path along any line through the box by less
+    than SUPPORT_SHARE of the tolerance [m], and by no more than that for its deflection. Where the support is empty,
+    both corners are the middle of the box.
+
+    Args:
+        field: The refractive index, on a cubic uniform grid.
+        tolerance: OPD error allowed for a ray [m].
+        lever_arms: How far the rays fly and at what angle they meet their stop; None takes a line across the box that
+            ends on a surface across it.
+    """
+    grid = field.samples
+    assert isinstance(grid, UniformGrid)
+    potential, slope = left_out(field, tolerance, lever_arms)
+    low, high = np.array(grid.low, dtype=float), np.array(grid.high, dtype=float)
+    for axis, peaks in enumerate(potential_peaks(grid)):
+        supported = peaks > potential
+        if np.isfinite(slope):
+            supported |= _slope_peaks(grid)[axis] > slope
+        found = np.flatnonzero(supported)
+        if not len(found):
+            low = high = 0.5 * (low + high)
+            break
+        # Coefficient k is that of node k - 1.
+        ends = grid.low[axis] + grid.spacing[axis] * (found[[0, -1]] - 1 + np.array([-MARGIN_NODES, MARGIN_NODES]))
+        low[axis], high[axis] = max(low[axis], ends[0]), min(high[axis], ends[1])
+    for corner in (low, high):
+        corner.setflags(write=False)
+    return low, high
+
+
+def left_out(field: IndexField, tolerance: float, lever_arms: LeverArms | None) -> tuple[float, float]:
+    """The greatest potential [1] and slope of it [1/m] that may be ignored; infinite where slopes do not count."""
+    grid = field.samples
+    assert isinstance(grid, UniformGrid)
+    extent = np.asarray(grid.high) - np.asarray(grid.low)
+    # A chord of the box of revolution is longer than its half-plane.
+    longest = float(np.linalg.norm(extent * ([2.0, 1.0] if field.geometry == "axisymmetric" else 1.0)))
+    if lever_arms is None:
+        return SUPPORT_SHARE * tolerance / longest, np.inf
+    path_length = max(lever_arms.path_length, longest)
+    potential = SUPPORT_SHARE * tolerance / path_length
+    # A ray's own deflection is an obliquity too, of second order in the contrast: it counts only on far flights.
+    beyond = max(lever_arms.reach - 2.0 * path_length, 0.0)
+    # The slope of a spline is below twice its greatest coefficient over the spacing.
+    if lever_arms.lever_arm + beyond * LEAPFROG_ANGLE <= 0.5 * float(np.min(grid.spacing)):
+        return potential, np.inf
+    deflection = min(LEAPFROG_ANGLE, path_length * max(float(peaks.max(initial=0.0)) for peaks in _slope_peaks(grid)))
+    lever_arm = lever_arms.lever_arm + beyond * deflection
+    return potential, SUPPORT_SHARE * tolerance / (path_length * lever_arm) if lever_arm > 0.0 else np.inf
+
+
+@cached_on("grid")
+def potential_peaks(grid: UniformGrid) -> list[np.ndarray]:
+    """Along each axis, the greatest absolute coefficient in each plane across it."""
+    return peaks_along_axes(grid.coefficients)
+
+
+@cached_on("grid")
+def _slope_peaks(grid: UniformGrid) -> list[np.ndarray]:
+    """Along each axis, the greatest absolute difference of neighbouring coefficients over the spacing [1/m]."""
+    peaks = [np.zeros(count) for count in grid.coefficients.shape]
+    for rows in slabs(len(peaks[0]), grid.coefficients.size):
+        slab = np.asarray(grid.coefficients[rows.start : rows.stop + 1], np.float64)  # with the next one's first row
+        for axis, spacing in enumerate(grid.spacing):
+            change = np.diff(slab if axis == 0 else slab[: rows.stop - rows.start], axis=axis) / spacing
+            if not len(change):
+                continue
+            for other, found in enumerate(peaks_along_axes(change)):
+                # A difference belongs to both of its coefficients.
+                for shift in (0, 1) if other == axis else (0,):
+                    first = shift + (rows.start if other == 0 else 0)
+                    part = peaks[other][first : first + len(found)]
+                    np.maximum(part, found, out=part)
+    return peaks
+
+
+def peaks_along_axes(values: np.ndarray) -> list[np.ndarray]:
+    """Along each axis, the greatest absolute value in each plane across it."""
+    over_first, *others = over_lines(values, np.maximum)
+    peaks = [others[-1].max(axis=tuple(range(1, values.ndim - 1)))]
+    for axis in range(1, values.ndim):
+        peaks.append(over_first.max(axis=tuple(other - 1 for other in range(1, values.ndim) if other != axis)))
+    return peaks

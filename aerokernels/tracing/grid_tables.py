@@ -15,15 +15,16 @@ from typing import Any
 
 import numpy as np
 
+from aerokernels.medium.grid import GridPlaces
+
 from ..derived import Cached, cached_on
 from ..medium.grid import FETCH, UniformGrid
-from ..medium.grid_places import GridPlaces
 from ..medium.spline import pivots
 from .engines import Engine
 from .engines.interface import PROGRAMS
+from .error_limit import potential_peaks
 from .leapfrog.unresolved import potential_by_blocks
 from .step_bound import block_size, roughness_of_blocks
-from .support import potential_peaks
 
 # Grids of fewer nodes are as fast on the host: volumes, and those of two axes, for which a CPU makes the spline.
 LEAST_NODES = 1 << 15  # speed only
@@ -34,8 +35,6 @@ MANY_NODES = 1 << 20  # speed only
 LEAST_COUNT, LEAST_LAST = 4, 8
 # Launches of one kernel for a grid, at most.
 MOST_LAUNCHES = 3
-# Pivots of the elimination that are cached with a grid's node positions.
-CACHED = 6  # speed only
 
 
 def prepare_grid(engine: Engine, grid: UniformGrid) -> None:
@@ -208,7 +207,7 @@ class GridTables:
         self.engine.launch(self.kernels[number]["block_maxima"], [values, count, pitch, block], [made], places)
 
 
-@cached_on("places", CACHED)
+@cached_on("places", 6)
 def _pivots(places: GridPlaces, engine: Engine, nodes: int, even: bool) -> Any:
     return engine.put(pivots(nodes, even))
 

@@ -1,15 +1,58 @@
 """The plan of a trace: the choices and the reasons in words. This module holds data only; planning.py makes plans."""
 
 from dataclasses import asdict, dataclass, field
+from typing import TypedDict
 
 from .leapfrog.unresolved import Sampling
-from .lever_arms import LeverArms
+from .straight_lines import LeverArms
 
 # Methods that a caller may request.
 METHODS = ("auto", "straight", "adaptive", "paper", "fixed")
 # What "auto" may take besides "adaptive": a fixed count of leapfrog steps a ray (leapfrog/sample_count.py).
 LEAPFROG = "leapfrog"
 PRECISIONS = ("float32", "float64")
+
+
+class TraceOptions(TypedDict, total=False):
+    """How rays are traced: keywords of `trace`, `estimate_strehl`, `wavefront` and whatever else traces rays.
+
+    Attributes:
+        tolerance: Requested OPD error [waves].
+        method: "auto", "straight", "adaptive", "paper" or "fixed".
+        step: Step of method "fixed" [m].
+        max_steps: Steps after which a ray is given up; None takes a generous number.
+        backend: "auto", "warp", "opencl" or "reference".
+        device: "cpu", "cuda:0" or an OpenCL device's name; None takes the best.
+        precision: "float32" or "float64" inside the kernel.
+        allow_truncation: Whether more than a thousandth of a pupil may look through disturbed air that was cut off.
+    """
+
+    tolerance: float
+    method: str
+    step: float | None
+    max_steps: int | None
+    backend: str
+    device: str | None
+    precision: str
+    allow_truncation: bool
+
+
+TraceOptions.defaults = {  # type: ignore[attr-defined]
+    "tolerance": 1e-3,
+    "method": "auto",
+    "step": None,
+    "max_steps": None,
+    "backend": "auto",
+    "device": None,
+    "precision": "float32",
+    "allow_truncation": False,
+}
+
+
+def complete(options: TraceOptions) -> TraceOptions:
+    """Return options with the defaults of those that are not among them."""
+    whole: TraceOptions = {**TraceOptions.defaults, **options}  # type: ignore[attr-defined]
+    return whole
 
 
 @dataclass(frozen=True)

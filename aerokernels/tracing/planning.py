@@ -5,26 +5,26 @@ otherwise. Any other method is kept, however many rays there are. The backend is
 engines/choice.py.
 """
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
-from ..inputs.checks import check_choice, check_count, check_positive
+from ..inputs.checks import check_choice, check_count, check_positive, warn_caller
 from ..medium import IndexField
 from ..rays import RayBundle
-from .allowance import step_allowance
 from .engines import engine_of
 from .engines.choice import choose_backend
 from .engines.device_memory import memory_of
 from .error_limit import error_limit
 from .grid_tables import prepare_once
-from .leapfrog.sample_cost import pays_once
+from .launch import launch
+from .leapfrog.pilot import pays_once
 from .leapfrog.sample_count import fit_leapfrog, may_be_leapfrog
-from .lever_arms import lever_arms_of
 from .lines import box_size
-from .long_mesh import seen_in_mesh
 from .plan import LEAPFROG, METHODS, PRECISIONS, TracePlan
-from .prediction import predict_evaluations
+from .step_bound import predict_evaluations, step_allowance
+from .straight_lines import lever_arms_of
 
 STRAIGHT = "; along the undisturbed line, with the second-order correction of the optical path"
 
@@ -200,4 +200,39 @@ def make_plan(
         tuple(reasons),
         predicted_evaluations=predicted,
         predicted_error=None if method in ("paper", "fixed") else float(tolerance),
+    )
+
+
+# Rays that are traced to see how many evaluations they need, and the number of rays from which they are.
+SOME, MANY = 32, 2000
+# Evaluations of all rays that take two cores some ten seconds at most, and how many times as many an H100 makes.
+LONG, ON_GPU = 2e7, 500.0
+
+
+def seen_in_mesh(
+    field: IndexField, pilot: Callable[[], RayBundle], ray_count: int, until, wavelength: float, plan: TracePlan
+) -> TracePlan:
+    """Return the plan of so many rays with the evaluations that some of them need in a mesh; warn if they take long.
+
+    The plan for any other field, for few rays, or without error control is returned as it is.
+    """
+    if field.is_uniform or ray_count < MANY or plan.method != "adaptive" or plan.backend == "reference":
+        return plan
+    rays = pilot()
+    some = rays.rows(np.linspace(0, rays.ray_count - 1, min(SOME, rays.ray_count)).round().astype(int))
+    found = launch(field, some, plan, until, wavelength, frozenset(["evaluation_count"]))
+    each = float(np.mean(np.asarray(found["evaluation_count"])))
+    limit = LONG * (ON_GPU if engine_of(plan.backend, plan.device).is_gpu else 1.0)
+    if each * ray_count < limit:
+        return replace(plan, predicted_evaluations=each)
+    needed = f"about {float(f'{each:.2g}'):,.0f} evaluations for each of {ray_count:,} rays"
+    warn_caller(
+        f"through this mesh error control needs {needed}, which takes long: "
+        f"field.resample(tolerance={plan.tolerance:g}) makes a uniform grid of it, through which a ray takes a few "
+        "microseconds, and measures the error that this adds"
+    )
+    return replace(
+        plan,
+        predicted_evaluations=each,
+        reasons=(*plan.reasons, f"a mesh, not resampled: {needed}, seen in {SOME} rays"),
     )

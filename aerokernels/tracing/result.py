@@ -7,15 +7,13 @@ from typing import Any
 import numpy as np
 
 from ..device_arrays import DeviceArray, read_on_touch
-from ..display.error_budget import ErrorBudget, unknown
-from ..display.quantities import Quantity
+from ..display.quantities import ErrorBudget, Quantity, unknown
 from ..display.shown import drawn_on, shown
 from ..process.clock import clocked, stage
 from ..pupils import transverse_axes
 from .status import RayStatus, reached
-from .variants.causes import Variants
-from .variants.rays import Rays
-from .variants.spread import budget, of_a_ray
+from .variants.causes import Variants, budget, of_a_ray
+from .variants.paths import Rays
 
 # Per-ray arrays: unit and meaning, in the order of results.
 RAY_OUTPUTS = {

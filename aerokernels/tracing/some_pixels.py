@@ -14,9 +14,8 @@ from ..medium import IndexField
 from ..rays import RayBundle
 from .cuts import lost
 from .trace import rerun, trace
-from .variants.causes import Variants, variants
-from .variants.rays import Rays
-from .variants.spread import FACTOR, of_each
+from .variants.causes import FACTOR, Variants, of_each, variants
+from .variants.paths import Rays
 
 # Least and most rays of all pixels, the share of the map's rays between, and least number of pixels.
 LEAST_RAYS, MOST_RAYS, SHARE, LEAST_PIXELS = 256, 1024, 1.0 / 16.0, 64

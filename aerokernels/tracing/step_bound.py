@@ -23,8 +23,10 @@ from typing import Any
 import numpy as np
 
 from ..derived import cached_on
+from ..medium import IndexField
 from ..medium.grid import UniformGrid
 from .blocks import axis_back, axis_first, block_maxima, by_slabs, greatest_around
+from .lines import box_size
 
 BLOCK = 4
 BLOCK_COUNT_LIMIT = 300_000
@@ -40,9 +42,6 @@ CONSTANT = 1.0 / 720.0
 TURN = 0.02
 # Sines of the angles with a coordinate axis within which rays look ahead in a cone; other rays use all directions.
 CONE_SINES = (0.02, 0.2)
-
-# Tables cached on a grid: for two precisions, some tolerances and some cones.
-CACHED = 32  # speed only
 
 
 @dataclass(frozen=True)
@@ -102,7 +101,7 @@ class StepBound:
     block: int
 
 
-@cached_on("grid", CACHED)
+@cached_on("grid", 32)
 def step_bound(grid: UniformGrid, geometry: str, budget: float, cone: Cone) -> StepBound:
     """Return the table of step bounds; zero where STEP_LIMIT applies. The last few are cached on the grid.
 
@@ -259,3 +258,59 @@ def _greatest(values: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarr
     for axis in range(values.ndim):
         values = greatest_around(values, int(low[axis]), int(high[axis]), axis)
     return values
+
+
+OVERHEAD = 1.5
+FIRST = 15.0
+# Nodes whose differences are in memory together.
+SLAB = 1 << 17  # speed only
+# Evaluations for each cell where the interpolant has kinks between cells, fitted to the same fields.
+PIECEWISE_SMOOTH_COST = {"linear": 2.0, "monotone": 3.0, "bilinear": 3.0}
+
+
+def predict_evaluations(field: IndexField, budget: float, directions: np.ndarray) -> float:
+    """Predict the field evaluations of a ray across the box under error control.
+
+    Args:
+        field: The refractive index.
+        budget: OPD error allowed for a ray [m].
+        directions: Unit vectors of the rays, shape (ray_count, 3).
+    """
+    if not isinstance(field.samples, UniformGrid):
+        return PIECEWISE_SMOOTH_COST["bilinear"] * box_size(field) / float(np.median(field.samples.mesh.cell_size))
+    grid = field.samples
+    if field.interpolation != "cubic":
+        return PIECEWISE_SMOOTH_COST[field.interpolation] * float(np.sum((grid.high - grid.low) / grid.spacing))
+    extent = float(np.linalg.norm(grid.high - grid.low))
+    evaluations = 0.0
+    for number in np.unique(cones_of(directions, field.geometry)):
+        safe = np.clip(step_bound(grid, field.geometry, budget, CONES[number]).length, 2.0 * grid.spacing.min(), extent)
+        evaluations = max(evaluations, OVERHEAD * 3.0 * extent * float(np.mean(1.0 / safe)) + FIRST)
+    return evaluations
+
+
+@cached_on("grid")
+def greatest_turn(grid: UniformGrid) -> float:
+    """A bound on the angle by which a ray across the box can turn [rad], cached on the grid."""
+    samples, steepest = grid.samples, 0.0
+    rows = max(1, SLAB * len(samples) // samples.size)
+    for first in range(0, len(samples), rows):
+        slab = samples[first : first + rows + 1]  # with the first row of the next one
+        for axis, spacing in enumerate(grid.spacing):
+            steepest = max(steepest, float(np.abs(np.diff(slab, axis=axis)).max(initial=0.0)) / spacing)
+    return steepest * float(np.linalg.norm(grid.high - grid.low)) / grid.ambient_index
+
+
+# Average step in cells that a ray may need where it runs along a ridge of a piecewise linear index.
+FINEST = 0.02
+
+
+def step_allowance(field: IndexField, method: str, step, path_length) -> int:
+    """The greatest number of steps: ten times the need of a ray across the box, so that only trapped rays reach it."""
+    diagonal = box_size(field)
+    if path_length is not None:
+        diagonal = max(diagonal, path_length)
+    finest = float(field.samples.paper_step.min()) if method == "paper" else float(np.min(field.spacing)) * FINEST
+    if method == "fixed":
+        finest = step
+    return int(min(10.0 * diagonal / finest + 1000.0, 2_000_000_000.0))

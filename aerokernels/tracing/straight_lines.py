@@ -9,16 +9,14 @@ from ..medium import Body, IndexField, SolidBody
 from ..medium.grid import local_coordinates
 from ..process.threads import in_turn, own_cores
 from ..rays import RayBundle
-from .lines import crossing_of_box, span_of_box
+from .lines import BOXES, crossing_of_box, span_of_box
 from .scheme import LEAST_COSINE
-from .stop import Plane, stop_distance
+from .stop import ArcLength, Plane, stop_distance
 
 # Number of lines that are tested near a body, in addition to the outermost ones.
 BESIDE_BODY = 192
 # Lines that are searched together for the outermost ones.
 CHUNK = 15 << 10  # speed only: larger arrays come as new pages
-# Parts of fields, and stops, for which a bundle caches its lines.
-CACHED = 4  # speed only
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +49,7 @@ def lines_through(field: IndexField, rays: RayBundle, until, low: np.ndarray, hi
     return _lines(rays, field.geometry, field.body, np.stack([low, high]), np.stack([grid.low, grid.high]), until)
 
 
-@cached_on("rays", CACHED)
+@cached_on("rays", 4)
 def _lines(
     rays: RayBundle, geometry: str, body: Body | SolidBody | None, part: np.ndarray, box: np.ndarray, until
 ) -> Lines:
@@ -131,3 +129,73 @@ def local_range(lines: Lines, geometry: str) -> np.ndarray:
         nearest = np.clip(-(lines.start[:, :2] * lines.direction[:, :2]).sum(axis=1) / square, 0.0, lines.length)
         low[0] = np.hypot(*(lines.start[:, :2] + nearest[:, None] * lines.direction[:, :2]).T).min()
     return np.stack([low, high])
+
+
+@dataclass(frozen=True)
+class LeverArms:
+    """The greatest lengths over a bundle of undisturbed rays [m].
+
+    Attributes:
+        path_length: Path through the field's box, up to the stop if that lies in it.
+        reach: Distance from where a ray enters the box to its stop.
+        lever_arm: That distance times the tangent of the angle between the ray and the stop's normal, of rays that do
+            not graze the stop (LEAST_COSINE).
+    """
+
+    path_length: float
+    reach: float
+    lever_arm: float
+
+
+def lever_arms_of(field: IndexField, rays: RayBundle, until) -> LeverArms | None:
+    """The lever arms of a bundle up to its stop; None where no ray meets the field's box before it.
+
+    Args:
+        field: The refractive index.
+        rays: The rays, undisturbed.
+        until: None (the end of the box), a Plane or an ArcLength.
+    """
+    low, high = (np.asarray(corner, dtype=float)[0 if field.geometry == "volume" else 1 :] for corner in field.box)
+    return _lever_arms(rays, field.geometry, low, high, until)
+
+
+@cached_on("rays", BOXES)
+def _lever_arms(rays: RayBundle, geometry: str, low: np.ndarray, high: np.ndarray, until) -> LeverArms | None:
+    enter, leave, cosine = crossing_of_box(rays.position, rays.direction, low, high, geometry)
+    stop = leave
+    if isinstance(until, Plane):
+        cosine = rays.direction @ until.normal
+        height = (until.point - rays.position) @ until.normal
+        with np.errstate(divide="ignore", invalid="ignore"):
+            stop = np.where(height * cosine > 0.0, height / cosine, np.inf)
+    elif isinstance(until, ArcLength):
+        cosine, stop = np.ones(len(leave)), np.full(len(leave), until.length)
+    leave = np.minimum(leave, stop)
+    good = (leave > enter) & np.isfinite(leave)
+    if not good.any():
+        return None
+    reach = np.where(np.isfinite(stop), stop, leave)[good] - enter[good]
+    steep = np.abs(cosine[good])
+    tangent = np.sqrt(np.maximum(1.0 - steep**2, 0.0)) / np.maximum(steep, LEAST_COSINE)
+    lever_arm = np.where((steep > LEAST_COSINE) & np.isfinite(stop[good]), reach * tangent, 0.0)
+    return LeverArms(float((leave - enter)[good].max()), float(reach.max()), float(lever_arm.max()))
+
+
+def obliquity(direction: np.ndarray, until) -> np.ndarray:
+    """Return the vector o for which a displacement x of a ray changes its path length to the stop by x . o.
+
+    The vector is perpendicular to the ray. Its length is the tangent of the angle between the ray and the stop's
+    normal, at most the tangent for rays that graze the stop (LEAST_COSINE).
+
+    Args:
+        direction: Unit vectors, shape (n, 3).
+        until: The stop. Only a Plane can be oblique.
+
+    Returns:
+        Shape (n, 3).
+    """
+    if not isinstance(until, Plane):
+        return np.zeros_like(direction)
+    cosine = (direction @ until.normal)[:, None]
+    steep = np.copysign(np.maximum(np.abs(cosine), LEAST_COSINE), cosine)
+    return np.asarray((cosine * direction - until.normal) / steep)

@@ -13,10 +13,9 @@ from ..medium import IndexField
 from ..process.clock import clocked, stage
 from ..rays import RayBundle
 from .bundle.run import BundleRequest, trace_bundle
-from .cuts import lost, may_lose
-from .flow_ends import flow_ends
+from .cuts import flow_ends, lost, may_lose
 from .launch import launch
-from .meeting import check_meeting
+from .lines import check_meeting
 from .plan import TracePlan
 from .planning import backend_for, check_choices, plan_bundle
 from .result import RAY_OUTPUTS, TraceResult
@@ -24,7 +23,7 @@ from .retrace import report_rejected, retrace_rejected
 from .status import RayStatus
 from .stop import ArcLength, Plane
 from .variants.causes import Run, Variants, sample_rows, variants
-from .variants.rays import Rays
+from .variants.paths import Rays
 
 # Allowed values of `bundle`.
 BUNDLES = ("auto", "off")

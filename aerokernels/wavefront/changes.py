@@ -12,21 +12,16 @@ from typing import Any
 
 import numpy as np
 
-from ..tracing.variants.causes import Variants
-from ..tracing.variants.rays import Cause, Rays
-from ..tracing.variants.spread import FACTOR, errors, of_a_ray
-from .finer import finer, removed_again
-from .pupil_numbers import PupilNumbers
-from .stencils import three_in_a_row
-from .terms import remove_named, weighted_mean
+from ..tracing.variants.causes import FACTOR, Variants, errors, of_a_ray
+from ..tracing.variants.paths import Cause, Rays
+from .pixels import derivatives, three_in_a_row
+from .terms import PupilNumbers, remove_named, weighted_mean
 
 # Pixels whose changes are drawn where no rays are known; number of draws, cosines in each, and their wavelengths over
 # 2 pi [radii], in turn.
 PIXELS, DRAWS, WAVES, SIZES = 512, 16, 24, (1.0, 0.5, 0.25, 0.1)
 # Greatest size of changes by a cause, over the greatest of any, that does not count.
 LEAST = 0.01
-# Error due to the pixels over the change by finer ones.
-BY_PIXELS = 3.0
 # A wavefront -> a number of it, or an array.
 Number = Callable[[Any], Any]
 
@@ -102,7 +97,7 @@ def of_pixels(wave: Any, number: Number) -> np.ndarray:
     plain = np.asarray(number(wave))
     if not three_in_a_row(wave.lit):
         return np.full(plain.shape, np.nan)
-    return np.asarray(BY_PIXELS * np.abs(number(finer(wave)) - plain))
+    return np.asarray(3.0 * np.abs(number(finer(wave)) - plain))
 
 
 def of_changes(wave: Any, number: Number) -> np.ndarray:
@@ -168,3 +163,49 @@ def of_extremes(wave: Any) -> float:
         about = wave.opd[max(row - 1, 0) : row + 2, max(column - 1, 0) : column + 2]
         steps += float(np.nanmax(np.abs(about - wave.opd[row, column])))
     return float(np.hypot(2.0 * wave.opd_error, steps))
+
+
+# Parts of a pixel's side, and their middles from its own [pixels].
+PARTS, STEPS = 3, (-1.0 / 3.0, 0.0, 1.0 / 3.0)
+
+
+def finer(wave: Any) -> Any:
+    """Return a wavefront on pixels of a third of the side, with the removed terms fitted and removed again."""
+    lit = wave.lit
+    parts = [np.where(lit, wave.opd, 0.0)]
+    for axis in (0, 1):
+        parts = [
+            one + step * slope + 0.5 * step**2 * bend
+            for one in parts
+            for slope, bend in [derivatives(one, lit, axis)]
+            for step in STEPS
+        ]
+    found = np.stack(parts).reshape(PARTS, PARTS, *lit.shape).transpose(2, 0, 3, 1).reshape(_repeated(lit).shape)
+    weight, intensity = _divided(wave, wave.weight, 1), _divided(wave, wave.intensity, 2)
+    intensity = np.maximum(intensity, weight**2)
+    return removed_again(replace(wave, opd=found, weight=weight, intensity=intensity, pixel=wave.pixel / PARTS))
+
+
+def removed_again(wave: Any) -> Any:
+    """Return a wavefront with the terms fitted and removed again that were removed from it."""
+    if not wave.removed:
+        return wave
+    opd = np.full(wave.opd.shape, np.nan)
+    path, weight = wave.samples
+    opd[wave.lit] = remove_named(path, weight, wave.points, wave.removed, wave.radius)
+    return replace(wave, opd=opd)
+
+
+def _divided(wave: Any, values: np.ndarray, power: int) -> np.ndarray:
+    """Return mean amplitudes or intensities (power 2) of the parts of pixels; their mean is the pixel's own."""
+    whole, count = _repeated(values), len(values)
+    if wave.aperture is None:
+        return whole
+    edges = wave.pixel / PARTS * (np.arange(PARTS * count + 1) - 0.5 * PARTS * count)
+    share = wave.aperture.coverage(edges, edges, power)
+    mean = _repeated(share.reshape(count, PARTS, count, PARTS).mean(axis=(1, 3)))
+    return np.where(mean > 0.0, whole * share / np.where(mean > 0.0, mean, 1.0), whole)
+
+
+def _repeated(values: np.ndarray) -> np.ndarray:
+    return np.repeat(np.repeat(values, PARTS, axis=0), PARTS, axis=1)

@@ -1,18 +1,16 @@
 """Zernike coefficients, structure function and centroid of a wavefront."""
 
-import math
-from bisect import bisect_left
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property, partial
+from typing import Any
 
 import numpy as np
 
-from ..display.shown import shown
+from ..display.shown import drawn_on, shown
 from ..zernike import zernike_modes
 from .changes import of_changes, of_map
-from .data import WavefrontMap
-from .stencils import derivative_weights
+from .pixels import derivative_weights
 from .terms import weighted_mean
 from .transfer import autocorrelation
 
@@ -46,87 +44,61 @@ class StructureFunction:
 
     def plot(self, axes=None):
         """Draw the square root of the function [nm] over the distance on matplotlib axes; return the axes."""
-        from .plots import plot_structure
+        axes = drawn_on(axes)
+        axes.plot(1e3 * self.separation, 1e9 * np.sqrt(self.value))
+        if np.isfinite(self.error).all():
+            high = 1e9 * np.sqrt(self.value + self.error)
+            low = 1e9 * np.sqrt(np.maximum(self.value - self.error, 0.0))
+            axes.fill_between(1e3 * self.separation, low, high, alpha=0.3)
+        axes.set(xlabel="distance [mm]", ylabel="root of the structure function [nm]")
+        return axes
 
-        return plot_structure(self, axes)
 
-
-def fit_zernike(wavefront: WavefrontMap, count: int) -> np.ndarray:
+def fit_zernike(wavefront: Any, count: int) -> np.ndarray:
     """Return the least-squares coefficients of the first `count` Zernike polynomials [m], shape (count,).
 
     Raises:
         ValueError: The pupil's samples cannot distinguish so many polynomials.
     """
     opd, weight = wavefront.samples
-    most = most_polynomials(wavefront, count)
-    if most == count:
+    most = len(opd)
+    if count <= most:
         basis, root = _weighted_modes(wavefront, count), np.sqrt(weight)
         found, _, most, _ = np.linalg.lstsq(basis, opd * root, rcond=LEAST_SINGULAR)
     if most < count:
         raise ValueError(
-            f"the pupil's {len(opd)} samples cannot distinguish {count} Zernike polynomials, only about {most}: take "
+            f"the pupil's {len(opd)} samples cannot distinguish {count} Zernike polynomials, only {most} at most: take "
             "fewer, or a greater pixel_count"
         )
     return np.asarray(found)
 
 
-def zernike_errors(wavefront: WavefrontMap, count: int) -> np.ndarray:
+def zernike_errors(wavefront: Any, count: int) -> np.ndarray:
     """Return the error of each Zernike coefficient [m], shape (count,).
 
     Infinite if the pupil's samples cannot distinguish the polynomials.
     """
     solved: dict[float, np.ndarray] = {}
 
-    def number(wave: WavefrontMap) -> np.ndarray:
+    def number(wave: Any) -> np.ndarray:
         opd, weight = wave.samples
         if wave.pixel not in solved:
             solved[wave.pixel] = np.linalg.pinv(_weighted_modes(wave, count), LEAST_SINGULAR)
         return np.asarray(solved[wave.pixel] @ (opd * np.sqrt(weight)))
 
-    if most_polynomials(wavefront, count) < count:
+    if count > len(wavefront.points):
         return np.full(count, np.inf)
     size = np.linalg.svd(_weighted_modes(wavefront, count), compute_uv=False)
-    if len(size) < count or size[-1] <= LEAST_SINGULAR * size[0]:
-        return np.full(count, np.inf)
-    return of_map(wavefront, number)
+    return np.full(count, np.inf) if size[-1] <= LEAST_SINGULAR * size[0] else of_map(wavefront, number)
 
 
-def most_polynomials(wavefront: WavefrontMap, count: int) -> int:
-    """Return `count`, or how many Zernike polynomials the samples distinguish at most, if those are fewer.
-
-    Fitting thousands of polynomials takes a minute; this takes milliseconds. The polynomials of the orders up to n span
-    those of degree n in x alone, of which the Chebyshev polynomials U_0(x) to U_n(x) are an orthonormal basis over the
-    disc as well. So the least singular value of the fit is at most that of the U_k on the columns of pixels, and its
-    greatest one at least theirs; likewise for rows.
-    """
-    weight = wavefront.samples[1]
-    order = (math.isqrt(8 * min(count, len(weight)) + 1) - 3) // 2  # the greatest one that is complete
-    highest = order
-    for place in wavefront.points.T / wavefront.radius:
-        line, number = np.unique(place, return_inverse=True)
-        root = np.sqrt(np.bincount(number, weight))
-        if not _distinct(line, root, highest):
-            highest = bisect_left(range(highest), True, key=lambda n: not _distinct(line, root, n + 1))
-    return min(count, len(weight)) if highest == order else (highest + 1) * (highest + 2) // 2
-
-
-def _distinct(line: np.ndarray, root: np.ndarray, order: int) -> bool:
-    """Return whether points on a line with these roots of weights distinguish the Chebyshev polynomials U_0 to U_n."""
-    from scipy.special import eval_chebyu
-
-    if order >= len(line):
-        return False
-    size = np.linalg.svd(eval_chebyu(np.arange(order + 1), line[:, None]) * root[:, None], compute_uv=False)
-    return bool(size[-1] > LEAST_SINGULAR * size[0])
-
-
-def _weighted_modes(wavefront: WavefrontMap, count: int) -> np.ndarray:
+def _weighted_modes(wavefront: Any, count: int) -> np.ndarray:
     """Return the Zernike polynomials at the samples times the roots of the weights, shape (lit count, count)."""
     modes = zernike_modes(count, *(wavefront.points.T / wavefront.radius))
     return np.asarray(modes.T * np.sqrt(wavefront.samples[1])[:, None])
 
 
-def zernike_surface(wavefront: WavefrontMap, coefficients: np.ndarray) -> np.ndarray:
+def zernike_surface(wavefront: Any, coefficients: np.ndarray) -> np.ndarray:
     """Return the sum of Zernike polynomials with these coefficients [m], shape (n, n); NaN outside the pupil."""
     surface = np.full(wavefront.opd.shape, np.nan)
     modes = zernike_modes(len(coefficients), *(wavefront.points.T / wavefront.radius))
@@ -134,7 +106,7 @@ def zernike_surface(wavefront: WavefrontMap, coefficients: np.ndarray) -> np.nda
     return surface
 
 
-def structure_function(wavefront: WavefrontMap) -> StructureFunction:
+def structure_function(wavefront: Any) -> StructureFunction:
     """Return the structure function over rings one pixel wide, by correlation: every pair of pixels counts.
 
     D(r) = sum w w' (W - W')^2 / sum w w'. A ring has few distances and directions. The error due to them is the
@@ -145,11 +117,11 @@ def structure_function(wavefront: WavefrontMap) -> StructureFunction:
     return StructureFunction(separation, value, share, partial(_structure_errors, wavefront, by_rings))
 
 
-def _structure_errors(wavefront: WavefrontMap, by_rings: np.ndarray) -> np.ndarray:
+def _structure_errors(wavefront: Any, by_rings: np.ndarray) -> np.ndarray:
     return np.asarray(np.hypot(of_changes(wavefront, lambda one: _rings(one)[1]), by_rings))
 
 
-def _rings(wavefront: WavefrontMap) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def _rings(wavefront: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Return distances [m], values [m2], weights of the pairs and errors due to the rings [m2], all of shape (n,)."""
     from scipy.ndimage import uniform_filter1d
 
@@ -183,7 +155,7 @@ def _rings(wavefront: WavefrontMap) -> tuple[np.ndarray, np.ndarray, np.ndarray,
     return wavefront.pixel * place, value, whole / whole.sum(), np.hypot(by_parts, by_distance)
 
 
-def centroid(wavefront: WavefrontMap) -> np.ndarray:
+def centroid(wavefront: Any) -> np.ndarray:
     r"""Return the centroid of the point spread function along x and y [rad], shape (2,): the mean slope of the OPD.
 
     By Parseval's theorem the centroid of the PSF is \int |A|^2 grad OPD / \int |A|^2, A being the amplitude in the
@@ -194,7 +166,7 @@ def centroid(wavefront: WavefrontMap) -> np.ndarray:
     return np.array([np.sum(one[wavefront.lit] * flat) for one in centroid_weights(wavefront)])
 
 
-def centroid_weights(wavefront: WavefrontMap) -> np.ndarray:
+def centroid_weights(wavefront: Any) -> np.ndarray:
     """Return the weight of each pixel's OPD in the centroid along x and y [1/m], shape (2, n, n)."""
     lit, found = wavefront.lit, []
     for axis in (1, 0):

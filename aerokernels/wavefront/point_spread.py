@@ -12,12 +12,10 @@ from functools import cached_property
 
 import numpy as np
 
-from ..display.shown import shown
+from ..display.shown import drawn_on, extent_of, shown
 from ..inputs.arguments import Numbers, checked
 from ..inputs.wavelength import check_wavelength
-from .half_maximum import width_at_half
 
-COLUMNS_AT_ONCE = 64  # columns padded and transformed together; affects speed only
 BLOCK = 32  # rows and columns of a matrix product: BLAS never splits so small a one among threads
 
 
@@ -57,9 +55,13 @@ class PointSpread:
 
     def plot(self, axes=None, *, decades: float = 4.0):
         """Draw the intensity on matplotlib axes, on a logarithmic scale of so many decades; return the axes."""
-        from .plots import plot_point_spread
-
-        return plot_point_spread(self, axes, decades)
+        axes = drawn_on(axes)
+        shown = np.log10(np.maximum(self.intensity, self.peak * 10.0**-decades))
+        extent = extent_of(1e6 * self.angle, 1e6 * self.angle)
+        picture = axes.imshow(shown, origin="lower", extent=extent, cmap="inferno")
+        axes.figure.colorbar(picture, ax=axes, label="log10 of intensity over the perfect peak")
+        axes.set(xlabel="field angle x [urad]", ylabel="field angle y [urad]")
+        return axes
 
 
 def complex_amplitude(opd: np.ndarray, weight: np.ndarray, wavelength: float) -> np.ndarray:
@@ -106,8 +108,8 @@ def _padded_transform(wave: np.ndarray, size: int, kept: np.ndarray) -> np.ndarr
     By FFT, since the last bits of a BLAS product depend on the number of threads; in blocks, to save memory.
     """
     found = np.empty((len(kept), wave.shape[1]), dtype=np.complex128)
-    for begin in range(0, wave.shape[1], COLUMNS_AT_ONCE):
-        block = slice(begin, begin + COLUMNS_AT_ONCE)
+    for begin in range(0, wave.shape[1], 64):
+        block = slice(begin, begin + 64)
         found[:, block] = np.fft.fft(np.ascontiguousarray(wave[:, block].T), size, axis=1)[:, kept].T
     return found
 
@@ -171,3 +173,63 @@ def point_spread_function(
         kept = (np.arange(size)[shown] - size // 2) % size
         amplitude = _padded_transform(_padded_transform(wave, size, kept).T, size, kept).T
     return PointSpread(np.abs(amplitude) ** 2 / mask.sum() ** 2, angle)
+
+
+def width_at_half(angle: np.ndarray, intensity: np.ndarray) -> tuple[float, float]:
+    """Return the full width at half maximum [rad] and its error due to the sampling; NaN if it reaches the edge.
+
+    The area above half of the maximum is the one within contours through the samples. Straight lines between them leave
+    out an area of second order in the sampling, so the area within contours through every second sample gives a better
+    one (Richardson) and its error. The maximum is that of a paraboloid through the greatest sample and its neighbours.
+
+    Args:
+        angle: Angles of rows and columns [rad], shape (n,).
+        intensity: Intensity, shape (n, n).
+    """
+    half = 0.5 * _maximum(angle, intensity)
+    if max(intensity[0].max(), intensity[-1].max(), intensity[:, 0].max(), intensity[:, -1].max()) >= half:
+        return float("nan"), float("nan")
+    area = _area_above(half, angle, intensity)
+    width = _diameter(area)
+    if len(angle) < 9:  # every second sample does not show a spot: the error may be as great as the width
+        return width, width
+    coarse = _area_above(half, angle[::2], intensity[::2, ::2])
+    found = _diameter(area + (area - coarse) / 3.0)
+    return found, abs(found - width)
+
+
+def _diameter(area: float) -> float:
+    return 2.0 * float(np.sqrt(abs(area) / np.pi))
+
+
+def _area_above(level: float, angle: np.ndarray, intensity: np.ndarray) -> float:
+    from contourpy import contour_generator
+
+    # Closed contour lines have the higher side to their left, so that holes count negative.
+    area = 0.0
+    for line in contour_generator(angle, angle, intensity).lines(level):
+        x, y = np.asarray(line).T
+        area += 0.5 * float(np.sum(x[:-1] * np.diff(y) - y[:-1] * np.diff(x)))
+    return area
+
+
+def _maximum(angle: np.ndarray, intensity: np.ndarray) -> float:
+    """Return the greatest intensity between the samples: of a paraboloid about the greatest sample, if it has one."""
+    row, column = np.unravel_index(int(np.argmax(intensity)), intensity.shape)
+    greatest = float(intensity[row, column])
+    if not (0 < row < len(angle) - 1 and 0 < column < len(angle) - 1):
+        return greatest
+    about = intensity[row - 1 : row + 2, column - 1 : column + 2]
+    up, right = (angle[place - 1 : place + 2] - angle[place] for place in (row, column))
+    y, x = np.meshgrid(up, right, indexing="ij")
+    step = float(max(np.abs(up).max(), np.abs(right).max()))
+    x, y = x.ravel() / step, y.ravel() / step
+    terms = np.stack([np.ones(9), x, y, x * x, x * y, y * y], axis=1)
+    level, in_x, in_y, xx, xy, yy = np.linalg.lstsq(terms, about.ravel(), rcond=None)[0].tolist()
+    curved = 4.0 * xx * yy - xy * xy
+    if not (xx < 0.0 < curved):
+        return greatest
+    place = (xy * in_y - 2.0 * yy * in_x) / curved, (xy * in_x - 2.0 * xx * in_y) / curved
+    if max(map(abs, place)) > 1.0:
+        return greatest
+    return max(greatest, level + 0.5 * (in_x * place[0] + in_y * place[1]))

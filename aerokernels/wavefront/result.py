@@ -1,35 +1,208 @@
-"""The result of `wavefront`: a wavefront with its image quantities and its export to other packages."""
+"""A wavefront over a pupil: its numbers with their errors, its image, and its export to other packages."""
 
-from dataclasses import replace
+from collections.abc import Callable, Hashable
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
 
-from ..display.quantities import Quantity
-from ..display.shown import shown
+from ..derived import key_of
+from ..display.quantities import ErrorBudget, Quantity
+from ..display.shown import drawn_on, is_flat, say_flat, shown
 from ..inputs.arguments import Numbers, checked
-from ..inputs.checks import check_count
-from ..pupils import Pupil
-from .changes import of_extremes, of_samples
-from .data import WavefrontMap
-from .image_errors import encircled_errors, intensities, spread_errors, transfer_errors
-from .image_quantities import image_quantities
+from ..inputs.checks import check_count, check_positive, check_share
+from ..inputs.kinds import refuse_masked
+from ..inputs.wavelength import check_wavelength
+from ..process.clock import clocked, stage
+from ..pupils import Projected, Pupil, seen_along
+from ..tracing.variants.causes import Variants
+from .changes import Changes, changes_of, of_extremes, of_opd, of_samples
+from .exports import (
+    SIGN_CONVENTION,
+    from_xarray,
+    over_wavelengths,
+    to_fits,
+    to_hcipy,
+    to_poppy,
+    to_prysm,
+    to_xarray,
+    to_zemax,
+)
+from .image import (
+    encircled_errors,
+    image_quantities,
+    intensities,
+    polychromatic_psf,
+    spot_width,
+    spread_errors,
+    transfer_errors,
+)
 from .modes import StructureFunction, centroid, fit_zernike, structure_function, zernike_errors, zernike_surface
 from .point_spread import PointSpread, point_spread_function
-from .spot_width import spot_width
+from .scattered import from_scattered
 from .terms import check_metres, fit_tilt, mean_phasor, remove_terms, weighted_mean
-from .transfer import EncircledEnergy, Transfer, encircled, normalised_sensitivity, transfer_function
+from .transfer import EncircledEnergy, Transfer, encircler, transfer_function
 
 
 @shown
-class Wavefront(WavefrontMap):
-    """A wavefront on a square grid over its pupil; see `WavefrontMap` for its attributes.
+@checked
+@dataclass(frozen=True, eq=False, repr=False)
+class Wavefront:
+    """A wavefront over a pupil, sampled at the centres of square pixels, and how it was obtained.
 
     Angles are those of the beam that leaves the pupil along the look direction: OPD = a x, light delayed at +x, turns
     the beam by +a toward +x, and the peak of `psf` is at +a. A distant point seen through the same air appears at -a.
     All are angles in vacuum: in an ambient medium of index n the beam is turned by a / n.
+
+    Attributes:
+        opd: Optical path difference [m], positive where light is delayed, shape (n, n), axes [y, x]: rows along the
+            pupil's second axis, columns along its first, both ascending, or along those of a pupil that faces along
+            `direction`; NaN where `weight` is 0.
+        weight: Amplitude transmission of each pixel, averaged over its area, shape (n, n).
+        pixel: Side of a pixel [m].
+        wavelength: Vacuum wavelength [m].
+        intensity: Mean intensity in each pixel, shape (n, n). It exceeds `weight` squared where an edge or an
+            apodisation crosses a pixel; None takes `weight` squared.
+        radius: Radius of the unit disc of the Zernike polynomials [m]; None takes half of the map's width.
+        pupil: The pupil, if the map belongs to one.
+        direction: Direction in which the rays left the pupil, shape (3,); None means the pupil's normal.
+        blocked: Share of the pupil's weight whose rays did not arrive behind the field.
+        removed: Names of the terms that were removed.
+        plan: How the rays were traced, if they were.
+        seconds: Wall time by stage: see STAGES in clock.py.
+        varied: Function that returns some of the rays, which are pixels, and how they change by each cause of an error
+            (tracing/variants/causes.py), or None; the errors of all numbers follow from it.
+        budget: Function that returns the error budget of the OPD [m], where no rays are known.
+
+    Raises:
+        TypeError: An argument of the wrong type.
+        ValueError: Shapes disagree, the pixel is not positive, the pupil is empty, the OPD inside the pupil is not
+            finite, a weight is negative, or the wavelength is outside 0.1 to 20 um.
     """
+
+    opd: np.ndarray
+    weight: np.ndarray
+    pixel: float
+    wavelength: float
+    intensity: np.ndarray | None = None
+    radius: float | None = None
+    pupil: Pupil | None = None
+    direction: np.ndarray | None = None
+    blocked: float = 0.0
+    removed: tuple[str, ...] = ()
+    plan: Any = None
+    seconds: dict[str, float] = field(default_factory=dict)
+    varied: Callable[[], Variants | None] | None = None
+    budget: Callable[[], ErrorBudget] | None = None
+
+    @property
+    def key(self) -> Hashable:
+        """A key for caches that is equal for equal maps, however long they took."""
+        return key_of(
+            [getattr(self, each.name) for each in fields(self) if each.name not in ("seconds", "varied", "budget")]
+        )
+
+    def __post_init__(self):
+        """Check the values and store read-only copies."""
+        if not (self.pupil is None or isinstance(self.pupil, Pupil)):
+            raise TypeError(f"pupil must be one of the pupils, or None, got {type(self.pupil).__name__}")
+        for name in ("opd", "weight", "intensity"):
+            refuse_masked(getattr(self, name), name)
+        opd, weight = np.array(self.opd, dtype=np.float64), np.array(self.weight, dtype=np.float64)
+        if opd.ndim != 2 or opd.shape[0] != opd.shape[1] or opd.shape != weight.shape:
+            raise ValueError(
+                f"opd and weight must be square and have the same shape, got {opd.shape} and {weight.shape}"
+            )
+        pixel = check_positive(self.pixel, "pixel", "m")
+        if not np.isfinite(weight).all() or (weight < 0.0).any() or not weight.any():
+            raise ValueError("weights must be finite, not negative and not all zero")
+        lit = weight > 0.0
+        if not np.isfinite(opd[lit]).all():
+            raise ValueError(
+                f"the wavefront must be finite in the pupil, got {(~np.isfinite(opd[lit])).sum()} bad samples"
+            )
+        opd[~lit] = np.nan
+        radius = 0.5 * len(opd) * pixel if self.radius is None else check_positive(self.radius, "radius", "m")
+        intensity = weight**2 if self.intensity is None else np.array(self.intensity, dtype=np.float64)
+        if intensity.shape == weight.shape:
+            intensity[~lit] = 0.0
+        if (
+            intensity.shape != weight.shape
+            or not np.isfinite(intensity).all()
+            or not (intensity >= weight**2 * (1.0 - 1e-9)).all()
+        ):
+            raise ValueError("the intensity must be finite, have the weights' shape and be nowhere below their square")
+        check_share(self.blocked, "blocked")
+        if self.direction is not None and not (np.shape(self.direction) == (3,) and np.isfinite(self.direction).all()):
+            raise ValueError(f"the direction must be three finite numbers, got {self.direction!r}")
+        for array in (opd, weight, intensity):
+            array.setflags(write=False)
+        checked = {"opd": opd, "weight": weight, "intensity": intensity, "pixel": pixel, "radius": radius}
+        for name, value in {**checked, "wavelength": check_wavelength(self.wavelength)}.items():
+            object.__setattr__(self, name, value)
+
+    @property
+    def sign_convention(self) -> str:
+        """What a positive OPD means."""
+        return SIGN_CONVENTION
+
+    @cached_property
+    def aperture(self) -> Pupil | Projected | None:
+        """The pupil as it is seen along `direction`, on whose grid the map is."""
+        return None if self.pupil is None else seen_along(self.pupil, self.direction)
+
+    @property
+    def coordinate(self) -> np.ndarray:
+        """X of the columns and y of the rows from the pupil's centre [m], shape (n,)."""
+        return self.pixel * (np.arange(len(self.opd)) - 0.5 * (len(self.opd) - 1))
+
+    @property
+    def power(self) -> float:
+        """Sum of the intensity over the pixels."""
+        return float(np.asarray(self.intensity).sum())
+
+    @property
+    def lit(self) -> np.ndarray:
+        """Mask of the pixels inside the pupil (positive weight), shape (n, n)."""
+        return self.weight > 0.0
+
+    @cached_property
+    def points(self) -> np.ndarray:
+        """X and y of the pixels inside the pupil [m], shape (lit count, 2)."""
+        rows, columns = np.nonzero(self.lit)
+        return np.stack([self.coordinate[columns], self.coordinate[rows]], axis=1)
+
+    @property
+    def samples(self) -> tuple[np.ndarray, np.ndarray]:
+        """OPD [m] of the pixels inside the pupil, and weights that sum to 1, each of shape (lit count,)."""
+        weight = self.weight[self.lit]
+        return self.opd[self.lit], weight / weight.sum()
+
+    @cached_property
+    def changes(self) -> Changes | None:
+        """How the map changes by each cause of an error; None if that is not known. Computed when first read."""
+        return changes_of(self)
+
+    @cached_property
+    def error(self) -> ErrorBudget:
+        """Error of the OPD of a pixel from the mean [m], by cause and in "total"; empty if it is not known.
+
+        It is the root mean square over some of the rays, and covers that of 95 pixels in 100. Some rays are traced
+        again when it is first read; seconds["error"] is the time spent on that.
+        """
+        with clocked() as spent, stage("error"):
+            if self.varied is None:
+                found = ErrorBudget() if self.budget is None else ErrorBudget(self.budget())
+            else:
+                found = ErrorBudget() if self.changes is None else of_opd(self)
+        self.seconds["error"] = spent["total"]
+        return found
+
+    @property
+    def opd_error(self) -> float:
+        """Total OPD error [m] of the budget; NaN if it is not known."""
+        return self.error.get("total", float("nan"))
 
     @classmethod
     @checked
@@ -59,8 +232,6 @@ class Wavefront(WavefrontMap):
             ValueError: Shapes disagree; samples are not finite, too few, duplicated or do not cover the pupil; or a
                 number is out of range.
         """
-        from .scattered import from_scattered
-
         return cls(wavelength=wavelength, **from_scattered(points, opd, pupil, pixel_count, opd_error))
 
     def remove(self, *terms: str) -> "Wavefront":
@@ -161,8 +332,6 @@ class Wavefront(WavefrontMap):
         `weights` are the shares of the light at the wavelengths, equal if None: see `over_wavelengths`.
         """
         if wavelengths is not None or weights is not None:
-            from .polychromatic import polychromatic_psf
-
             return polychromatic_psf(self, wavelengths, weights, angle, half_width, padding)
         options: dict[str, Any] = {"half_width": half_width, "padding": padding, "angle": angle}
         found = point_spread_function(self.opd, self.weight, self.pixel, self.wavelength, **options)
@@ -201,7 +370,8 @@ class Wavefront(WavefrontMap):
         if point.shape != (2,) or not np.isfinite(point).all():
             raise ValueError(f"center must be two angles along x and y [rad], got {center!r}")
         errors = partial(encircled_errors, self, angle, None if center is None else point)
-        return EncircledEnergy(angle, encircled(self.otf(), angle, point), point, errors)
+        shares = encircler(self.otf().frequency, angle)(self.otf().value, point)
+        return EncircledEnergy(angle, shares, point, errors)
 
     @property
     def centroid(self) -> np.ndarray:
@@ -220,13 +390,6 @@ class Wavefront(WavefrontMap):
         """Return the mean square OPD difference of pairs of points by their distance."""
         return structure_function(self)
 
-    @checked
-    def pssn(self, fried: float = np.inf) -> float:
-        """Return the normalised point source sensitivity, 1 without aberrations; `fried` is the atmosphere's r0 [m]."""
-        if not fried > 0.0:
-            raise ValueError(f"fried, the atmosphere's r0, must be a positive length [m], got {fried!r}")
-        return normalised_sensitivity(self.otf(), self.wavelength, float(fried))
-
     @cached_property
     def quantities(self) -> dict[str, Quantity]:
         """Quantities with their errors: "strehl", "opd_rms" [m], "peak_to_valley" [m], "tilt_x", "tilt_y" [rad].
@@ -243,26 +406,9 @@ class Wavefront(WavefrontMap):
             "tilt_y": Quantity(float(tilt[1]), float(slopes[1]), "rad"),
         }
 
-    def image_quantities(self, fried: float = np.inf) -> dict[str, Quantity]:
-        """Return quantities of the image with their errors: "centroid_x", "centroid_y", "fwhm" [rad], "pssn".
-
-        `fried` is as in `pssn`. The errors are found as those of `quantities`.
-        """
-        return image_quantities(self, fried)
-
-    @checked
-    def over_wavelengths(self, wavelengths: Numbers, angle: Numbers | None = None, weights: Numbers | None = None):
-        """Return image quantities at several wavelengths [m] as an xarray.Dataset with a wavelength axis.
-
-        The OPD is the same at all wavelengths: dispersion of air is ignored, see `at_wavelength`. The dataset holds
-        `strehl`, `strehl_error`, `fwhm` [rad] and `psf` over (wavelength, y, x). `angle` are the angles of the rows and
-        columns of `psf` [rad], shape (m,); None takes 33 up to four times the longest wavelength over the pupil's
-        width. `weights` are the shares of the light at the wavelengths, equal if None; `polychromatic_psf` over (y, x)
-        is the point spread function of all the light, over its peak without aberrations.
-        """
-        from .exchange.wavelengths import over_wavelengths
-
-        return over_wavelengths(self, wavelengths, angle, weights)
+    def image_quantities(self) -> dict[str, Quantity]:
+        """Return "centroid_x", "centroid_y" and "fwhm" [rad] of the image with errors as in `quantities`."""
+        return image_quantities(self)
 
     def __repr__(self) -> str:
         """The quantities with their errors. Some rays are retraced for them when they are first read."""
@@ -278,51 +424,29 @@ class Wavefront(WavefrontMap):
             ]
         )
 
-    def to_xarray(self):
-        """Return an xarray.Dataset of OPD and weight over (y, x), with units and CF attributes; see `from_xarray`."""
-        from .exchange.netcdf import to_xarray
-
-        return to_xarray(self)
-
     @classmethod
     def from_xarray(cls, dataset) -> "Wavefront":
         """Make the wavefront of a dataset of `to_xarray`, or of one read from its NetCDF file."""
-        from .exchange.netcdf import from_xarray
-
         return cls(**from_xarray(dataset))
 
-    def to_poppy(self):
-        """Return a poppy.ArrayOpticalElement with the pupil's amplitude and the OPD in poppy's sign."""
-        from .exchange.poppy import to_poppy
-
-        return to_poppy(self)
-
-    def to_hcipy(self):
-        """Return a hcipy.Wavefront: the electric field on a grid in the pupil's plane."""
-        from .exchange.hcipy import to_hcipy
-
-        return to_hcipy(self)
-
-    def to_prysm(self):
-        """Return a prysm.propagation.Wavefront of the pupil: dx in mm, wavelength in um."""
-        from .exchange.prysm import to_prysm
-
-        return to_prysm(self)
-
-    def to_fits(self, path) -> None:
-        """Write amplitude and OPD as FITS for poppy.FITSOpticalElement: see exchange/fits.py."""
-        from .exchange.fits import to_fits
-
-        to_fits(self, path)
-
-    def to_zemax(self, path, kind: str = "phase") -> None:
-        """Write a Zemax grid file: `kind` "phase" [rad] or "sag" [mm]; see exchange/zemax.py."""
-        from .exchange.zemax import to_zemax
-
-        to_zemax(self, path, kind)
+    to_xarray = to_xarray
+    over_wavelengths = over_wavelengths
+    to_poppy = to_poppy
+    to_hcipy = to_hcipy
+    to_prysm = to_prysm
+    to_fits = to_fits
+    to_zemax = to_zemax
 
     def plot(self, axes=None):
         """Draw the OPD map on matplotlib axes; returns the axes."""
-        from .plots import plot_opd
-
-        return plot_opd(self, axes)
+        axes = drawn_on(axes)
+        if is_flat(self.opd, "m"):
+            say_flat(axes)
+            return axes
+        half, greatest = 0.5e3 * len(self.opd) * self.pixel, float(np.nanmax(np.abs(self.opd))) * 1e9
+        extent = (-half, half, -half, half)
+        limits = {"vmin": -greatest, "vmax": greatest}
+        picture = axes.imshow(self.opd * 1e9, origin="lower", extent=extent, cmap="RdBu_r", **limits)
+        axes.figure.colorbar(picture, ax=axes, label="OPD [nm], positive where light is delayed")
+        axes.set(xlabel="x in the pupil [mm]", ylabel="y in the pupil [mm]")
+        return axes

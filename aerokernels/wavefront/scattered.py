@@ -13,15 +13,13 @@ from typing import Any
 
 import numpy as np
 
-from aerokernels.inputs.kinds import refuse_masked
-
+from ..inputs.kinds import refuse_masked
 from ..pupils import Pupil
-from ..tracing.variants.causes import Variants
-from ..tracing.variants.rays import Cause, Rays
-from ..tracing.variants.spread import FACTOR
+from ..tracing.variants.causes import FACTOR, Variants
+from ..tracing.variants.paths import Cause, Rays
 from ..zernike import zernike_modes
 from .changes import smooth_draws
-from .grid import pupil_grid
+from .pixels import pupil_grid
 
 # Most Zernike polynomials; fewest samples for each of them; fewest samples of a wavefront.
 MODES, PER_MODE, FEWEST = 36, 3, 9

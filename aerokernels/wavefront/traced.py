@@ -9,10 +9,10 @@ from ..inputs.arguments import Numbers, checked
 from ..medium import IndexField
 from ..pupils import Pupil, as_unit_vector, seen_along
 from ..rays import RayBundle
-from ..tracing.beyond import plane_beyond
 from ..tracing.pupil.air import pupil_air
+from ..tracing.stop import plane_beyond
 from ..tracing.trace import trace
-from .grid import pupil_grid
+from .pixels import pupil_grid
 from .result import Wavefront
 
 

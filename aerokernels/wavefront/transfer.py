@@ -1,33 +1,26 @@
-r"""Optical transfer function of a wavefront on a square grid, and from it MTF, encircled energy and PSSn.
+r"""Optical transfer function of a wavefront on a square grid, and from it MTF and encircled energy.
 
 With A = w exp(i k OPD) at the pixels x of a pupil, and frequencies f in cycles per radian of field angle,
 
-    OTF(f) = sum_x A(x) A*(x + lambda f) / P          the Fourier transform of the PSF; 1 at f = 0 E(a)   = p^2 sum_f
-    OTF(f) exp(2 pi i f c) a J1(2 pi a |f|) / |f|      light within the angle a about c
+    OTF(f) = sum_x A(x) A*(x + lambda f) / P                           the Fourier transform of the PSF; 1 at f = 0
+    E(a) = p^2 sum_f OTF(f) exp(2 pi i f c) a J1(2 pi a |f|) / |f|     light within the angle a about c
 
 P is the pupil's power (a pixel crossed by an edge holds more of it than |A|^2) and p the spacing of f. E is the exact
-integral of the pixels' PSF over a circle, without truncation. PSSn = \int |OTF T|^2 / \int |OTF_perfect T|^2 with T
-that of the atmosphere (B.-J. Seo et al., Appl. Opt. 48 (2009) 5997).
+integral of the pixels' PSF over a circle, without truncation.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
-from ..display.shown import shown
+from ..display.shown import drawn_on, shown
 from ..inputs.arguments import checked
 from ..inputs.checks import check_at_least
 from ..pupils import Disc
-from .data import WavefrontMap
 from .point_spread import complex_amplitude
-
-# Coefficient of the long-exposure transfer function exp(-3.44 (r / r0)^(5/3)): D. L. Fried, J. Opt. Soc. Am. 56 (1966)
-# 1372.
-KOLMOGOROV = 3.44
-# Samples of the atmosphere's transfer function per r0, and most samples between two frequencies.
-PARTS_OF_FRIED, MOST_PARTS = 8.0, 16
 
 
 @shown
@@ -65,9 +58,15 @@ class Transfer:
 
     def plot(self, axes=None):
         """Draw the function along both axes, beside the perfect one, on matplotlib axes; return the axes."""
-        from .plots import plot_transfer
-
-        return plot_transfer(self, axes)
+        axes = drawn_on(axes)
+        for name, angle in (("x", 0.0), ("y", 0.5 * np.pi)):
+            frequency, value = self.along(angle)
+            axes.plot(frequency * 1e-3, np.abs(value), label=f"along {name}")
+        middle = len(self.frequency) // 2
+        axes.plot(self.frequency[middle:] * 1e-3, self.perfect[middle, middle:], "k:", label="perfect")
+        axes.set(xlabel="spatial frequency [cycles / mrad]", ylabel="MTF", ylim=(0.0, 1.05))
+        axes.legend()
+        return axes
 
 
 @shown
@@ -108,9 +107,10 @@ class EncircledEnergy:
 
     def plot(self, axes=None):
         """Draw the encircled energy on matplotlib axes; return the axes."""
-        from .plots import plot_encircled_energy
-
-        return plot_encircled_energy(self, axes)
+        axes = drawn_on(axes)
+        axes.plot(np.ravel(self.angle) * 1e6, np.ravel(self.energy))
+        axes.set(xlabel="angle [urad]", ylabel="encircled energy", ylim=(0.0, 1.05))
+        return axes
 
 
 def autocorrelation(wave: np.ndarray, other: np.ndarray | None = None) -> np.ndarray:
@@ -126,7 +126,7 @@ def autocorrelation(wave: np.ndarray, other: np.ndarray | None = None) -> np.nda
     return whole[top : top + 2 * rows - 1, left : left + 2 * columns - 1]
 
 
-def transfer_function(wavefront: WavefrontMap) -> Transfer:
+def transfer_function(wavefront: Any) -> Transfer:
     """Return the optical transfer function of a wavefront."""
     wave = complex_amplitude(wavefront.opd, wavefront.weight, wavefront.wavelength)
     value = autocorrelation(wave) / wavefront.power
@@ -135,15 +135,6 @@ def transfer_function(wavefront: WavefrontMap) -> Transfer:
     value[middle, middle] = perfect[middle, middle] = 1.0
     frequency = wavefront.pixel / wavefront.wavelength * np.arange(-middle, middle + 1)
     return Transfer(value, frequency, perfect)
-
-
-def encircled(transfer: Transfer, angle: np.ndarray, center: np.ndarray) -> np.ndarray:
-    """Return the share of the light within angles [rad], any shape, about the point `center` [rad], shape (2,).
-
-    Raises:
-        ValueError: The map has a single pixel, so that its frequencies have no spacing.
-    """
-    return encircler(transfer.frequency, angle)(transfer.value, center)
 
 
 def encircler(frequency: np.ndarray, angle: np.ndarray) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
@@ -190,60 +181,3 @@ def _in_corners(even: np.ndarray, half: float, angle: float) -> float:
     light = fftshift(ifft2(ifftshift(np.pad(even, more))).real)
     edges = half * np.linspace(-1.0, 1.0, len(light) + 1)
     return float((light * (1.0 - Disc(angle).coverage(edges, edges))).sum())
-
-
-def normalised_sensitivity(transfer: Transfer, wavelength: float, fried: float) -> float:
-    """Return PSSn, 1 without aberrations; `fried` is the atmosphere's r0 [m], infinite without an atmosphere."""
-    return sensitivity(transfer, wavelength, fried)(transfer.value)
-
-
-def sensitivity(
-    transfer: Transfer, wavelength: float, fried: float, cubic: bool = True
-) -> Callable[[np.ndarray], float]:
-    """Return the function that returns PSSn of optical transfer functions.
-
-    The atmosphere's part of both integrals may vanish within the spacing of the frequencies, so it is integrated
-    between them. The perfect part has a kink at frequency 0 and is interpolated linearly; what the aberrations change
-    has none.
-
-    Args:
-        transfer: A transfer function of the same pupil.
-        wavelength: Wavelength [m].
-        fried: The atmosphere's r0 [m].
-        cubic: Interpolate the latter by cubic convolution, instead of linearly.
-    """
-    separation = wavelength * transfer.frequency
-    air = _mean_air(separation, fried, False)
-    perfect = transfer.perfect**2
-    share = (_mean_air(separation, fried, True) if cubic else air) / float((perfect * air).sum())
-    return lambda value: 1.0 + float(((np.abs(value) ** 2 - perfect) * share).sum())
-
-
-def _mean_air(separation: np.ndarray, fried: float, cubic: bool) -> np.ndarray:
-    """Return the square of the atmosphere's transfer function, averaged between frequencies, shape (n, n).
-
-    The weight at a distance t from a frequency, over the spacing, is the one that interpolation gives its value: that
-    of linear interpolation, or of cubic convolution (R. G. Keys, IEEE Trans. ASSP 29 (1981) 1153).
-
-    Args:
-        separation: Wavelength times the frequencies of rows and columns [m], shape (n,).
-        fried: The atmosphere's r0 [m].
-        cubic: As for `normalised_sensitivity`.
-    """
-    spacing = float(separation[1] - separation[0]) if len(separation) > 1 else 0.0
-    parts = max(int(min(np.ceil(PARTS_OF_FRIED * spacing / fried), MOST_PARTS)), 1)
-    t = np.arange(1 - (1 + cubic) * parts, (1 + cubic) * parts) / parts
-    share = 1.0 - np.abs(t)
-    if cubic:
-        near, far = 1.5 * np.abs(t) ** 3 - 2.5 * t**2 + 1.0, -0.5 * np.abs(t) ** 3 + 2.5 * t**2 - 4.0 * np.abs(t) + 2.0
-        share = np.where(np.abs(t) < 1.0, near, far)
-    t, share = t[share != 0.0], share[share != 0.0] / parts
-    there = np.abs(separation) <= 4.0 * fried + 2.0 * spacing  # beyond, the function is below 1e-30
-    squares = [((separation[there] + move * spacing) / fried) ** 2 for move in t]
-    near = np.zeros((len(squares[0]), len(squares[0])))
-    for up, weight in zip(squares, share, strict=True):
-        for right, other in zip(squares, share, strict=True):
-            near += weight * other * np.exp(-2.0 * KOLMOGOROV * np.add.outer(up, right) ** (5.0 / 6.0))
-    found = np.zeros((len(separation), len(separation)))
-    found[np.ix_(there, there)] = near
-    return found

@@ -1,214 +1,283 @@
-"""Verdict by a wave through as few slabs of a field, on as coarse a window, as the required error allows.
+r"""Change of a Strehl ratio by diffraction: a coarse split-step wave, compared with its bent rays.
 
-The finest relevant phase sets the pixels, and diffraction.py doubles the slabs until the change is known. A finest
-phase that a traced map shows, but does not resolve, sizes a window on which it is measured again.
+Wave and rays pass the same thin screens: the phase of each slab at its middle, with free space in between. The Strehl
+ratio is the squared sum of the amplitude, which free space conserves, so that propagation behind the last screen does
+not matter. The number of slabs is doubled until the error is small enough to decide on which side of its limit the
+change is: the splitting error is of second order in the thickness, and most of it cancels since both pass the same
+screens.
+
+The window is wide enough that light which re-enters through its sides changes the Strehl ratio by less than 1e-3, and
+its pixels are as coarse as the finest phase allows. In a planar field seen across its axis Fourier components along x
+do not mix, and the sum contains only the constant one: one column of pixels is enough.
 """
 
 import math
-from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ..medium import IndexField
 from ..pupils import Pupil
-from .diffraction import WaveAndRays, Window, window_of
-from .layers import span_of
-from .screens import Crossings, MapPaths, crossings_of, disturbance, places_across, spread_along
-from .shadows import SlabsPastBody, fringes, is_clear, shadow_of
-from .slabs import FINEST, LookingAlong, Slabs, slabs_of
-from .verdict import Validity
+from ..tracing.lines import box_size
+from .layers import along_z, mean_layers, path_range
+from .split_step import fourier_library, plane_wave, through_layers
+from .wave import Wave, propagated
 
-# Phase [rad rms] that is too weak to count as the finest; lines in each direction on which the finest is searched.
-UNSEEN, FEATURE_LINES = 0.03, 16
-# Window over the pupil: least, most, and margin in widths sqrt(wavelength distance). Light that re-enters through its
-# sides then changes the Strehl ratio by less than 1e-3: at 1.5 pupils it was up to 0.007.
-LEAST_WINDOW, MOST_WINDOW, BESIDE = 1.15, 4.0, 2.0
-# Pixels per finest half period; fewest in all, and per half width of the pupil; fewest and most of one column, where
-# nothing varies along x; lines across that show where along the path light is disturbed.
-PER_FEATURE, LEAST_PIXELS, PER_REACH, COLUMN_PIXELS, SLAB_LINES = 3.0, 48, 32.0, (256, 512), 16
-# Most slabs, and most pixels of all slabs together, of a wave that nobody requested: 8 slabs of the largest window take
-# 10 ms. Strong turbulence near the limit would take 32 or 64 slabs.
-MOST_SLABS, MOST_SAMPLES = 16, 3e5
-# Share of the pupil near a focus (screens.py) above which traced rays replace the slabs' rays, and above which straight
-# rays do. Traced rays need a map of RESOLVED pixels per finest half period.
-SOME, MANY, RESOLVED = 0.01, 0.1, 4.0
+# Most slabs of the disturbed air.
+FINEST = 64
 
 
-def by_waves(
-    field: IndexField,
-    pupil: Pupil,
-    wavelength: float,
-    feature: float | None,
-    limit: float,
-    traced: MapPaths | None = None,
-    resolved: bool = True,
-    limited: bool = False,
-) -> Validity:
-    """Return the verdict of a wave through slabs of the field (diffraction.py); a `feature` of None is searched for.
+@dataclass(frozen=True, eq=False)
+class Slabs:
+    """FINEST slabs of equal thickness of the disturbed air in the view of a window.
 
-    `traced` is the map of traced rays, if there is one: near foci it replaces the slabs' rays. A `feature` that the map
-    did not resolve is measured again on the window. `limited` keeps the number of slabs cheap beside a wavefront.
+    Attributes:
+        wave: The pupil's light on the window.
+        paths: Optical paths [m], float32, shape (FINEST, rows, columns), without a delay common to all lines of a slab.
+        opaque: Masks of where light ends on a body, of the same shape; None if it does not.
+        light: Amplitude of the light whose rays pass the body, shape (rows, columns).
+        first: Start of the slabs along the line of sight [m].
+        last: End of the slabs [m].
+        end: End of the field's box [m].
+        disturbed: Length over which the light is disturbed [m].
     """
-    reach = max(pupil.half_extent)
-    flat = is_one_column(field, pupil.normal)
-    clear = is_clear(field, pupil, pupil.normal, wavelength)
-    margin = 0.0 if clear else fringes(field, wavelength)
-    if not clear:
-        traced = None
-    begin, end = span_of(field, pupil.center, pupil.normal, pupil.axes, (-reach, reach), (-reach, reach))
-    look = LookingAlong(pupil.center, pupil.normal, pupil.axes, _half_window(reach, wavelength, end, margin))
-    make: Callable[..., Slabs] = slabs_of if clear else SlabsPastBody
-    slabs = make(field, look, begin, end, wavelength)
-    half = _half_window(reach, wavelength, slabs.last, margin)
-    least, most = COLUMN_PIXELS if flat else (max(LEAST_PIXELS, PER_REACH * half / reach), slabs.most_pixels)
-    if feature is None:
-        feature = _finest_of(slabs, pupil, flat, wavelength)
-    # A rim makes fringes as fine as the pixels allow: then the most pixels are used.
-    pixels = _fast(max(min(2.0 * half * PER_FEATURE / feature, most), least)) if clear else most
-    window = window_of(pupil, half, pixels, flat)
-    path = slabs.paths(window.x, window.y, 1)[0]
-    if not resolved:
-        seen = np.where(window.amplitude > 0.0, path, np.float32(np.nan))
-        feature = finest_and_squares(seen, window.pixel, wavelength)[0]
-        if feature <= window.pixel and pixels < most:
-            window = window_of(pupil, half, _fast(most), flat)
-            path = slabs.paths(window.x, window.y, 1)[0]
-    distance = disturbance(field, pupil, pupil.normal).length if clear else _slabs_length(slabs, pupil, flat)
-    shadow, light = shadow_of(slabs, window, wavelength, end)
-    crossings = crossings_of(path[window.near], window.pixel, light[window.near], distance)
-    comparison = WaveAndRays(
-        window=window,
-        slabs=slabs,
-        light=light,
-        before=slabs.first,
-        after=end - slabs.last,
-        wavelength=wavelength,
-        ambient_index=field.ambient_index,
-        straight=crossings.near > MANY,
-        traced=None if traced is None else traced.strehl,
-        by_traced=traced is not None and _by_traced(crossings, feature, traced.pixel),
-        most_slabs=_most_slabs(window) if limited else FINEST,
-    )
-    change, error = comparison.change(limit)
-    return Validity(
-        strehl_change=change,
-        feature=feature,
-        distance=distance,
-        fresnel_number=fresnel_number(feature, wavelength, distance),
-        crossed_share=crossings.crossed,
-        curvature=crossings.curvature,
-        limit=limit,
-        blocked=shadow.blocked,
-        rim_fresnel_number=shadow.fresnel_number,
-        error=error,
-    )
+
+    wave: Wave
+    paths: np.ndarray
+    opaque: np.ndarray | None
+    light: np.ndarray
+    first: float
+    last: float
+    end: float
+    disturbed: float
+
+    @property
+    def path(self) -> np.ndarray:
+        """Optical paths of straight lines [m], shape (rows, columns)."""
+        return np.asarray(self.paths.sum(axis=0, dtype=np.float64))
+
+    @property
+    def blocked(self) -> float:
+        """Share of the light that ends on a body."""
+        amplitude = self.wave.amplitude.real
+        return max(1.0 - float((self.light**2).sum() / (amplitude**2).sum()), 0.0)
+
+    @property
+    def column_width(self) -> float:
+        """Width of a column of pixels [m]: the window's if there is one."""
+        rows, columns = self.wave.amplitude.shape
+        return self.wave.pixel * (rows if columns == 1 else 1)
 
 
-def _most_slabs(window: Window) -> int:
-    """Return the number of slabs that a wave which nobody requested has at most."""
-    count = MOST_SLABS
-    while count * window.amplitude.size > MOST_SAMPLES:
-        count //= 2
-    return count
+def slabs_of(field: IndexField, pupil: Pupil, wavelength: float) -> Slabs:
+    """Return the slabs of a field in the view of a pupil, on pixels that resolve the finest phase.
 
-
-def _fast(pixels: float) -> int:
-    """Return the next number of pixels for which Fourier transforms are fast."""
+    Raises:
+        ValueError: The pupil does not see the field, or a body blocks all of its light.
+    """
     from scipy.fft import next_fast_len
 
-    return int(next_fast_len(math.ceil(pixels)))
+    reach, flat = max(pupil.half_extent), field.geometry == "planar" and abs(float(pupil.normal[0])) < 1e-15
+    begin, end = path_range(field, plane_wave(pupil, wavelength, 16, 1.0, field.ambient_index))
+    # The light of a pupil diffracts by some widths sqrt(wavelength distance); the fringes of a rim reach farther.
+    fringes = 0.0 if field.body is None else 4.0 * math.sqrt(wavelength * box_size(field))
+    half = max(min(1.15 * reach + 2.0 * math.sqrt(wavelength * end), 4.0 * reach), reach + fringes)
+
+    def window(pixels: float) -> Wave:
+        wave = plane_wave(pupil, wavelength, next_fast_len(math.ceil(pixels)), half / reach, field.ambient_index)
+        if not flat:
+            return wave
+        edges = wave.pixel * (np.arange(len(wave.amplitude) + 1) - len(wave.amplitude) // 2 - 0.5)
+        return replace(wave, amplitude=pupil.coverage(edges[[0, -1]], edges), incident=None)
+
+    least, most = (256, 512) if flat else (96, 192 if along_z(field, pupil.normal) else 96)
+    first, last, disturbed = _disturbed(field, window(least // 4), begin, end)
+    for pixels in (least, most):
+        wave = window(max(pixels, 32.0 * half / reach))
+        paths, opaque = mean_layers(field, wave, first, last, FINEST, most_parts=None if most > least else 1)
+        # The delay of a line common to a slab would cost digits of the differences.
+        paths -= paths[:, :1, :1]
+        lit = wave.amplitude.real > 0.0
+        feature = finest_phase(np.where(lit, paths.sum(axis=0), np.nan), wave.pixel, wavelength)
+        # A rim makes fringes as fine as the pixels allow.
+        if 3.0 * wave.pixel <= feature and (opaque is None or not opaque.any()):
+            break
+    light = wave.amplitude.real
+    if opaque is not None and opaque.any():
+        dark = np.asarray(opaque.any(axis=0))
+        light = np.where(dark, 0.0, light)
+        if not light.any():
+            raise ValueError("the body blocks all of the pupil's light: move the pupil, or turn its normal")
+        paths = _continued(paths, dark)
+    else:
+        opaque = None
+    return Slabs(wave, paths, opaque, light, first, last, end, disturbed)
 
 
-def _half_window(reach: float, wavelength: float, last: float, beside: float) -> float:
-    """Return half the width [m] of a window that holds the light of a pupil of half width `reach` up to `last` [m]."""
-    return max(min(LEAST_WINDOW * reach + BESIDE * math.sqrt(wavelength * last), MOST_WINDOW * reach), reach + beside)
+def finest_phase(path: np.ndarray, pixel: float, wavelength: float) -> float:
+    """Return the half period [m] of the finest phase of a map above 0.03 rad rms; infinite if there is none.
 
-
-def _finest_of(slabs: Slabs, pupil: Pupil, flat: bool, wavelength: float) -> float:
-    """Return the half period of the finest phase [m] of straight lines through slabs, on lines across the pupil."""
-    count = COLUMN_PIXELS[1] if flat else 2 * slabs.most_pixels // 3
-    pixel = 2.0 * max(pupil.half_extent) / count
-    place = pixel * (np.arange(count) - count // 2)
-    few = np.zeros(1) if flat else place[_some_of(count)]
-    lines = []
-    for x, y in ((few, place),) if flat else ((few, place), (place, few)):
-        path = slabs.paths(x, y, 1)[0]
-        lit = np.abs(y[:, None]) <= pupil.half_extent[1] if flat else pupil.transmission(*np.meshgrid(x, y)) > 0.0
-        opaque = slabs.opaque(x, y, FINEST)
-        if opaque is not None:
-            lit = lit & ~opaque.any(axis=0)
-        path = np.where(lit, path, np.nan)
-        lines.append(path.T if x is few else path)
-    return _finest_on(np.stack(lines), pixel, wavelength)[0]
-
-
-def _by_traced(crossings: Crossings, feature: float, pixel: float) -> bool:
-    """Return whether to compare with a traced map: near foci, if the map resolves the finest phase.
-
-    Where rays have crossed only traced rays are meaningful, and the errors of a map of strong phases vary from pixel to
-    pixel. Before they cross, the phase of a grating may hide between pixels.
+    `path` [m] is NaN outside the pupil, shape (n, n) or (n, 1). Second differences at increasing distance do not depend
+    on tilt and on the pupil's edge: a component of period p has its full amplitude at a distance of p / 2, where its
+    second difference is four times that amplitude.
     """
-    return crossings.crossed > 0.0 or (crossings.near > SOME and feature >= RESOLVED * pixel)
+    wave_number, stride = 2.0 * np.pi / wavelength, 1
+    while 2 * stride < len(path):
+        squares = 0.0
+        for lines in (path, path.T) if path.shape[1] > 1 else (path,):
+            second = lines[2 * stride :] + lines[: -2 * stride] - 2.0 * lines[stride:-stride]
+            known = np.isfinite(second)
+            squares += float(np.square(second[known]).sum()) / max(int(known.sum()), 1)
+        if wave_number * math.sqrt(squares / 8.0) > 0.06:
+            return stride * pixel
+        stride *= 2
+    return math.inf
 
 
-def is_one_column(field: IndexField, normal: np.ndarray) -> bool:
-    """Return whether nothing varies along a window's first axis, as in a planar field seen across its axis."""
-    return field.geometry == "planar" and abs(float(normal[0])) < 1e-15
+def _continued(paths: np.ndarray, dark: np.ndarray) -> np.ndarray:
+    """Return paths that continue into a shadow from beside it, so that a rim makes no slope."""
+    from scipy.ndimage import distance_transform_edt
+
+    row, column = distance_transform_edt(dark, return_distances=False, return_indices=True)
+    return np.asarray(paths[:, row, column])
 
 
-def _slabs_length(slabs: Slabs, pupil: Pupil, flat: bool) -> float:
-    """Return the disturbed length [m] from lines through the slabs; if `flat`, constant along x, from one row."""
-    place = places_across(pupil, SLAB_LINES)
-    lit = pupil.transmission(*np.meshgrid(place, place)) > 0.0
-    across = np.zeros(1) if flat else place
-    if flat:
-        lit = np.asarray(lit.any(axis=1, keepdims=True))
-    opaque = slabs.opaque(across, place, FINEST)
-    if opaque is not None and (lit & ~opaque.any(axis=0)).any():
+def _disturbed(field: IndexField, wave: Wave, begin: float, end: float) -> tuple[float, float, float]:
+    """Return between which distances [m] the air differs across a coarse window, and the length of the disturbance.
+
+    At either end a phase of 0.01 rad is left out. The length is that of an even distribution with the standard
+    deviation of the variance across the pupil's light along the path.
+    """
+    paths, opaque = mean_layers(field, wave, begin, end, 4 * FINEST, most_parts=4)
+    step, wave_number = (end - begin) / len(paths), 2.0 * np.pi / wave.wavelength
+    lit = wave.amplitude.real > 0.0
+    first, last = begin, end
+    if opaque is None or not opaque.any():
+        phase = wave_number * (paths.max(axis=(1, 2)) - paths.min(axis=(1, 2)))
+        known = np.flatnonzero((np.cumsum(phase) > 0.01) & (np.cumsum(phase[::-1])[::-1] > 0.01))
+        if len(known):
+            first, last = begin + step * max(int(known[0]) - 1, 0), begin + step * min(int(known[-1]) + 2, len(paths))
+    elif (lit & ~opaque.any(axis=0)).any():
         lit &= ~opaque.any(axis=0)
-    return spread_along(slabs.paths(across, place, FINEST)[:, lit], slabs.first, slabs.last).length
+    variance, place = paths[:, lit].var(axis=1, dtype=np.float64), np.arange(len(paths))
+    total = float(variance.sum())
+    if not total > 0.0:
+        return first, last, 0.0
+    middle = float(place @ variance) / total
+    square = float((place - middle) ** 2 @ variance) / total
+    return first, last, step * math.sqrt(12.0 * square + 1.0)
 
 
-def finest_and_squares(path: np.ndarray, pixel: float, wavelength: float) -> tuple[float, float]:
-    """Return the half period [m] of the finest phase above UNSEEN rad, and a mean square [m2] that identifies the map.
+@dataclass(frozen=True, eq=False)
+class WaveAndRays:
+    """A wave and rays through slabs.
 
-    `path` [m] is NaN outside the pupil. The half period is infinite if there is no such phase. Uses second differences
-    at increasing distance, which are independent of tilt and of the pupil's edge: a component of period p has its full
-    amplitude at a distance of p / 2. The mean square is the one of these differences.
+    Attributes:
+        slabs: The slabs.
+        straight: Whether the slabs' rays are straight, near foci.
+        traced: Strehl ratio of traced rays; None if there are none.
+        by_traced: Whether the wave is compared with the traced rays.
     """
-    # A sample of lines is enough: columns and, for a map of more than one column, rows.
-    part = _some_of(len(path))
-    lines = [path.T[part], path[part]] if path.shape[0] == path.shape[1] else [path.T[part]]
-    return _finest_on(np.array(lines), pixel, wavelength)
+
+    slabs: Slabs
+    straight: bool
+    traced: float | None = None
+    by_traced: bool = False
+
+    def change(self, limit: float) -> tuple[float, float]:
+        """Return the Strehl ratio of the wave minus the one of the rays, and its error, well enough for a limit.
+
+        The error is the difference from half as many slabs, and that of the slabs' rays from traced ones; it is
+        infinite if straight rays replace bent ones. With an opaque wall the result does not converge smoothly with the
+        thickness: then all slabs are used, and the error is NaN.
+        """
+        if self.slabs.opaque is not None:
+            wave = self._wave(FINEST)
+            return abs(wave) ** 2 - self._rays(FINEST), math.nan
+        count, before, wave = 2, self._wave(2), self._wave(4)
+        rays_before, rays = (self._rays(2), self._rays(4)) if not self.by_traced else (self.traced, self.traced)
+        while True:
+            count *= 2
+            assert rays is not None and rays_before is not None
+            change = abs(wave) ** 2 - rays
+            # Of a wave alone the complex sums are compared: two Strehl ratios may agree by chance.
+            if self.by_traced:
+                doubt = abs(wave - before) * (abs(wave) + abs(before))
+            else:
+                doubt = abs(change - (abs(before) ** 2 - rays_before))
+            if count >= FINEST or doubt <= max(0.05 * limit, 0.5 * abs(abs(change) - limit)):
+                break
+            before, wave = wave, self._wave(2 * count)
+            rays_before, rays = (rays, self._rays(2 * count)) if not self.by_traced else (rays, rays)
+        if self.straight and not self.by_traced:
+            return change, math.inf
+        return change, max(doubt, 0.0 if self.traced is None else abs(rays - self.traced))
+
+    def _screens(self, count: int) -> np.ndarray:
+        """Return the paths of `count` slabs [m], shape (count, rows, columns)."""
+        paths = self.slabs.paths
+        return np.asarray(paths.reshape(count, -1, *paths.shape[1:]).sum(axis=1))
+
+    def _wave(self, count: int) -> complex:
+        """Return the sum of the wave behind so many screens over that of the light."""
+        slabs = self.slabs
+        start = propagated(slabs.wave, slabs.first, paraxial=True)
+        found = through_layers(
+            start,
+            slabs.paths,
+            slabs.opaque,
+            count,
+            length=slabs.last - slabs.first,
+            paraxial=True,
+            library=fourier_library(),
+            precision="float32",
+        )
+        return complex(found.sum()) / float(slabs.light.sum())
+
+    def _rays(self, count: int) -> float:
+        """Return the Strehl ratio of rays through so many screens, with their phases at their starts."""
+        slabs, screens = self.slabs, self._screens(count)
+        path = slabs.path
+        if not self.straight:
+            step = (slabs.last - slabs.first) / count
+            path = path + bending(screens, slabs.wave.pixel, step, slabs.end - slabs.last)
+        total = (slabs.light * np.exp(2j * np.pi / slabs.wave.wavelength * path)).sum()
+        return float(abs(total / slabs.light.sum()) ** 2)
 
 
-def _some_of(count: int) -> slice:
-    return slice(None, None, max(1, count // FEATURE_LINES))
+def bending(paths: np.ndarray, pixel: float, step: float, after: float) -> np.ndarray:
+    r"""Return the excess optical path of bent rays over straight ones through screens [m], at the start of each ray.
 
+    To second order in d, rays with deflection t and displacement d get from a screen of path p
 
-def _finest_on(lines: np.ndarray, pixel: float, wavelength: float) -> tuple[float, float]:
-    """Return `finest_and_squares` of lines of paths (directions, lines, n)."""
-    count, wave_number, squares = lines.shape[-1], 2.0 * np.pi / wavelength, 0.0
-    for stride in (2**power for power in range(int(np.log2(max(count // 2, 1))) + 1)):
-        # For a coarse difference a sparse sample of points is enough.
-        step = max(1, stride // 2)
-        squares = _mean_squares(lines[..., ::step], stride // step)
-        # A component sampled at its extremes has a second difference of four times its amplitude.
-        if wave_number * math.sqrt(squares / 8.0) > 2.0 * UNSEEN:
-            return stride * pixel, squares
-    return float("inf"), squares
+        p + d grad p + d H d / 2,       t += grad p + H d,       d += t z,
 
+    and t^2 z / 2 from their slanted path through free space of a length z. Neglected terms are of third order in d over
+    the size of a feature.
 
-def _mean_squares(lines: np.ndarray, stride: int) -> float:
-    """Return the sum over directions of mean squared second differences of lines (directions, lines, n) at `stride`."""
-    second = lines[..., 2 * stride :] + lines[..., : -2 * stride]
-    second -= 2.0 * lines[..., stride:-stride]
-    counts = np.add.reduce(second == second, axis=(1, 2))
-    second *= second
-    totals = np.add.reduce(np.fmax(second, np.float32(0.0), out=second), axis=(1, 2))  # fmax drops NaN
-    return sum(total / max(count, 1) for total, count in zip(totals.tolist(), counts.tolist(), strict=True))
+    Args:
+        paths: Optical path of each slab [m], shape (count, rows, columns).
+        pixel: Side of a pixel [m].
+        step: Thickness of a slab [m].
+        after: Free distance behind the last slab [m].
 
-
-def fresnel_number(feature: float, wavelength: float, distance: float) -> float:
-    """Return the Fresnel number of a feature [m] over a distance [m]; infinite for no distance."""
-    return feature**2 / (wavelength * distance) if distance > 0.0 else float("inf")
+    Returns:
+        Excess path [m], shape (rows, columns).
+    """
+    axes = [axis for axis in (0, 1) if paths.shape[axis + 1] > 1]
+    excess, reach = np.zeros(paths.shape[1:]), max(paths.shape[1:]) * pixel
+    turn, aside = np.zeros((2, len(axes), *excess.shape))
+    for number, path in enumerate(paths.astype(np.float64)):
+        slopes = np.array([np.gradient(path, pixel, axis=axis) for axis in axes])
+        if number:
+            more = sum(
+                np.gradient(slopes, pixel, axis=axis + 1) * moved for axis, moved in zip(axes, aside, strict=True)
+            )
+            excess += (aside * (slopes + 0.5 * more)).sum(axis=0)
+            slopes += more
+        turn += slopes
+        distance = 0.5 * step + after if number == len(paths) - 1 else step
+        excess += 0.5 * distance * (turn**2).sum(axis=0)
+        # Slopes of the jump at the box's side, where there is no light, must not overflow.
+        aside = np.clip(aside + distance * turn, -reach, reach)
+    return excess

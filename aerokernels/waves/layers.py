@@ -13,14 +13,6 @@ from .wave import Wave
 
 # Most layers of the path through the box, and fewest steps.
 MOST_LAYERS, FEWEST_STEPS = 512, 2
-# Most samples along the path through a layer, and layers sampled together.
-MOST_PARTS, CHUNK_LAYERS = 16, 16
-# Lines along a side of a window from which its path through the box is found.
-LINES = 17
-# Most bytes of the sampled layers.
-GREATEST_MEMORY = 2 << 30
-# Distances from the axis that differ by less than this share of the greatest one count as equal.
-SAME_RADIUS = 1e-9
 
 
 def path_range(field: IndexField, wave: Wave) -> tuple[float, float]:
@@ -29,41 +21,24 @@ def path_range(field: IndexField, wave: Wave) -> tuple[float, float]:
     Raises:
         ValueError: The window does not meet the box.
     """
-    across, up = ((axis[0], axis[-1]) for axis in wave.coordinates)
-    return span_of(field, wave.center, wave.normal, wave.axes, across, up)
-
-
-def span_of(
-    field: IndexField,
-    center: np.ndarray,
-    normal: np.ndarray,
-    axes: tuple[np.ndarray, np.ndarray],
-    across: tuple[float, float],
-    up: tuple[float, float],
-) -> tuple[float, float]:
-    """Return the distances as `path_range` does, for lines between two positions along both axes [m].
-
-    Raises:
-        ValueError: No line meets the field.
-    """
-    if abs(abs(float(normal[2])) - 1.0) <= 1e-15:
-        middle = center + 0.5 * (across[0] + across[1]) * axes[0] + 0.5 * (up[0] + up[1]) * axes[1]
-        (x, y, _), (low, high) = middle.tolist(), (corner.tolist() for corner in field.box)
-        inside = (
-            math.hypot(x, y) < high[0]
-            if field.geometry == "axisymmetric"
-            else low[0] < x < high[0] and low[1] < y < high[1]
-        )
-        ends = sorted(float(normal[2]) * (end - float(center[2])) for end in (low[2], high[2]))
-        if inside and ends[1] > 0.0:
-            return max(ends[0], 0.0), ends[1]
-    right, above = (axis.ravel() for axis in np.meshgrid(np.linspace(*across, LINES), np.linspace(*up, LINES)))
-    start = center + right[:, None] * axes[0] + above[:, None] * axes[1]
-    span = box_span(field, start, np.broadcast_to(normal, start.shape).copy())
+    across, up = (np.linspace(axis[0], axis[-1], 17) for axis in wave.coordinates)
+    start = _points(wave, across, up)
+    span = box_span(field, start, np.broadcast_to(wave.normal, start.shape).copy())
     meets = span.meets & (span.leave > 0.0) & (span.leave < 1e30)
     if not meets.any():
         raise ValueError("the wave does not meet the field: check its centre, its normal and the units (metres)")
     return max(float(span.enter[meets].min()), 0.0), float(span.leave[meets].max())
+
+
+def _points(wave: Wave, across: np.ndarray, up: np.ndarray) -> np.ndarray:
+    """Return points of a wave's plane [m], row by row, shape (n, 3)."""
+    x, y = (axis.ravel() for axis in np.meshgrid(across, up))
+    return np.asarray(wave.center + x[:, None] * wave.axes[0] + y[:, None] * wave.axes[1])
+
+
+def along_z(field: IndexField, normal: np.ndarray) -> bool:
+    """Return whether layers across a normal run along the axes of the field's uniform grid."""
+    return field.is_uniform and abs(abs(float(normal[2])) - 1.0) < 1e-15
 
 
 def layer_count(field: IndexField, length: float, step_count: int | None, most: int = MOST_LAYERS) -> int:
@@ -78,27 +53,42 @@ def layer_count(field: IndexField, length: float, step_count: int | None, most: 
 
 
 def mean_layers(
-    field: IndexField, wave: Wave, begin: float, end: float, count: int, cells_apart: float = 1.0
+    field: IndexField,
+    wave: Wave,
+    begin: float,
+    end: float,
+    count: int,
+    cells_apart: float = 1.0,
+    most_parts: int | None = None,
 ) -> tuple[np.ndarray, np.ndarray | None]:
     """Sample layers as `sample_layers` does, with several samples in a layer that is thicker than `cells_apart` cells.
 
     So a thin shock crossed at a slant is not missed between two samples. There is no air inside a body: light that
     starts inside it begins where it leaves the body, as rays do, and other light ends on it.
 
+    Args:
+        field: The refractive index.
+        wave: The window.
+        begin: Start of the layers along the normal [m].
+        end: Their end.
+        count: Number of layers.
+        cells_apart: Greatest distance of samples [cells].
+        most_parts: Most samples in a layer; None takes 16.
+
     Returns:
         Optical paths [m], float32, shape (count, rows, columns), and a mask of where layers are opaque, of that shape;
         None without a body.
     """
     cell = cells_apart * float(cell_along(field, wave.normal[None])[0])
-    parts = min(max(math.ceil((end - begin) / (count * cell) - 1e-9), 1), MOST_PARTS)
+    parts = min(max(math.ceil((end - begin) / (count * cell) - 1e-9), 1), most_parts or 16)
     if parts == 1 and field.body is None:
         return sample_layers(field, wave, begin, end, count), None
     thickness = (end - begin) / count
     layers = np.empty((count, *wave.amplitude.shape), dtype=np.float32)
     opaque = None if field.body is None else np.zeros(layers.shape, dtype=bool)
     behind = _in_body(field, wave, 0.0)
-    for first in range(0, count, CHUNK_LAYERS):
-        last = min(first + CHUNK_LAYERS, count)
+    for first in range(0, count, 16):
+        last = min(first + 16, count)
         ends = begin + first * thickness, begin + last * thickness
         sampled = sample_layers(field, wave, *ends, (last - first) * parts)
         if opaque is not None:
@@ -115,8 +105,7 @@ def _in_body(field: IndexField, wave: Wave, distance: float) -> np.ndarray:
     """Return a mask of the pixels inside the field's body at a distance along the normal [m], shape (rows, columns)."""
     inside = np.zeros(wave.amplitude.shape, dtype=bool)
     if field.body is not None:
-        x, y = (axis.ravel() for axis in np.meshgrid(*wave.coordinates))
-        points = wave.center + distance * wave.normal + x[:, None] * wave.axes[0] + y[:, None] * wave.axes[1]
+        points = _points(wave, *wave.coordinates) + distance * wave.normal
         inside = field.body.contains(field.local_coordinates(points)).reshape(inside.shape)
     return inside
 
@@ -128,7 +117,7 @@ def check_memory(count: int, pixels: int) -> None:
         ValueError: They do.
     """
     memory = 4 * count * pixels
-    if memory > GREATEST_MEMORY:
+    if memory > 2 << 30:
         raise ValueError(
             f"{count} layers of {pixels} pixels need {memory / 2**30:.1f} GiB: take a smaller pixel_count, or a field "
             "without the undisturbed air around the flow"
@@ -144,14 +133,12 @@ def sample_layers(field: IndexField, wave: Wave, begin: float, end: float, count
         Paths, float32, shape (count, rows, columns).
     """
     edges = np.linspace(begin, end, count + 1)
-    if field.is_uniform and abs(abs(float(wave.normal[2])) - 1.0) < 1e-15:
+    if along_z(field, wave.normal):
         low, high = sorted(float(wave.normal[2] * (place - wave.center[2])) for place in np.array(field.box)[:, 2])
         edges = np.clip(edges, low, high)
         parts = np.diff(edges).astype(np.float32)
         return _along_z(field, wave, 0.5 * (edges[:-1] + edges[1:])) * parts[:, None, None]
-    x, y = (axis.ravel() for axis in np.meshgrid(*wave.coordinates))
-    first, second = wave.axes
-    plane = wave.center + x[:, None] * first + y[:, None] * second
+    plane = _points(wave, *wave.coordinates)
     box = box_span(field, plane, np.broadcast_to(wave.normal, plane.shape).copy())
     enter, leave = (np.where(box.meets, ends, 0.0) for ends in (box.enter, box.leave))
     layers = np.empty((count, *wave.amplitude.shape), dtype=np.float32)
@@ -178,7 +165,7 @@ def _along_z(field: IndexField, wave: Wave, depth: np.ndarray) -> np.ndarray:
     if field.geometry == "planar":
         found = contrast_on_axes(field.samples, [y, z]).T
         return np.array(np.broadcast_to(found[:, :, None], shape), dtype=np.float32)
-    radius = np.hypot(y[:, None], x)
-    distinct, place = np.unique(np.rint(radius / (SAME_RADIUS * radius.max())), return_inverse=True)
-    found = contrast_on_axes(field.samples, [distinct * (SAME_RADIUS * radius.max()), z]).T
+    radius = np.hypot(y[:, None], x)  # equal within a share of 1e-9 counts as equal
+    distinct, place = np.unique(np.rint(radius / (1e-9 * radius.max())), return_inverse=True)
+    found = contrast_on_axes(field.samples, [distinct * (1e-9 * radius.max()), z]).T
     return found.astype(np.float32)[:, place.ravel()].reshape(shape)

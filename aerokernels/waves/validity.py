@@ -7,64 +7,87 @@ Three numbers of the wavefront W over the distance D in which its light leaves t
     ray crossing       share of the pupil where det(1 + D grad grad W) < 0: behind a focus neighbours change places
     curvature          the greatest D |W''|: near 1 there is a focus
 
-and one tells how much it matters: the Strehl ratio of a wave through the same air minus the one of its rays through the
-same slabs, on a window that is coarse enough to be cheap and fine enough for that finest phase (diffraction.py). Errors
-of the slabs affect both, so the difference represents diffraction alone. The rays bend, to second order in their
-displacement: a wave contains the effect of bending on their paths, as traced rays do, and it is not diffraction. Near
-foci no finite order gives the paths of rays: there the wave is compared with the traced rays of the wavefront, and with
-straight rays if none are available (`Validity.error` is infinite then).
-
-Beside a traced wavefront the verdict should be cheap: a twentieth of the cost of the wavefront on the same new field,
-which is its plan, the transfer of the field to the engine, the rays and their map. So these are evaluated in order:
-
-    the rays     of a map that resolves the finest phase: half of the phase on either side of free space over the length
-                 in which the light is disturbed (screens.py). If that changes the Strehl ratio by far less than the
-                 limit, no rays cross and none is near a focus, the traced wavefront decides by itself.
-    the bounds   of the field's derivatives (bounds.py), for a map too coarse to resolve the finest phase: they prove
-                 that rays are good, or decide nothing.
-    a wave       if it is cheap compared with the wavefront (`affordable`), or if the caller requests it. A wave of one
-                 column is evaluated before the rays if the map is so fine that the wave costs next to nothing.
-
-If none of them decides, the verdict is "not decided", and `reason` says so: a fan of 16 rays costs as much processor
-time as a few hundred calls of NumPy, and no wave can be propagated through a field in a twentieth of that. Without a
-wavefront only a wave is evaluated.
+and one tells how much it matters: the Strehl ratio of a coarse split-step wave through the same air minus the one of
+its rays through the same slabs (coarse_wave.py). Errors of the slabs affect both, so the difference represents
+diffraction alone. The rays bend, to second order in their displacement: a wave contains the effect of bending on their
+paths, as traced rays do, and it is not diffraction. Near foci no finite order gives the paths of rays: there the wave
+is compared with the traced rays of the wavefront, and with straight rays if none are available (`Validity.error` is
+infinite then).
 """
 
-from dataclasses import replace
+import math
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..derived import cached_on
+from ..display.quantities import Quantity
 from ..inputs.arguments import checked
 from ..inputs.checks import check_positive
 from ..medium import IndexField
 from ..pupils import Pupil
-from ..tracing.lines import box_size
 from ..wavefront import Wavefront
-from .bounds import GREATEST_BOUND, change_bound
-from .coarse_wave import RESOLVED, by_waves, finest_and_squares, fresnel_number, is_one_column
-from .screens import MapPaths, disturbance, paths_of, screens_answer, stride_of
-from .shadows import is_clear
-from .slabs import is_summed
-from .verdict import FEWEST_MAPPED, GOOD, Validity
+from .coarse_wave import Slabs, WaveAndRays, finest_phase, slabs_of
 
-# The rays decide if their change of the Strehl ratio is below this share of the limit.
-CLEAR = 0.3
-# Rays decide only if the pupil's Fresnel number, over the distance to undisturbed air, times limit and Strehl ratio is
-# at least this: rays ignore the air beside the pupil, and with strong phases the result depends on little light. Where
-# the rays were wrong by 0.01 or more it was 0.13 at most. The Strehl ratio counts as LEAST_STREHL at least.
-BESIDE_PUPIL, LEAST_STREHL = 0.16, 0.25
-# Rays decide only at this Fresnel number or above: at 1.8 two screens gave -0.0009 where a wave gave +0.039.
-FEWEST_FRESNEL = 4.0
-# Cells times rays of a wavefront from which on a wave through sampled layers is cheap: it takes 0.05 to 0.2 s, and a
-# ray through a mesh 4 us a cell.
-LAYERS_WORTH = 8e5
-# Pixels across a map whose rays take twenty times as long as a wave of one column, 1.5 to 2.5 ms.
-COLUMN_WORTH = 128
-# Terms that may be removed from a wavefront whose rays decide: others change where rays cross and focus.
-FLAT_TERMS = {"piston", "tilt", "Z1", "Z2", "Z3"}
-# Pixels across the grid on which pupils are compared; verdicts cached on a field.
-SAME_PIXELS, KEPT = 32, 8
+# Default limit: the greatest change of the Strehl ratio for which rays are good.
+GOOD = 1e-2
+
+
+@dataclass(frozen=True)
+class Validity:
+    """Verdict on ray optics: the effect of diffraction, which rays ignore.
+
+    Attributes:
+        strehl_change: Strehl ratio of the wave minus the one of rays, both through the same samples.
+        feature: Half period of the finest relevant phase [m]; infinite if there is none.
+        distance: Length over which the light is disturbed [m].
+        fresnel_number: feature^2 / (wavelength distance).
+        crossed_share: Share of the pupil where rays cross.
+        curvature: Greatest product of that distance and a focusing curvature of the wavefront.
+        limit: The change of the Strehl ratio up to which rays are good.
+        blocked: Share of the pupil's light that ends on the field's body; it is excluded from both Strehl ratios.
+        rim_fresnel_number: Fresnel number of the light that passes the body's rim, up to the end of the box: below some
+            tens the fringes of the rim extend over all of it. Infinite if no body is near.
+        error: Error of the change, measured with half as many slabs; infinite if rays come near foci and no traced rays
+            are available; NaN if not known.
+    """
+
+    strehl_change: float
+    feature: float
+    distance: float
+    fresnel_number: float
+    crossed_share: float
+    curvature: float
+    limit: float = GOOD
+    blocked: float = 0.0
+    rim_fresnel_number: float = float("inf")
+    error: float = float("nan")
+
+    @property
+    def good(self) -> bool:
+        """Whether rays give the Strehl ratio to within `limit`."""
+        return abs(self.strehl_change) <= self.limit
+
+    @property
+    def reason(self) -> str:
+        """The verdict in a sentence."""
+        size = Quantity(self.strehl_change, self.error if np.isfinite(self.error) else None).text(signed=True)
+        change = f"diffraction changes the Strehl ratio by {size} (limit {self.limit:g}), according to a wave"
+        change += " through the field"
+        if np.isfinite(self.rim_fresnel_number):
+            change += (
+                f"; {100.0 * self.blocked:.2g} % of the light ends on the body, and the rest diffracts at its rim with "
+                f"a Fresnel number of {self.rim_fresnel_number:.2g}"
+            )
+        if self.good:
+            return f"rays are good: {change}"
+        why = f"the Fresnel number of the finest phase is {self.fresnel_number:.2g}"
+        if self.crossed_share > 0.0:
+            why = f"rays cross over {100.0 * self.crossed_share:.2g} % of the pupil"
+        return f"rays are not good: {change}; {why}; see split_step"
+
+    def __bool__(self) -> bool:
+        """Whether rays are good."""
+        return self.good
 
 
 @checked
@@ -75,23 +98,16 @@ def validity(
     wavelength: float | None = None,
     wavefront: Wavefront | None = None,
     limit: float = GOOD,
-    waves: bool | None = None,
 ) -> Validity:
     """Judge whether rays through a field give the Strehl ratio of a pupil, and what they neglect.
-
-    With a `wavefront` traced on a CPU it costs a few hundredths of the CPU time of that wavefront on a new field
-    (preparation, rays and map; docs/validity-measured.md has figures, also for GPUs), and is "not decided" if nothing
-    so cheap decides.
 
     Args:
         field: The refractive index.
         pupil: The pupil; light leaves it along its normal, or in the direction of the `wavefront`.
         wavelength: Vacuum wavelength [m]; None takes the field's own, or 905 nm if it has none.
-        wavefront: The traced wavefront of this pupil: its finest phase is used, and it may decide by itself at a small
-            part of its own cost. None takes the phase of straight rays and evaluates a wave.
+        wavefront: The traced wavefront of this pupil, of 32 pixels across or more: near foci the wave is compared with
+            its rays.
         limit: Greatest change of the Strehl ratio for which rays are good.
-        waves: Whether to evaluate a wave if nothing cheaper decides: True always, False never; None if it is cheap
-            compared with the wavefront (then with at most 16 slabs, see `Validity.error`), or if there is no wavefront.
 
     Raises:
         TypeError: `field` or `pupil` is of the wrong type.
@@ -105,81 +121,30 @@ def validity(
     wavelength = field.wavelength_for(wavelength)
     if wavefront is not None and wavefront.pupil is not None and not _same_light(wavefront.pupil, pupil):
         raise ValueError(f"wavefront was traced for another pupil, {wavefront.pupil!r}: give that one")
-    return _judged(field, pupil, wavelength, wavefront, limit, waves)
-
-
-@cached_on("field", KEPT)
-def _judged(
-    field: IndexField, pupil: Pupil, wavelength: float, wavefront: Wavefront | None, limit: float, waves: bool | None
-) -> Validity:
-    feature, look, paths, resolved = None, pupil.normal, None, True
-    if wavefront is not None:
-        if wavefront.direction is not None:
-            look = np.asarray(wavefront.direction)
-        if len(wavefront.opd) >= FEWEST_MAPPED:
-            paths = paths_of(wavefront)
-            feature = finest_and_squares(paths.path, paths.pixel, wavelength)[0]
-            # A phase as fine as the map's pixels may be finer in the field: then the wave measures it again.
-            resolved = feature >= RESOLVED * paths.pixel
-    # A wave that the caller did not request may be limited.
-    seen, limited = None, wavefront is not None and waves is None
-    if wavefront is not None:
-        if paths is not None and feature is not None and resolved:
-            # A wave is more reliable than two screens, and is evaluated at once where it costs next to nothing.
-            cheap = is_one_column(field, look) and len(wavefront.opd) >= COLUMN_WORTH
-            if waves is False or not cheap or not affordable(field, look, wavefront):
-                answer = by_rays(field, pupil, look, wavefront, paths, wavelength, feature, limit)
-                if answer is not None:
-                    return answer
-        if waves is None:
-            waves = affordable(field, look, wavefront)
-        if not waves or paths is None:
-            answer = by_bounds(field, pupil, look, wavefront, wavelength, limit)
-            if answer.decided or not waves:
-                return answer
-        if paths is not None and _is_whole(wavefront, wavelength):
-            seen = paths
-    through = pupil if np.array_equal(look, pupil.normal) else replace(pupil, normal=look)  # type: ignore[type-var]
-    return by_waves(field, through, wavelength, feature, limit, seen, resolved, limited)
-
-
-def _is_whole(wavefront: Wavefront, wavelength: float) -> bool:
-    """Return whether a wavefront's Strehl ratio is that of all the pupil's light, with no term but piston removed."""
-    removed = set(wavefront.removed) <= {"piston"}
-    return removed and wavefront.wavelength == wavelength and wavefront.blocked <= 1e-3
-
-
-def affordable(field: IndexField, look: np.ndarray, wavefront: Wavefront) -> bool:
-    """Return whether a wave through a field is cheap compared with a traced wavefront, by operation counts.
-
-    The result does not depend on the machine. Through slabs that are sums over coefficients a wave takes 2 to 8 ms, too
-    long for a map of fewer than FEWEST_MAPPED pixels across; sampled layers take as long as many rays.
-    """
-    if len(wavefront.opd) < FEWEST_MAPPED:
-        return False
-    if field.body is None and is_summed(field, look):
-        return True
-    cells = box_size(field) / float(np.min(field.spacing))
-    return int(np.count_nonzero(wavefront.weight)) * cells >= LAYERS_WORTH
-
-
-def by_bounds(
-    field: IndexField, pupil: Pupil, look: np.ndarray, wavefront: Wavefront, wavelength: float, limit: float
-) -> Validity:
-    """Return the verdict of the field's own bounds, for a wavefront of any map: rays are good, or it is not decided."""
-    whole = wavefront.wavelength == wavelength and wavefront.blocked <= 1e-3
-    found = change_bound(field, pupil, look, wavelength)
-    bound = found.change if whole else float("inf")
-    if not bound <= min(limit, GREATEST_BOUND):  # also where it is NaN
-        return Validity(limit=limit, answered_by="nobody", bound=bound)
+    if wavefront is not None and wavefront.direction is not None:
+        pupil = replace(pupil, normal=np.asarray(wavefront.direction))  # type: ignore[type-var]
+    slabs = slabs_of(field, pupil, wavelength)
+    feature = finest_phase(np.where(slabs.light > 0.0, slabs.path, np.nan), slabs.wave.pixel, wavelength)
+    crossings = crossings_of(slabs.path, slabs.wave.pixel, slabs.light, slabs.disturbed)
+    traced = None
+    if wavefront is not None and not slabs.blocked and _is_whole(wavefront, wavelength):
+        traced = wavefront.strehl()
+    # Where rays have crossed only traced rays are meaningful. Before they cross, a map's pixels may hide a grating.
+    resolved = wavefront is not None and feature >= 4.0 * wavefront.pixel
+    by_traced = traced is not None and (crossings.crossed > 0.0 or (crossings.near > 0.01 and resolved))
+    comparison = WaveAndRays(slabs, straight=crossings.near > 0.1, traced=traced, by_traced=by_traced)
+    change, error = comparison.change(limit)
     return Validity(
-        strehl_change=0.0,
-        distance=found.distance,
-        crossed_share=0.0,
-        curvature=found.curvature,
+        strehl_change=change,
+        feature=feature,
+        distance=slabs.disturbed,
+        fresnel_number=feature**2 / (wavelength * slabs.disturbed) if slabs.disturbed > 0.0 else math.inf,
+        crossed_share=crossings.crossed,
+        curvature=crossings.curvature,
         limit=limit,
-        answered_by="bounds",
-        bound=bound,
+        blocked=slabs.blocked,
+        rim_fresnel_number=_rim_fresnel_number(slabs),
+        error=error,
     )
 
 
@@ -192,47 +157,65 @@ def _same_light(one: Pupil, other: Pupil) -> bool:
         for name in ("half_extent", "center", "normal")
     ):
         return False
-    edges = max(one.half_extent) * np.linspace(-1.0, 1.0, SAME_PIXELS + 1)
+    edges = max(one.half_extent) * np.linspace(-1.0, 1.0, 33)
     return bool(np.allclose(one.coverage(edges, edges), other.coverage(edges, edges), rtol=1e-6, atol=1e-9))
 
 
-def by_rays(
-    field: IndexField,
-    pupil: Pupil,
-    look: np.ndarray,
-    wavefront: Wavefront,
-    paths: MapPaths,
-    wavelength: float,
-    feature: float,
-    limit: float,
-) -> Validity | None:
-    """Return the verdict of a traced wavefront that resolves its finest phase; None if it does not decide."""
-    if wavefront.wavelength != wavelength or wavefront.blocked > 1e-3 or not set(wavefront.removed) <= FLAT_TERMS:
-        return None
-    # The screens' pixels may be coarser than the map's: they must resolve the finest phase too.
-    if feature < RESOLVED * wavefront.pixel * stride_of(len(wavefront.opd), wavefront.pixel, feature):
-        return None
-    if not is_clear(field, pupil, look, wavelength):
-        return None
-    # Two screens at the pupil represent the air between only if the light has not spread before, and if features keep
-    # their shape along the path.
-    air = disturbance(field, pupil, look)
-    of_pupil = fresnel_number(min(pupil.half_extent), wavelength, air.until)
-    if of_pupil * limit * LEAST_STREHL < BESIDE_PUPIL and of_pupil * limit * paths.strehl < BESIDE_PUPIL:
-        return None
-    if fresnel_number(feature, wavelength, air.length) < FEWEST_FRESNEL:
-        return None
-    found = screens_answer(field, pupil, look, paths, feature)
-    if found is None or not abs(found.change) <= CLEAR * limit:
-        return None
-    crossings = found.crossings
-    return Validity(
-        strehl_change=found.change,
-        feature=feature,
-        distance=found.length,
-        fresnel_number=fresnel_number(feature, wavelength, found.length),
-        crossed_share=crossings.crossed,
-        curvature=crossings.curvature,
-        limit=limit,
-        answered_by="rays",
-    )
+def _is_whole(wavefront: Wavefront, wavelength: float) -> bool:
+    """Return whether a map's Strehl ratio is that of all the pupil's light, with no term but piston removed."""
+    whole = set(wavefront.removed) <= {"piston"} and wavefront.blocked <= 1e-3
+    return whole and wavefront.wavelength == wavelength and len(wavefront.opd) >= 32
+
+
+def _rim_fresnel_number(slabs: Slabs) -> float:
+    """Return the Fresnel number of the light that passes a body; infinite if no body is near.
+
+    It is the squared radius of a disc of its area, over wavelength times the distance from the rim to the box's end.
+    """
+    if slabs.opaque is None:
+        return math.inf
+    first = int(np.argmax(slabs.opaque.any(axis=(1, 2))))
+    distance = slabs.end - (slabs.first + first * (slabs.last - slabs.first) / len(slabs.opaque))
+    area = float(slabs.light.sum()) * slabs.wave.pixel * slabs.column_width
+    return area / (math.pi * slabs.wave.wavelength * distance)
+
+
+@dataclass(frozen=True)
+class Crossings:
+    """Crossing and focusing of rays over a distance.
+
+    Attributes:
+        crossed: Share of the pupil where rays cross.
+        curvature: Greatest focusing curvature times the distance.
+        near: Share of the pupil near a focus, where this product exceeds 0.5: there the second order in their
+            deflection does not give the paths of rays.
+    """
+
+    crossed: float
+    curvature: float
+    near: float
+
+
+def crossings_of(path: np.ndarray, pixel: float, light: np.ndarray, distance: float) -> Crossings:
+    """Return crossing and focusing over a distance [m], from paths [m] and light, without two pixels at the rim."""
+    scale, inner = distance / (4.0 * pixel**2), path[2:-2]
+    if path.shape[1] == 1:
+        light = light[2:-2]
+        half = 0.5 * scale * (path[4:] + path[:-4] - 2.0 * inner)
+        middle, spread = half, np.abs(half)
+    else:
+        light, inner = light[2:-2, 2:-2], inner[:, 2:-2]
+        row = scale * (path[4:, 2:-2] + path[:-4, 2:-2] - 2.0 * inner)
+        column = scale * (path[2:-2, 4:] + path[2:-2, :-4] - 2.0 * inner)
+        mixed = scale * (path[3:-1, 3:-1] + path[1:-3, 1:-3] - path[3:-1, 1:-3] - path[1:-3, 3:-1])
+        middle, spread = 0.5 * (row + column), np.sqrt((0.5 * (row - column)) ** 2 + mixed**2)
+    focusing = spread - middle  # light turns toward the delayed side: a negative curvature focuses
+    known = (light > 0.0) & np.isfinite(focusing)
+    light, focusing, middle = light[known], focusing[known], middle[known]
+    whole = float(light.sum())
+    if not whole > 0.0:
+        return Crossings(0.0, 0.0, 0.0)
+    crossed = (1.0 - focusing) * (1.0 + focusing + 2.0 * middle) < 0.0
+    near = focusing > 0.5
+    greatest = max(float(focusing.max()), 0.0)
+    return Crossings(float(light[crossed].sum()) / whole, greatest, float(light[near].sum()) / whole)

@@ -7,7 +7,6 @@
 
 #include "prelude.h"
 
-// Distances at which a straight ray enters and leaves a box.
 static inline double2 slab(double low, double high, double p, double d, double2 span)
 {
     if (d == 0.0) {
@@ -23,7 +22,6 @@ static inline double2 slab(double low, double high, double p, double d, double2 
 
 #if GEOMETRY == AXISYMMETRIC
 
-// Distances at which a straight ray enters and leaves a box.
 static inline double2 cylinder(double radius, double3 p, double3 d, double2 span)
 {
     const double a = d.x * d.x + d.y * d.y;

@@ -6,11 +6,36 @@
 #define CROSSINGS_H
 
 #include "prelude.h"
-#include "generated/triangles.h"
 
 #define NEVER 1e+300
 
 #if GEOMETRY == VOLUME && HAS_BODY
+
+// The part of `span` in which a coordinate of a line is between two bounds; reversed if there is none.
+static inline double2 within_slab(double place, double along, double low, double high, double2 span)
+{
+    if (along == 0.0) {
+        if (place < low || place > high) {
+            return (double2)(NEVER, -1e+300);
+        }
+        return span;
+    }
+    const double one = (low - place) / along;
+    const double other = (high - place) / along;
+    return (double2)(greater64(span.x, lesser64(one, other)), lesser64(span.y, greater64(one, other)));
+}
+
+// Whether a line may pass a box between t = first and last. The box is enlarged by `margin` on every side.
+static inline int passes_volume_box(WallLine line, double3 low, double3 high, double margin, double first, double last)
+{
+    double2 span = (double2)(first, last);
+    #pragma unroll
+    for (int k = 0; k < 3; k++) {
+        span = within_slab(
+            pick64(line.point, k), pick64(line.toward, k), pick64(low, k) - margin, pick64(high, k) + margin, span);
+    }
+    return span.x <= span.y;
+}
 
 // Whether a line may pass the box of a node of the tree.
 static inline int passes_node(
@@ -72,6 +97,51 @@ static inline int passes_node(
 #endif
 
 #if GEOMETRY == VOLUME && HAS_BODY
+
+// Coordinates of a corner across a line (two) and along it.
+static inline double3 corner_across(WallLine line, double3 corner)
+{
+    const double3 offset = corner - line.point;
+    return (double3)(dot3_64(line.right, offset), dot3_64(line.up, offset), dot3_64(line.toward, offset));
+}
+
+// Side of the edge from a to b on which the line is: positive on the left, never zero, opposite from b to a.
+static inline double edge_side(double3 a, double3 b)
+{
+    double3 p = a;
+    double3 q = b;
+    double sign = 1.0;
+    if (a.x > b.x || (a.x == b.x && a.y > b.y)) {
+        p = b;
+        q = a;
+        sign = -1.0;
+    }
+    double side = p.x * q.y - p.y * q.x;
+    if (!(side > 0.0)) {
+        side = lesser64(side, -1e-300);
+    }
+    return sign * side;
+}
+
+// Crossings of a line with a triangle.
+static inline Crossings triangle_crossing(WallLine line, double3 one, double3 two, double3 three)
+{
+    const double none = 0.0;
+    Crossings out = (Crossings){0};
+    out.count = 0;
+    const double3 a = corner_across(line, one);
+    const double3 b = corner_across(line, two);
+    const double3 c = corner_across(line, three);
+    const double ab = edge_side(a, b);
+    const double bc = edge_side(b, c);
+    const double ca = edge_side(c, a);
+    if (ab > none == bc > none && bc > none == ca > none) {
+        out.count = 1;
+        out.enters = ab < none;
+        out.one = (bc * a.z + ca * b.z + ab * c.z) / ((ab + bc + ca) * line.square);
+    }
+    return out;
+}
 
 // A corner of a triangle of the surface.
 static inline double3 triangle_at(const Field *field, const Arrays *arrays, int piece, int corner)
@@ -261,6 +331,22 @@ static inline WallMeeting meet_wall(const Field *field, const Arrays *arrays, Wa
 
 #if GEOMETRY == VOLUME && HAS_BODY
 
+// Set a line's two unit vectors across its direction, right-handed with it.
+static inline WallLine axes_across(WallLine line)
+{
+    const double one = 1.0;
+    const double3 e = line.toward / sqrt(line.square);
+    double sign = one;
+    if (e.z < 0.0) {
+        sign = -one;
+    }
+    const double a = -one / (sign + e.z);
+    const double b = e.x * e.y * a;
+    line.right = (double3)(one + sign * e.x * e.x * a, sign * b, -sign * e.x);
+    line.up = (double3)(b, sign + e.y * e.y * a, -e.y);
+    return line;
+}
+
 // WallLine of a line.
 static inline WallLine wall_line(double3 p, double3 d)
 {
@@ -303,6 +389,23 @@ static inline WallLine wall_line(double3 p, double3 d)
     line.square = d.y * d.y + d.z * d.z;
 #endif
     return line;
+}
+
+#endif
+
+#if GEOMETRY == VOLUME && HAS_BODY
+
+// Whether a line may enter the body through a triangle between t_enter and t_exit if moved by `margin`.
+static inline int may_enter_triangle(
+    WallLine line, double3 a, double3 b, double3 c, double margin, double t_enter, double t_exit)
+{
+    const double3 normal = cross(b - a, c - a);
+    const double rising = dot3_64(normal, line.toward);
+    const double grazing = GRAZING_SQUARE * dot3_64(normal, normal) * line.square;
+    if (rising > 0.0 && rising * rising > grazing) {
+        return 0;
+    }
+    return passes_volume_box(line, min(a, min(b, c)), max(a, max(b, c)), margin, t_enter, t_exit);
 }
 
 #endif

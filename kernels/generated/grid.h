@@ -12,7 +12,7 @@
 
 #if !ON_MESH
 
-// Current_cell: only a mesh needs the cell of the last lookup.
+// The cell itself: only a mesh needs the cell of the last lookup.
 static inline int find_current_cell(const Field *field, const Arrays *arrays, real3 frac, int current_cell)
 {
     return current_cell;

@@ -118,7 +118,6 @@ static inline real3 blend(const Field *field, const Arrays *arrays, int first, r
 
 #if INTERPOLATION != IDW && ON_MESH
 
-// Potential s and its gradient [1/m] by the interpolant of one cell.
 static inline real3 in_cell(const Field *field, const Arrays *arrays, int cell, real2 p)
 {
     const int first = 4 * cell;
@@ -163,7 +162,6 @@ static inline real3 in_cell(const Field *field, const Arrays *arrays, int cell, 
 
 #elif ON_MESH
 
-// Potential s and its gradient [1/m] by the interpolant of one cell.
 static inline real3 in_cell(const Field *field, const Arrays *arrays, int cell, real2 p)
 {
     const int first = 4 * cell;

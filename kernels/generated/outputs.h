@@ -7,7 +7,7 @@
 
 #include "prelude.h"
 
-// Writes the requested outputs of a ray at its stop; `requested` has bits as in result.
+// Writes the requested outputs of a ray at its stop; `requested` has bits as in result.py.
 static inline void write_outputs(
     const RayOutputs *outputs, int requested, int ray, Arrival arrival, double step_error, int step_count,
     int evaluation_count)

@@ -12,6 +12,29 @@
 #include "generated/mesh.h"
 #include "generated/step_bound.h"
 
+typedef struct {
+    real pot;
+    real3 force;
+} FirstSampleResult;
+
+// (potential, slope) where a ray with the direction d starts.
+static inline FirstSampleResult first_sample(
+    const Field *field, const Arrays *arrays, int3 cell, real3 frac, int current_cell, real3 d)
+{
+    real3 probe = frac;
+#if AT_FACES
+    const real3 push = push_off_faces(frac, d * VECTOR(field->inverse_spacing));
+    probe = frac + push;
+#endif
+    const real4 s = sample(field, arrays, cell, probe, current_cell);
+    real pot = s.x;
+    const real3 force = s.yzw;
+#if AT_FACES
+    pot = before_push(pot, force, push, VECTOR(field->inverse_spacing));
+#endif
+    return (FirstSampleResult){pot, force};
+}
+
 // The length of the next step.
 static inline Stride stride(
     const Field *field, const Arrays *arrays, const Control *control, int current_cell, int cone, int3 cell, real3 frac,
@@ -131,6 +154,69 @@ static inline real3 force_rate_of(real h, real3 force, real4 s3, real4 s4)
     const real3 force3 = s3.yzw;
     const real3 force4 = s4.yzw;
     return (RKN_R1 * force + RKN_R3 * force3 + RKN_R4 * force4) / greater(h, TINY);
+}
+
+// Rest [sigma] to the face `stand_off` cells before which a step of length h stopped, or 0.
+static inline real rest_to_face(real3 frac, real3 velocity, real3 acceleration, real stand_off, real h)
+{
+    const real rest = to_face(frac, velocity, acceleration, R(0.0));
+    if (rest <= h && rest * norm3(velocity) <= R(4.0) * stand_off) {
+        return rest;
+    }
+    return R(0.0);
+}
+
+#endif
+
+#if !ON_MESH
+
+typedef struct {
+    real pot;
+    real3 force;
+    real3 probe;
+    real probe_pot;
+} SlopeBehindResult;
+
+// Potential at the ray, slope, where and for which potential they were looked up.
+static inline SlopeBehindResult slope_behind(
+    const Field *field, const Arrays *arrays, int3 cell, real3 frac, int current_cell, real3 bearing, real3 q)
+{
+    const real3 rate = VECTOR(field->inverse_spacing);
+    const real3 pace = bearing * rate;
+    const real over = AT_FACE / norm3(pace);
+    const real3 push = push_off_faces(frac, pace);
+    const real3 probe = frac + over * pace + push;
+    const real4 beyond = sample(field, arrays, cell, probe, current_cell);
+    const real3 force = beyond.yzw;
+    real probe_pot = beyond.x;
+    real pot = before_push(probe_pot - over * dot3(force, bearing), force, push, rate);
+#if IS_STRAIGHT
+    pot = pot + dot3(force, q);
+    probe_pot = probe_pot + dot3(force, q);
+#endif
+    return (SlopeBehindResult){pot, force, probe, probe_pot};
+}
+
+#elif 1
+
+typedef struct {
+    real pot;
+    real3 force;
+    real3 probe;
+    real probe_pot;
+} SlopeBehindResult;
+
+// Potential at the ray, slope, where and for which potential they were looked up.
+static inline SlopeBehindResult slope_behind(
+    const Field *field, const Arrays *arrays, int3 cell, real3 frac, int current_cell, real3 bearing, real3 q)
+{
+    const real4 beyond = sample_in(field, arrays, current_cell, frac);
+    real pot = beyond.x;
+    const real3 force = beyond.yzw;
+#if IS_STRAIGHT
+    pot += dot3(force, q);
+#endif
+    return (SlopeBehindResult){pot, force, frac, pot};
 }
 
 #endif

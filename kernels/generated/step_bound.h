@@ -7,6 +7,8 @@
 
 #include "prelude.h"
 
+#define LAST_AXIS (GEOMETRY == VOLUME ? 2 : 1)
+
 #if GEOMETRY == AXISYMMETRIC && !ON_MESH
 
 // The push off a cylindrical face of an axisymmetric grid.
@@ -70,7 +72,7 @@ static inline real before_push(real pot, real3 force, real3 push, real3 rate)
 
 #endif
 
-// Number of the direction's cone in step_bound.
+// Number of the direction's cone in step_bound.CONES.
 static inline int cone_of(double3 d)
 {
     int axis = 0;
@@ -90,14 +92,14 @@ static inline int cone_of(double3 d)
     }
 #endif
     const double square = dot3_64(d, d) - pick64(d, axis) * pick64(d, axis);
-    if (square > 0.04000000000000001) {
+    if (square > WIDE_SQUARE) {
         return 0;
     }
     int number = 1 + 4 * axis;
     if (pick64(d, axis) < 0.0) {
         number += 2;
     }
-    if (square > 0.0004) {
+    if (square > NARROW_SQUARE) {
         number += 1;
     }
     return number;
@@ -186,16 +188,14 @@ static inline real to_face(real3 frac, real3 velocity, real3 acceleration, real 
 
 #if !ON_MESH && CONTROLLED
 
-// Step bound at a point [sigma].
 static inline int step_bound_block(const Control *control, int axis, int cell, real place)
 {
     return clamp((cell + floor_of(place)) / control->block, 0, control->block_count[axis] - 1);
 }
 
-// Step bound at a point [sigma].
 static inline int entry(const Control *control, int3 cell, real3 frac)
 {
-    const int c = step_bound_block(control, (GEOMETRY == VOLUME ? 2 : 1), cell.z, frac.z);
+    const int c = step_bound_block(control, LAST_AXIS, cell.z, frac.z);
 #if GEOMETRY == VOLUME
     const int a = step_bound_block(control, 0, cell.x, frac.x);
     const int b = step_bound_block(control, 1, cell.y, frac.y);

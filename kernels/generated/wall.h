@@ -8,7 +8,6 @@
 #include "prelude.h"
 #include "generated/crossings.h"
 #include "generated/motion.h"
-#include "generated/triangles.h"
 
 #define NEVER 1e+300
 #define LEAST (GEOMETRY != PLANAR ? 0.0 : -1e+300)

@@ -1,4 +1,4 @@
-// The value of a bicubic Hermite patch, for CHANNELS channels at once; see aerokernels/tracing/bundle/hermite.py.
+// The value of a bicubic Hermite patch, for CHANNELS channels at once; see aerokernels/tracing/bundle/lattice.py.
 //
 // A node has four numbers for each channel: value, slope along u, slope along v, mixed slope. A block has five by five
 // nodes. Sums are in the precision of the table: bundle/refine.py allows for their rounding.

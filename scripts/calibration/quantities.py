@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from aerokernels.tracing.variants.rays import Rays
-from aerokernels.wavefront.pupil_numbers import PupilNumbers
+from aerokernels.tracing.variants.paths import Rays
+from aerokernels.wavefront.terms import PupilNumbers
 
 # Numbers that are compared with the OPD rms, not with themselves: they may be zero.
 SIGNED = ("tilt_x", "tilt_y", "focus", "astigmatism", "coma")

@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 
 import aerokernels as ak
-from aerokernels.tracing.variants.rays import Rays
-from aerokernels.tracing.variants.spread import errors, of_each
+from aerokernels.tracing.variants.causes import errors, of_each
+from aerokernels.tracing.variants.paths import Rays
 
 from .quantities import Numbers
 from .scenes import make

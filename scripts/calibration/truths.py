@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from aerokernels.tracing.variants.rays import Rays
+from aerokernels.tracing.variants.paths import Rays
 
 # Longest wave of turbulence [cells], and number of waves.
 LONGEST, WAVES = 40.0, 300

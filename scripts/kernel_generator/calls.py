@@ -169,8 +169,6 @@ class Calls(Expressions):
             groups.setdefault(value.func.__code__, []).append((value.func, where))
         is_generic = any(each is Any for each in facet[0][0].func.__annotations__.values())
         kinds = tuple(self.expr(each).type for each in node.args) if is_generic else ()
-        if len({code.co_name for code in groups}) > 1 and isinstance(node.func, ast.Name):  # one name for all scenes
-            self.translator.renamed |= dict.fromkeys(groups, node.func.id)
         hint, self.hint = self.hint, None
         written = [self.translator.emit(group, kinds, hint, len(groups) > 1) for group in groups.values()]
         first = written[0]

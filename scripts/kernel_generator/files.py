@@ -8,8 +8,9 @@ from typing import Any
 
 import warp as wp
 
+from aerokernels.process.opened import OPENED
 from aerokernels.tracing.engines.opencl import headers
-from aerokernels.tracing.engines.warp.library import KernelLibrary
+from aerokernels.tracing.engines.warp.library import Scene
 
 from .kernels import PLACE, PROGRAMS, Program
 from .scenes import Scenes, macros_of
@@ -56,20 +57,23 @@ def translated(program: Program, folder: Path) -> Translator:
 
 def _made(program: Program, scenes: Scenes) -> dict[str, dict[Callable, int]]:
     """Call each builder in every scene; Warp's decorators are replaced meanwhile, so that it prepares nothing."""
-    libraries = [KernelLibrary("float32"), KernelLibrary("float64")]
     module = importlib.import_module(f"{PLACE}.{program.module}")
     found: dict[str, dict[Callable, int]] = {name: {} for name in program.kernels}
-    kept = wp.kernel, wp.func
+    kept, functions = (wp.kernel, wp.func), OPENED.take_out("Warp functions")
     wp.kernel, wp.func = (lambda *_, **__: DeviceFunction), DeviceFunction
     try:
         for name, builder in program.kernels.items():
             for k, scene in enumerate(scenes.all):
-                library = libraries[scene["real_is_double"]]
-                made = getattr(module, builder or name)
-                kernel = program.build(made, library, scene) if builder and program.build else made
+                options = {name: value if isinstance(value, str) else bool(value) for name, value in scene.items()}
+                options.pop("real_is_double")
+                precision = "float64" if scene["real_is_double"] else "float32"
+                kernel = getattr(module, builder)(Scene(precision, **options))
                 found[name][kernel.func] = found[name].get(kernel.func, 0) | 1 << k
     finally:
         wp.kernel, wp.func = kept
+        OPENED.take_out("Warp functions")
+        if functions is not None:
+            OPENED.once("Warp functions", lambda: functions)
     return found
 
 

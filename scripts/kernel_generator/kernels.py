@@ -1,7 +1,7 @@
 """The kernels that are generated: how they are built, in which scenes, and into which file."""
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from aerokernels.tracing.engines.layout import OPTIONS
 
@@ -25,18 +25,16 @@ class Program(NamedTuple):
 
     Attributes:
         module: Where they are, below PLACE; the file has its name.
-        kernels: Their names, each with the builder; None for those that stand in the module.
+        kernels: Their names, each with the builder.
         options: Compile options and their values.
         is_valid: Which combinations there are.
-        build: Calls a builder with a library and the options.
         headers: Headers by hand that it needs.
     """
 
     module: str
-    kernels: Mapping[str, str | None]
+    kernels: Mapping[str, str]
     options: Mapping[str, Sequence]
     is_valid: Callable[[dict], bool] = lambda _: True
-    build: Callable[[Callable, Any, dict], Any] | None = None
     headers: tuple[str, ...] = ()
 
 
@@ -46,10 +44,4 @@ def is_scene(scene: dict) -> bool:
     return bool(scene["on_mesh"]) == is_mesh and not (is_mesh and scene["geometry"] == "volume")
 
 
-def build_trace(build: Callable, library: Any, scene: dict) -> Any:
-    """Build the tracer."""
-    first = scene["geometry"], scene["interpolation"], bool(scene["on_mesh"])
-    return build(library, *first, scene["method"], scene["stop"], bool(scene["has_body"]), bool(scene["measured"]))
-
-
-PROGRAMS = (Program("trace", {"trace_kernel": "build_kernel"}, SCENE, is_scene, build_trace),)
+PROGRAMS = (Program("trace", {"trace_kernel": "build_kernel"}, SCENE, is_scene),)

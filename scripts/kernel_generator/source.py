@@ -98,6 +98,11 @@ def is_static(node: ast.AST) -> bool:
     return isinstance(node, ast.Call) and ast.unparse(node.func) == "wp.static"
 
 
+def last_name(node: ast.AST) -> str:
+    """Return the last name of a dotted one."""
+    return ast.unparse(node).rsplit(".", 1)[-1]
+
+
 class DeviceFunction:
     """Stands for a function that a builder makes: Warp would prepare each, which takes most of the time."""
 

@@ -5,6 +5,7 @@ from typing import Any
 
 from .branches import Branches
 from .expressions import OPERATORS
+from .source import last_name
 from .text import indented, joined
 from .types import Term, width
 from .variables import Block
@@ -145,7 +146,7 @@ class Statements(Branches):
             raise self.fail(value, "no tuple of so many values")
         made = "_and_".join(name.rstrip("_") for name in names[:2] if name)
         if len(made) > 24 or not made or made in self._results | self.source.own:
-            made = f"{value.func.id}_{len(self._results) + 1}"
+            made = f"{last_name(value.func)}_{len(self._results) + 1}"
         self._results.add(made)
         pairs = zip(targets, names, parts, strict=True)
         stores = [self._store(each, Term(f"{made}.{part}", kind)) for each, name, (part, kind) in pairs if name]

@@ -31,7 +31,6 @@ class Translator:
         texts: What is written, by module, in order: pairs of scenes and text.
         uses: The modules that each module uses.
         defined: Macros of numbers, by module.
-        renamed: Names of functions that stand for one another.
         with_arrays: Functions that take struct Arrays because another of their name does.
     """
 
@@ -44,7 +43,6 @@ class Translator:
         self.texts: dict[str, list[tuple[int, str]]] = {}
         self.uses: dict[str, set[str]] = {}
         self.defined: dict[str, dict[str, str]] = {}
-        self.renamed: dict[CodeType, str] = {}
         self.with_arrays: set[CodeType] = set(with_arrays)
         self._made: dict[CodeType, dict[Callable, int]] = {}  # the functions of each code, and their scenes
         self._sources: dict[CodeType, Source] = {}
@@ -130,7 +128,7 @@ class Translator:
     def _name_of(self, function: Callable, mask: int) -> str:
         """Return a function's name; one of the same name in the same scene gets its module's name, too."""
         code = function.__code__
-        name = self.renamed.get(code, function.__name__)
+        name = function.__name__
         others = self._names.setdefault(name, [])
         is_clash = any(other is not code and mask & where for other, where in others)
         others.append((code, mask))

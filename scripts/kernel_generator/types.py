@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import warp as wp
 
 from aerokernels.tracing.engines.layout import STRUCTS, Value
-from aerokernels.tracing.engines.warp.types import PLAIN, types
+from aerokernels.tracing.engines.warp.library import PLAIN, TYPES
 
 from .scenes import Facet
 from .text import comment
@@ -55,7 +55,7 @@ class Types:
         """Collect the types of layout.py."""
         self._plain: dict[Any, str] = {kind: name.replace("bool", "int") for name, kind in PLAIN.items()}
         self._plain |= {wp.float32: "float", int: "int", float: "float", bool: "int"}
-        singles, doubles = types("float32"), types("float64")
+        singles, doubles = TYPES["float32"], TYPES["float64"]
         self._real: dict[frozenset, str] = {frozenset((wp.float32, wp.float64)): "real"}
         for size in (2, 3, 4):
             one, two = singles.kinds[f"real{size}"], doubles.kinds[f"real{size}"]

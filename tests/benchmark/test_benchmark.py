@@ -8,36 +8,28 @@ from typing import Any
 import numpy as np
 import pytest
 
-from aerokernels.benchmark import SCHEMA, SUITES, Settings, find_targets, run_bench
-from aerokernels.benchmark import ceiling as ceiling_module
-from aerokernels.benchmark.cone import CONE_AMBIENT, CONE_HALF, cone_contrast, cone_field, cone_rays, cone_truth
-from aerokernels.benchmark.errors import UNDISTURBED, chosen_rays, errors
-from aerokernels.benchmark.measuring import spread
-from aerokernels.benchmark.scenes import WAVELENGTH, strehl_scene
-from aerokernels.benchmark.suites import radial_strehl
-from aerokernels.jobs.store import to_json
+from aerokernels.benchmark import SCHEMA, SUITES, Settings, run_bench
+from aerokernels.benchmark.measuring import UNDISTURBED, errors
+from aerokernels.benchmark.scenes import (
+    CONE_AMBIENT,
+    CONE_HALF,
+    WAVELENGTH,
+    cone_contrast,
+    cone_field,
+    cone_rays,
+    cone_truth,
+)
 from aerokernels.tracing import trace
 from aerokernels.tracing.engines.choice import choose_backend
 
 MEASURED = {"median", "standard_error"}
 
 
-def numbers(value: Any) -> list[float]:
-    """Every number in nested lists and dictionaries."""
-    if isinstance(value, dict):
-        return [number for entry in value.values() for number in numbers(entry)]
-    if isinstance(value, list):
-        return [number for entry in value for number in numbers(entry)]
-    return [value] if isinstance(value, (int, float)) else []
-
-
 @pytest.fixture(scope="module")
 def measured() -> dict[str, Any]:
     """Every suite with few rays on the processor, by what "auto" takes on it."""
     backend, device, _ = choose_backend("auto", "cpu")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(ceiling_module, "LEAST_SECONDS", 1e-3)
-        return run_bench(Settings(backends=(backend,), device=device, methods=("adaptive",), ray_count=64, repeats=2))
+    return run_bench(Settings(backends=(backend,), device=device, methods=("adaptive",), ray_count=64, repeats=2))
 
 
 def test_cone_contrast_is_the_formula():
@@ -54,13 +46,6 @@ def test_cone_contrast_is_the_formula():
     for axis, step in enumerate(np.eye(3) * h):
         up, down = (cone_contrast(x + s * step[0], y + s * step[1], z + s * step[2])[0] for s in (1.0, -1.0))
         assert np.abs((up - down) / (2.0 * h) - gradient[axis]).max() < 1e-6
-
-
-def test_cone_contrast_fades_at_the_faces_where_rays_come_and_go():
-    across = np.linspace(-1.5e-3, 1.5e-3, 31)
-    x, y = (axis.ravel() for axis in np.meshgrid(across, across))
-    for face in (-CONE_HALF[2], CONE_HALF[2]):
-        assert np.abs(cone_contrast(x, y, np.full_like(x, face))[0]).max() < 1e-10
 
 
 @pytest.mark.parametrize("precision", ["float32", "float64"])
@@ -81,43 +66,10 @@ def test_cone_errors_are_small_at_a_tight_tolerance(precision: str):
     assert np.ptp(truth.opd) > 0.3 * WAVELENGTH
 
 
-def test_truth_does_not_depend_on_its_tolerance():
-    rays = cone_rays(16)
-    fine, coarse = cone_truth(rays), cone_truth(rays, tolerance=1e-10)
-    error = errors(fine, coarse.direction, coarse.opd)
-    assert error["opd_max_waves"] < 1e-7 and error["direction_max_urad"] < 1e-4
-
-
-def test_errors_see_what_is_wrong():
-    truth = cone_truth(cone_rays(16))
-    turned = truth.direction + np.array([3e-6, 0.0, 0.0])
-    late = truth.opd + 0.25 * WAVELENGTH
-    found = errors(truth, turned, late, np.arange(16) < 12)
-    assert found["direction_max_urad"] == pytest.approx(3.0) and found["opd_rms_waves"] == pytest.approx(0.25, rel=1e-6)
-    assert (found["ray_count"], found["lost_ray_count"]) == (12, 4)
-    assert errors(truth, turned, late, np.zeros(16, dtype=bool))["opd_rms_waves"] is None
-
-
-def test_chosen_rays_are_the_same_ones_again():
-    rows = chosen_rays(1000)
-    assert len(set(rows)) == 256 and (rows == chosen_rays(1000)).all()
-    assert (chosen_rays(64) == np.arange(64)).all()
-
-
-def test_every_suite_is_in_the_file(measured: dict[str, Any]):
-    assert measured["schema"] == SCHEMA
+def test_runs_hold_the_documented_keys(measured: dict[str, Any], root: Path):
+    assert json.loads(json.dumps(measured, allow_nan=False)) == measured and measured["schema"] == SCHEMA
     assert {run["suite"] for run in measured["runs"]} == set(SUITES)
     assert measured["machine"].keys() >= {"cpu", "cores", "python", "versions", "devices", "load_average"}
-    assert measured["ceilings"].keys() == {" ".join(choose_backend("auto", "cpu")[:2])}
-
-
-def test_file_holds_json_without_nan(measured: dict[str, Any]):
-    again = json.loads(json.dumps(measured, allow_nan=False))
-    assert again == measured
-    assert all(math.isfinite(number) for number in numbers(measured))
-
-
-def test_runs_hold_the_documented_keys(measured: dict[str, Any], root: Path):
     page = (root / "docs" / "performance-bench.md").read_text(encoding="utf-8")
     for run in measured["runs"]:
         for key in ("kernel_seconds", "wall_seconds", "cpu_seconds"):
@@ -142,12 +94,6 @@ def test_cone_run(measured: dict[str, Any]):
     (run,) = (run for run in measured["runs"] if run["suite"] == "cone")
     assert run["rays_traced"] == 64 and run["error"]["ray_count"] == 64
     assert run["error"]["direction_max_urad"] < 1.0 and run["error"]["opd_rms_waves"] < 1e-3
-    ceiling = run["ceiling"]
-    assert ceiling["loads_per_evaluation"] == 64
-    if ceiling["reason"] is None:
-        assert 0.0 < ceiling["arithmetic_share"] < 1.0 and 0.0 < ceiling["load_share"] < 1.0
-    else:
-        assert ceiling["arithmetic_share"] is None and ceiling["load_share"] is None
 
 
 def test_strehl_run(measured: dict[str, Any]):
@@ -156,15 +102,6 @@ def test_strehl_run(measured: dict[str, Any]):
         assert abs(run["value"] - run["converged_value"]) < 1e-2
         assert run["error"]["value"] == pytest.approx(run["value"] - run["converged_value"])
         assert "total" in run["error"]["budget"]
-
-
-def test_fan_is_converged():
-    """The value that stands for the truth, against a disc of rays: 4096 Sobol points, whose error is below 1e-4."""
-    scene = strehl_scene()
-    from aerokernels.strehl.estimate import estimate_strehl
-
-    found = estimate_strehl(scene.field, scene.pupil, ray_count=4096, precision="float64")
-    assert abs(radial_strehl(scene, choose_backend("auto", None)[:2]) - found.value) < 1e-4 + 4.0 * found.standard_error
 
 
 def test_sweep_run(measured: dict[str, Any]):
@@ -177,38 +114,6 @@ def test_sweep_run(measured: dict[str, Any]):
         by_flow.setdefault(case["flow"], []).append(case["value"])
     for values in by_flow.values():  # denser air spoils more
         assert values == sorted(values, reverse=True)
-
-
-def test_ceiling_is_measured_or_says_why(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(ceiling_module, "LEAST_SECONDS", 1e-3)
-    found = ceiling_module.measure_ceiling("warp", "cpu")
-    if found["reason"] is None:
-        assert found["flops_per_second"] > 1e8 and found["loads_per_second"] > 1e8
-    else:
-        assert found["flops_per_second"] is None and found["loads_per_second"] is None
-    nowhere = ceiling_module.measure_ceiling("opencl", "no such device")
-    assert nowhere["flops_per_second"] is None and nowhere["reason"]
-
-
-def test_a_share_that_is_not_known_has_a_reason():
-    field = cone_field()
-    nothing = ceiling_module.absent("no device")
-    half = {"flops_per_second": 912.0, "loads_per_second": 640.0, "reason": None}
-    share = ceiling_module.share(field, "float32", 1.0, half)
-    assert share["arithmetic_share"] == pytest.approx(0.5) and share["load_share"] == pytest.approx(0.1)
-    for precision, per_second, ceiling in (("float32", 1.0, nothing), ("float64", 1.0, half), ("float32", None, half)):
-        share = ceiling_module.share(field, precision, per_second, ceiling)
-        assert share["arithmetic_share"] is None and share["load_share"] is None and share["reason"]
-    assert "interpolated" in ceiling_module.share(None, "float32", 1.0, half)["reason"]
-
-
-def test_spread_and_what_json_holds():
-    assert spread([3.0, 1.0, 2.0]) == {"median": 2.0, "standard_error": pytest.approx(1.0 / math.sqrt(3.0))}
-    assert spread([3.0]) == {"median": 3.0, "standard_error": None}
-    assert to_json({"a": [np.float64("nan"), np.int32(2)], "b": (math.inf, np.bool_(True))}) == {
-        "a": [None, 2],
-        "b": [None, True],
-    }
 
 
 @pytest.mark.parametrize(
@@ -229,12 +134,6 @@ def test_choices_that_make_no_sense_are_refused(choices: dict[str, Any], words: 
         Settings(**choices)
     for word in words:
         assert word in str(refused.value)
-
-
-def test_a_device_that_is_not_here_is_refused():
-    for backends in ((), ("warp",)):
-        with pytest.raises(ValueError, match="cuda:99"):
-            find_targets(Settings(backends=backends, device="cuda:99"))
 
 
 @pytest.mark.parametrize(

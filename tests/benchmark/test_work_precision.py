@@ -9,74 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from aerokernels import RayBundle
-from aerokernels.benchmark.truth import integrate, potential_of
-from scripts.studies.work_precision import fields, tables
-
 WAVE = 905e-9
-
-
-def lens_rays(slope: float):
-    """A few rays from z = 0, within 2 mm of the axis."""
-    rng = np.random.default_rng(4)
-    across, slopes = rng.uniform(-1.4e-3, 1.4e-3, (12, 2)), slope * rng.uniform(-1.0, 1.0, (12, 2))
-    return RayBundle(np.c_[across, np.zeros(12)], np.c_[slopes, np.ones(12)])
-
-
-@pytest.mark.parametrize("medium", ["parabola", "sech"])
-def test_two_truths_agree(medium: str):
-    """The closed forms and the integrator know nothing of each other, so an error of either would show.
-
-    Set-up: n0 = 1.5, g = 0.1 / mm, 62 mm as in fields.py; skew rays in the parabola, parallel ones in sech.
-    Expected: the same position, direction and OPD.
-    Tolerance: some 70 steps of a relative 1e-12 on 2 mm, 0.3 rad and 900 waves are 1.4e-13 m, 2e-11 rad and 6e-8 waves;
-        ten times that.
-    """
-    n0, g, length = 1.5, 100.0, 62e-3
-
-    def parabola(x, y, z):
-        root = np.sqrt(1.0 - g**2 * (x**2 + y**2))
-        return n0 * (root - 1.0), -n0 * g**2 * np.stack([x, y]) / root
-
-    def sech(x, y, z):
-        r = np.hypot(x, y)
-        index = n0 / np.cosh(g * r)
-        return index - n0, -g * np.tanh(g * r) * index * np.stack([x, y]) / r
-
-    formula, rays = (parabola, lens_rays(0.1)) if medium == "parabola" else (sech, lens_rays(0.0))
-    exact = getattr(fields, f"{medium}_truth")(rays)
-    found = integrate(potential_of(formula, n0), n0, length, 1e-3, rays)
-    assert np.abs(found.position - exact.position).max() < 1e-12
-    assert np.abs(found.direction - exact.direction).max() < 1e-10
-    assert np.abs(found.opd - exact.opd).max() < 6e-7 * WAVE
-    assert np.ptp(exact.opd) > WAVE  # rays that differ, or the comparison would be an empty one
-
-
-def test_integrator_refuses_rays_from_different_planes():
-    rays = RayBundle([[0.0, 0.0, 0.0], [0.0, 0.0, 1e-3]], [[0.0, 0.0, 1.0]])
-    with pytest.raises(ValueError, match="one plane"):
-        integrate(lambda x, y, z: (0.0 * x, np.zeros((2, 2))), 1.0, 2e-3, 1e-3, rays)
-
-
-def test_what_a_target_takes():
-    """Fourth order: error = 1e3 / evaluations^4, so 1e-5 takes 100 evaluations whatever settings were tried."""
-    evaluations = np.array([20.0, 70.0, 640.0, 3000.0])[::-1]
-    error = 1e3 / evaluations**4
-    found = tables.need(evaluations, error, 1e-5)
-    assert found.amount == pytest.approx(100.0, rel=1e-12) and not found.is_bound
-    easy = tables.need(evaluations, error, 1.0)
-    assert easy.amount == pytest.approx(20.0) and easy.is_bound and str(easy) == "≤ 20"
-    assert tables.need(evaluations, error, 1e-20) is None
-    # An error that grows again, where rounding begins, does not hide that it was small enough before.
-    assert tables.need([10.0, 20.0, 40.0], [1e-2, 1e-6, 1e-4], 1e-4).amount < 20.0
-
-
-def test_ratio_says_when_it_is_a_bound():
-    need = tables.Need
-    assert tables.ratio(need(300.0), need(100.0)) == "3"
-    assert tables.ratio(need(300.0), need(100.0, True)) == "≥ 3"
-    assert tables.ratio(need(300.0, True), need(100.0)) == "≤ 3"
-    assert tables.ratio(need(300.0, True), need(100.0, True)) == tables.ratio(None, need(1.0)) == "–"
 
 
 @pytest.fixture(scope="module")
@@ -141,15 +74,3 @@ def test_quick_run_measures_errors(quick: Path):
             assert (np.diff(column(field, method, "evaluations_per_ray")) > 0.0).all()
     assert column("shock", "fixed", "tracing_opd_rms_waves")[-1] < 1e-7
     assert 1e-8 < column("shock", "fixed", "total_opd_rms_waves")[-1] < 1e-6
-
-
-def test_refuses_what_makes_no_sense(root: Path, tmp_path: Path):
-    done = subprocess.run(
-        [sys.executable, str(root / "scripts" / "work_precision.py"), "--rays", "0", "--out", str(tmp_path / "out")],
-        stdin=subprocess.DEVNULL,
-        capture_output=True,
-        encoding="utf-8",
-        timeout=300.0,
-    )
-    assert done.returncode == 2 and "few" in done.stderr
-    assert not (tmp_path / "out").exists()

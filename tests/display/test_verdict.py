@@ -4,8 +4,7 @@ import math
 
 import pytest
 
-from aerokernels.display.quantities import Quantity
-from aerokernels.display.verdict import judge
+from aerokernels.display.quantities import Quantity, judge
 
 
 @pytest.mark.parametrize(

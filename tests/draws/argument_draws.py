@@ -111,7 +111,6 @@ def _right_calls() -> dict[str, tuple[Callable, dict[str, Any]]]:
     body = Body([(0, 0), (1e-3, 0), (1e-3, 1e-3)], "axisymmetric")
     solid = SolidBody.of_revolution(body, 8)
     rays = RayBundle.collimated(disc, 4)
-    left = flow.GasState(1e5, 1.0, 0.0)
     target = {"peak_power": 75.0, "receiver_diameter": 0.012, "beam_radius": 0.01, "distance": 1.5, "tilt": 0.0,
               "pulse_tau": 6e-9, "reflectivity": 0.3}  # fmt: skip
     found: dict[str, tuple[Callable, dict[str, Any]]] = {
@@ -212,8 +211,6 @@ def _right_calls() -> dict[str, tuple[Callable, dict[str, Any]]]:
         "flow.expansion_fan": (flow.expansion_fan, {"mach": 3.0, "deflection": 0.1}),
         "flow.cone_shock": (flow.cone_shock, {"mach": 3.0, "half_angle": 0.1}),
         "flow.bow_shock": (flow.bow_shock, {"mach": 3.0, "radius": 0.01, "geometry": "planar"}),
-        "flow.riemann": (flow.riemann, {"left": left, "right": flow.GasState(1e4, 0.1, 0.0)}),
-        "flow.GasState": (flow.GasState, {"pressure": 1e5, "density": 1.0}),
         "flow.refractivity": (flow.refractivity, {"density": 1.0, "gladstone_dale": 2.25e-4}),
         "flow.index_contrast": (flow.index_contrast, {"density": 1.0, "ambient_density": 1.2,
                                 "gladstone_dale": 2.25e-4}),

@@ -18,8 +18,8 @@ import numpy as np
 from aerokernels.medium import Body, IndexField
 from aerokernels.rays import Disc, RayBundle
 from aerokernels.tracing import Plane
-from aerokernels.tracing.beyond import plane_beyond
 from aerokernels.tracing.lines import box_span
+from aerokernels.tracing.stop import plane_beyond
 
 RAYS = 5000
 WAVELENGTH = 905e-9

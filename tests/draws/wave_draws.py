@@ -7,17 +7,15 @@ fields fade out at both ends of that part, so that nothing is cut off. The phase
 twentieth of a radian to five, and the contrast follows from it.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from aerokernels.medium import IndexField
-from aerokernels.medium.grid import UniformGrid
 from aerokernels.pupils import Annulus, Disc, Pupil, Rectangle
 from aerokernels.wavefront import wavefront
 from aerokernels.waves import split_step, validity
-from aerokernels.waves.bounds import change_bound
 
 from .closed_air import log_uniform
 
@@ -35,8 +33,6 @@ GOOD = 1e-2
 MAP_PIXELS, WAVE_PIXELS = 64, 160
 # Width sqrt(wavelength distance) over the pupil's up to which light stays in the box.
 NARROW = 0.12
-# Bisections of a range of six decades by which a view is brought to its bound.
-BISECTIONS = 16
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +66,6 @@ class VerdictCheck:
         wave_error: Error of the latter, from its steps and pixels.
         reported: Change of the Strehl ratio that the verdict reports.
         said_good: The verdict.
-        answered_by: The method that gave the verdict.
         limit: The change up to which rays are good.
         seconds: CPU time of the traced wavefront and of the verdict [s].
     """
@@ -80,7 +75,6 @@ class VerdictCheck:
     wave_error: float
     reported: float
     said_good: bool
-    answered_by: str
     limit: float
     seconds: tuple[float, float]
 
@@ -91,8 +85,8 @@ class VerdictCheck:
 
     @property
     def right(self) -> bool:
-        """Whether the verdict is right; an undecided one is not."""
-        return self.answered_by != "nobody" and self.said_good == self.is_good
+        """Whether the verdict is right."""
+        return self.said_good == self.is_good
 
 
 def check_verdict(
@@ -121,7 +115,6 @@ def check_verdict(
         wave_error=wave.strehl_error,
         reported=verdict.strehl_change,
         said_good=verdict.good,
-        answered_by=verdict.answered_by,
         limit=limit,
         seconds=(traced - begin, done - traced),
     )
@@ -179,33 +172,6 @@ def draw_view(seed: int, kind: str | None = None) -> DrawnView:
         ambient_index=1.0 + 2.7e-4,
     )
     return DrawnView(kind, field, pupil, wavelength, smallest, length)
-
-
-def view_at_bound(view: DrawnView, limit: float = GOOD) -> DrawnView | None:
-    """The view with its contrast scaled so that the field's bounds just prove it good; None if that is not possible.
-
-    Among the views that bounds prove good, this is the one for which they are most likely to be wrong.
-    """
-
-    def scaled(factor: float) -> DrawnView:
-        samples = view.field.samples
-        assert isinstance(samples, UniformGrid)
-        contrast = replace(samples, samples=factor * samples.samples)
-        return replace(view, field=replace(view.field, samples=contrast))
-
-    def bound(factor: float) -> float:
-        field = scaled(factor).field
-        return change_bound(field, view.pupil, view.pupil.normal, view.wavelength).change
-
-    low, high = np.log(1e-4), np.log(1e2)
-    for _ in range(BISECTIONS):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if bound(float(np.exp(middle))) <= limit else (low, middle)
-    factor = float(np.exp(low))
-    found = scaled(factor)
-    assert isinstance(found.field.samples, UniformGrid)
-    is_air = max(np.abs(found.field.samples.extremes)) < GREATEST_CONTRAST
-    return found if is_air and bound(factor) <= limit else None
 
 
 def _pupil(rng: np.random.Generator, half: float) -> Pupil:

@@ -15,29 +15,16 @@ from aerokernels.echo import (
     NoiseSources,
     chain_range_statistics,
     cramer_rao_range,
-    excess_noise_factor,
     gaussian_pulse,
 )
-from aerokernels.echo.chain import chain_of
+from aerokernels.echo.chain import BOLTZMANN_CONSTANT, ELEMENTARY_CHARGE, noise_bandwidth
 from aerokernels.echo.detector import low_pass_gain, memory_time
-from aerokernels.echo.noise import BOLTZMANN_CONSTANT, ELEMENTARY_CHARGE, noise_bandwidth
 from aerokernels.echo.pulse_curve import peak_height
-from aerokernels.scene import Scene
 
 PERIOD = 0.5e-9
 TIME = np.arange(2000) * PERIOD
 PULSE = 3.6e-4 * gaussian_pulse(TIME - 500e-9, 6e-9)
 QUIET = {"background_power": 0.0, "dark_current": 0.0, "amplifier_noise": 0.0}
-
-
-def test_excess_noise_factor():
-    """F = 1 without multiplication whatever k; F = M for k = 1; 2 - 1/M for k = 0."""
-    for ratio in (0.0, 0.3, 1.0):
-        assert excess_noise_factor(1.0, ratio) == pytest.approx(1.0, rel=1e-15)
-    assert excess_noise_factor(80.0, 1.0) == pytest.approx(80.0, rel=1e-15)
-    assert excess_noise_factor(80.0, 0.0) == pytest.approx(2.0 - 1.0 / 80.0, rel=1e-15)
-    with pytest.raises(ValueError, match="gain"):
-        excess_noise_factor(0.5, 0.0)
 
 
 def test_each_source_adds_its_density():
@@ -167,23 +154,12 @@ def test_matched_filter_of_a_whole_chain_reaches_the_bound():
         power,
         lambda clock, samples: estimate_range(clock, samples, "matched-filter", template=reference),
         true_range=estimate_range(time, reference, "matched-filter", template=reference),
-        trial_count=1500,
+        trial_count=500,
         seed=5,
     )
-    assert abs(found.random_error / found.cramer_rao_bound - 1.0) < 0.05
+    assert abs(found.random_error / found.cramer_rao_bound - 1.0) < 0.1
     assert found.random_interval[0] < found.cramer_rao_bound < found.random_interval[1]
     assert found.systematic_interval[0] < 0.0 < found.systematic_interval[1]
-
-
-def test_a_scenes_chain():
-    table = {"detector.bandwidth": "80 MHz", "detector.bit_count": 10, "detector.response": "butterworth"}
-    chain = chain_of(Scene.load("wind-tunnel-static", table))
-    assert (chain.bandwidth, chain.response, chain.order) == (80e6, "butterworth", 4)
-    assert chain.digitiser == Digitiser(10, -0.5, 4.5)
-    assert chain.sources.load_resistance == pytest.approx(chain.transimpedance) == pytest.approx(5558.7 / 5.0)
-    assert (
-        chain_of(Scene.load("wind-tunnel-static", {"detector.load_resistance": "50 Ohm"})).sources.load_resistance == 50
-    )
 
 
 def test_bad_values_are_refused():

@@ -7,8 +7,8 @@ import pytest
 
 from aerokernels import echo
 from aerokernels.echo import RANGING_METHODS
-from aerokernels.echo.prediction import predict_echo
 from aerokernels.echo.pulse_curve import peak_height
+from aerokernels.echo.rangefinder import predict_echo
 from aerokernels.medium import Body, IndexField
 from aerokernels.scene import Scene
 from tests.echo.lump_of_gas import lump
@@ -65,7 +65,7 @@ def test_a_peak_that_is_cut_off_makes_every_method_depend_on_the_amplitude(limit
     found = echo(scene(**limit, **few), field=lump(4e-5))
     share = found.error["peak_power"]["total"] / found.peak_power
     probe = found.budget.keywords["probe"]
-    chain = probe.vacuum.chain
+    chain = probe.setup.detector.chain
     for method in RANGING_METHODS:
         read = [
             probe.rangefinder.range(probe.time, chain.clipped(chain.voltage(probe.fine, factor * probe.power)), method)
@@ -142,7 +142,7 @@ def test_the_peak_has_the_shot_noise_of_its_own_light():
     noisy = {"detector.noise": True, "detector.bandwidth": "200 MHz", "detector.sample_rate": "2 GHz"}
     found = echo(scene(**noisy), field=lump(0.0))
     probe = found.budget.keywords["probe"]
-    records = (probe.vacuum.chain.record(probe.fine, probe.power, seed, probe.stride) for seed in range(200))
+    records = (probe.setup.detector.chain.record(probe.fine, probe.power, seed, probe.stride) for seed in range(200))
     spread = float(np.std([peak_height(record) for record in records]))
     assert spread > 20.0 * found.noise_rms
     assert found.error["peak_voltage"]["total"] == pytest.approx(2.0 * spread, rel=0.2)

@@ -9,11 +9,9 @@ from scipy.integrate import quad
 from scipy.optimize import brentq
 
 from aerokernels.echo import GaussianPulse, HeliosPulse, SampledPulse, estimate_range
+from aerokernels.echo.parts import Setup
 from aerokernels.echo.pulse_curve import PulseCurve
-from aerokernels.echo.pulses import as_pulse, pulse_of
-from aerokernels.echo.ranging import template_curve
-from aerokernels.echo.shaped_curve import best_delay, best_match, greatest_within
-from aerokernels.echo.waveform import SPEED_OF_LIGHT, fewer_gaussians, sum_of_pulses
+from aerokernels.echo.pulses import SPEED_OF_LIGHT, as_pulse, sum_of_pulses
 from aerokernels.scene import Scene
 
 TAU = 6e-9
@@ -81,6 +79,10 @@ def test_the_matched_filter_finds_any_of_them(pulse):
     assert abs(reading - 0.5 * SPEED_OF_LIGHT * 20.1e-9) < 1e-5
 
 
+def pulse_of(scene):
+    return Setup.of_scene(scene).laser.shape
+
+
 def test_a_scene_names_its_shape():
     assert pulse_of(Scene.load("wind-tunnel-static")) == GaussianPulse(6e-9)
     assert pulse_of(
@@ -112,78 +114,6 @@ def test_what_is_no_pulse_is_refused():
         as_pulse("6 ns")
 
 
-def test_the_duration_of_coarse_samples_allows_for_where_the_curve_is_cut():
-    """The curve through a few samples dips below 0 and is cut there; against a sum of 20 000 points a sample, 1e-6."""
-    pulse = SampledPulse([0.0, 0.0, 0.2, 0.9, 1.0, 0.5, 0.1, 0.0, 0.0], 1e-9)
-    time = np.linspace(*pulse.support, 160_001)
-    assert pulse.duration == pytest.approx(np.trapezoid(pulse(time), x=time), rel=1e-6)
-
-
-@pytest.mark.parametrize(("reach", "most"), [(0.05, 12), (1.0, 28)])
-def test_a_few_gaussians_stand_for_many(reach, most):
-    """400 pulses within `reach` tau of each other: the sum to 1e-15 of all peaks, far out too, by a few of them."""
-    draw = np.random.default_rng(4)
-    delay, peak = TAU * (3.0 + reach * draw.uniform(-1.0, 1.0, 400)), draw.uniform(0.0, 1.0, 400)
-    time = TAU * np.linspace(-8.0, 14.0, 300)
-    few, heights = fewer_gaussians(delay, peak, TAU)
-    assert len(few) <= most
-    plain = np.exp(-(((time[:, None] - delay) / TAU) ** 2)) @ peak
-    assert np.abs(np.exp(-(((time[:, None] - few) / TAU) ** 2)) @ heights - plain).max() < 1e-15 * peak.sum()
-    found = sum_of_pulses(time, delay, peak, TAU)
-    assert np.abs(found - plain).max() < 1e-15 * peak.sum() and found.min() >= 0.0
-    # Pulses that lie far apart stay as they are.
-    assert fewer_gaussians(100.0 * delay, peak, TAU)[0].size == 400
-
-
-def test_a_curve_is_read_by_its_polynomials():
-    """The spline of a skew pulse with noise: its peak is where the derivative vanishes, crossings lie on it.
-
-    Crossings to 1e-11; the peak to 1e-7, that of a search, where the curve turns more than once beside it.
-    """
-    place = np.arange(80.0)
-    for seed in range(20):
-        draw = np.random.default_rng(seed)
-        middle = 30.0 + draw.uniform(-1.0, 1.0)
-        samples = np.exp(-(((place - middle) / np.where(place < middle, 4.0, 7.0)) ** 2)) + 0.03 * draw.normal(size=80)
-        curve = PulseCurve(samples)
-        peak = curve.peak_position
-        assert abs(float(curve.spline.derivative()(peak))) < 1e-7 and abs(peak - np.argmax(samples)) < 1.0
-        assert curve.peak >= samples.max()
-        for crossing in (curve.first_rise(0.6), curve.rise_before_peak(0.6), curve.fall_after_peak(0.6)):
-            assert abs(float(curve.spline(crossing)) - 0.6) < 1e-11
-
-
-def test_the_greatest_of_a_smooth_function_and_of_one_that_no_polynomial_follows():
-    """cos(x - 0.3) to 1e-7 of a place, where its value falls by rounding; a spike of 1e-3 by the search, to 1e-2."""
-    assert greatest_within(lambda x: np.cos(x - 0.3), -1.0, 1.0) == pytest.approx(0.3, abs=1e-7)
-    assert greatest_within(lambda x: 1.0 - np.abs(x), -1.0, 1.0) == pytest.approx(0.0, abs=1e-6)
-    assert greatest_within(lambda x: x, 0.0, 1.0) == 1.0
-
-
-@pytest.mark.parametrize("count", [3, 4, 5, 80])
-def test_curves_of_many_records_are_those_of_each(count):
-    """To the last bit; none for a record of three samples, or of one that is not finite."""
-    records = [np.random.default_rng(seed).normal(size=count) for seed in range(5)]
-    records[2][1] = np.nan
-    for number, (record, curve) in enumerate(zip(records, PulseCurve.of_each(records), strict=True)):
-        if count == 3 or number == 2:
-            assert curve is None
-            continue
-        alone, places = PulseCurve(record), np.linspace(0.0, count - 1.0, 37)
-        assert curve is not None and curve.samples is record
-        assert curve.spline(places).tobytes() == alone.spline(places).tobytes()
-
-
-def test_a_match_does_not_hang_on_the_records_before():
-    """Of a sampled template, which keeps what it was at the places of the last records: the same bits as a new one."""
-    place = np.arange(120.0)
-    template = template_curve(np.exp(-(((place - 40.0) / 9.0) ** 2)), 1e-9)
-    for middle in (50.2, 50.7, 51.1, 20.0, 90.0, 50.4, 3.0):
-        volts = 0.7 * np.exp(-(((place - middle) / 9.0) ** 2))
-        new = template_curve(np.exp(-(((place - 40.0) / 9.0) ** 2)), 1e-9)
-        assert best_delay(volts, template, 1e-9) == best_delay(volts, new, 1e-9) == best_match(volts, new, 1e-9)[0]
-
-
 def test_a_sampled_pulse_ends_with_its_samples():
     """A record that ends at 0.2 of its peak. Expected: 0.2 at the last sample, and nothing half a sample behind it."""
     samples = np.array([0.0, 0.3, 1.0, 0.6, 0.2])
@@ -191,18 +121,6 @@ def test_a_sampled_pulse_ends_with_its_samples():
     end = pulse.support[1]
     assert pulse(end - 1e-15) == pytest.approx(0.2, rel=0.1)
     assert pulse(end + 0.5e-9) == 0.0 and pulse(end + 1.5e-9) == 0.0
-
-
-def test_a_sampled_pulse_begins_with_its_samples():
-    """At its samples it has their share of the peak, between the first two what the curve has, and nothing before."""
-    samples, period = np.array([0.2, 0.6, 1.5, 3.0, 2.8, 1.0, 0.5, 0.3]), 1e-9
-    pulse, curve = SampledPulse(samples, period), PulseCurve(samples)
-    place = np.array([0.0, 0.25, 0.5, 0.75, 1.0, 3.0, 6.5, 7.0])
-    first, last = pulse.support
-    assert last - first == pytest.approx(7e-9, rel=1e-12)
-    expected = np.maximum(curve.spline(place), 0.0) / curve.peak
-    np.testing.assert_allclose(pulse(first + 1e-9 * place), expected, rtol=1e-9)
-    assert not pulse(np.array([first - 1e-12, last + 1e-12])).any()
 
 
 def test_the_peak_is_the_greatest_place_beside_the_greatest_sample():

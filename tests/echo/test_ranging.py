@@ -9,9 +9,8 @@ from hypothesis import strategies as st
 
 from aerokernels import estimate_range, range_statistics
 from aerokernels.echo import RANGING_METHODS, cramer_rao_range
+from aerokernels.echo.pulses import SPEED_OF_LIGHT
 from aerokernels.echo.range_error import summarise_ranges
-from aerokernels.echo.ranging import template_curve
-from aerokernels.echo.waveform import SPEED_OF_LIGHT
 
 TAU = 6e-9
 TABLE_3 = {0: 2.019, 2: 1.878, 3: 1.809, 4: 1.738}  # Mach number: peak [V]
@@ -258,23 +257,6 @@ def test_confidence_intervals_cover_as_often_as_they_say():
     assert np.abs(held.mean(axis=0) - 0.8).max() < 0.08
 
 
-def test_statistics_repeat_and_count_what_is_missed():
-    time, volts = record(peak=1.02)
-    first, second = (
-        range_statistics(
-            time, volts, "leading-edge", noise_rms=0.02, trial_count=100, seed=1, threshold=1.0, true_range=1.0
-        )
-        for _ in range(2)
-    )
-    assert first == second and 0 < first.missed_count < 50
-    with pytest.raises(ValueError, match="confidence"):
-        range_statistics(time, volts, "centroid", noise_rms=0.02, confidence=1.0)
-    with pytest.raises(ValueError, match="at least 2"):
-        range_statistics(time, volts, "centroid", noise_rms=0.02, trial_count=1)
-    with pytest.raises(ValueError, match="is constant"):
-        cramer_rao_range(time, np.full(time.size, 0.1), 0.01)
-
-
 def test_a_true_range_that_is_no_number_is_refused():
     time, signal = record()
     with pytest.raises(ValueError, match="true_range"):
@@ -299,15 +281,6 @@ def test_matched_filter_is_exact_with_less_than_two_samples_a_tau(rate):
         time, voltage = record(arrival=arrival, rate=rate, start=-6.0 * TAU - 2.0 / rate, stop=7.0 * TAU + 3.0 / rate)
         found = estimate_range(time, voltage, "matched-filter", template=pulse)
         assert abs(found - 0.5 * SPEED_OF_LIGHT * arrival) < 1e-6 * 0.5 * SPEED_OF_LIGHT * TAU
-
-
-def test_a_sampled_template_is_its_samples_and_nothing_outside_of_them():
-    """At the times of its samples the samples, the first and the last among them; a little outside of them 0."""
-    samples, period = np.array([0.4, 0.7, 1.0, 0.6, 0.3]), 2e-9
-    curve = template_curve(samples, period)
-    assert curve((np.arange(5) - 2) * period) == pytest.approx(samples, abs=1e-12)
-    assert curve(np.array([-2.01, -1.99, 1.99, 2.01]) * period)[[0, 3]].tolist() == [0.0, 0.0]
-    assert (curve(np.array([-1.99, 1.99]) * period) > 0.25).all()
 
 
 @pytest.mark.parametrize("method", ["centroid", "matched-filter"])

@@ -1,17 +1,15 @@
 """The ways back: chunks, symmetry, vignetting, every target point."""
 
-import tracemalloc
-
 import numpy as np
 import pytest
 
 from aerokernels import echo
-from aerokernels.echo import pupil_reduction
-from aerokernels.echo.paths import target_plane
-from aerokernels.echo.pupil_reduction import receiver_pupil, reduce_pupils, upper_half
-from aerokernels.echo.return_paths import return_paths
+from aerokernels.echo import return_paths as module
+from aerokernels.echo.parts import Setup
+from aerokernels.echo.return_paths import reduce_pupils, return_paths
 from aerokernels.medium import Body, IndexField
 from aerokernels.scene import Scene
+from tests.echo.test_paths import nodes
 from tests.return_opd import return_opd
 
 WAVE_NUMBER = 2.0 * np.pi / 905e-9
@@ -45,60 +43,37 @@ def test_chunks_change_nothing(monkeypatch):
     They are the sums of the rays' own OPDs.
     """
     setting, field, target = scene(trace__method="adaptive"), blob_field(5e-5), target_intersections(7)
-    pupil = receiver_pupil(setting)
-    whole = reduce_pupils(setting, field, target, *pupil)
+    setup = Setup.of_scene(setting)
+    pupil = setup.receiver.pupil.sample(64, "gauss")
+    whole = reduce_pupils(setup, field, target, *pupil)
     opd, share, _ = return_opd(setting, field, target)
     assert whole.phasor == pytest.approx(np.sum(share * np.exp(1j * WAVE_NUMBER * opd), axis=1), abs=1e-12)
     assert whole.open_share == pytest.approx(np.ones(7), abs=1e-12)
     assert whole.statuses == {"OK": 448} and whole.ray_count == 448
-    monkeypatch.setattr(pupil_reduction, "CHUNK_RAYS", 50)
-    parts = reduce_pupils(setting, field, target, *pupil)
+    monkeypatch.setattr(module, "CHUNK_RAYS", 50)
+    parts = reduce_pupils(setup, field, target, *pupil)
     assert parts.phasor == pytest.approx(whole.phasor, abs=1e-12)
     assert parts.evaluation_count == whole.evaluation_count and parts.statuses == whole.statuses
-
-
-def test_nothing_is_kept_of_a_ray(monkeypatch):
-    """Four times the rays in chunks of the same size take the same memory, within a quarter."""
-    monkeypatch.setattr(pupil_reduction, "CHUNK_RAYS", 2048)
-    field, peaks = blob_field(1e-5), []
-    for count in (64, 64, 256):  # the first run warms up what is kept for good
-        setting = scene(receiver__ray_count=256, trace__precision="float32")
-        tracemalloc.start()
-        reduce_pupils(setting, field, target_intersections(count), *receiver_pupil(setting))
-        peaks.append(tracemalloc.get_traced_memory()[1])
-        tracemalloc.stop()
-    assert peaks[2] < 1.25 * peaks[1]
-
-
-@pytest.mark.parametrize("ray_count", [64, 81])
-def test_half_a_pupil_stands_for_all_of_it(ray_count):
-    """Weights sum to 1, and means of what is even in y are those of the whole: exactly, the points come in pairs."""
-    start, weight = receiver_pupil(scene(receiver__ray_count=ray_count))
-    half, double = upper_half(start, weight)
-    assert len(half) <= len(start) // 2 + 8 and double.sum() == pytest.approx(1.0, abs=1e-13)
-    for values in (lambda p: p[:, 0] ** 3, lambda p: p[:, 1] ** 2, lambda p: p[:, 0] * p[:, 1] ** 4):
-        assert double @ values(half) == pytest.approx(weight @ values(start), abs=1e-17)
 
 
 def test_a_radius_stands_for_the_target():
     """Set-up: a lump on the axis, facing target. With the symmetry and without, within 1e-3 of interpolation."""
     setting, field, intersection = scene(receiver__ray_count=256), blob_field(5e-5), target_intersections()
-    plane = target_plane(setting)
-    short = return_paths(setting, field, intersection, plane, 9)
-    full = return_paths(setting, field, intersection, plane, 9, symmetry=False)
+    short = return_paths(nodes(setting, 9), field, intersection)
+    full = return_paths(nodes(setting, 9), field, intersection, symmetry=False)
     assert np.ptp(full.factor) > 0.005
     assert np.abs(short.factor - full.factor).max() < 1e-3
     assert short.sums.ray_count < full.sums.ray_count / 25 and short.pair_count == full.pair_count
     tilted = scene(target__tilt=0.2)
-    assert return_paths(tilted, field, intersection, target_plane(tilted), 5).sums.ray_count == 25 * 64
+    assert return_paths(nodes(tilted, 5), field, intersection).sums.ray_count == 25 * 64
 
 
 def test_a_rectangle_is_not_symmetric_about_the_axis():
     """Set-up: the same through a slit 12 mm by 3 mm. It sees points in x and in y differently, by more than errors."""
     setting = scene(receiver__ray_count=256, receiver__shape="rectangle", receiver__height="3 mm")
-    field, intersection, plane = blob_field(5e-5), target_intersections(), target_plane(setting)
-    found = return_paths(setting, field, intersection, plane, 9)
-    every = return_paths(setting, field, intersection, plane, "every")
+    field, intersection = blob_field(5e-5), target_intersections()
+    found = return_paths(nodes(setting, 9), field, intersection)
+    every = return_paths(nodes(setting, "every"), field, intersection)
     assert found.sums.ray_count == 81 * 256
     assert np.abs(found.factor - every.factor).max() < 1e-3
     in_x = np.abs(intersection[:, 0]) > np.abs(intersection[:, 1])
@@ -109,14 +84,13 @@ def test_every_target_point_may_have_its_own_pupil():
     """Set-up: the same. Every point by itself against the interpolation, and against the rays' own OPDs."""
     setting, field, intersection = scene(), blob_field(5e-5), target_intersections(20)
     intersection[4] = np.nan
-    plane = target_plane(setting)
-    every = return_paths(setting, field, intersection, plane, "every")
+    every = return_paths(nodes(setting, "every"), field, intersection)
     assert np.isnan(every.factor[4]) and every.pair_count == 19 * 64
     good = np.isfinite(every.factor)
     opd, share, _ = return_opd(setting, field, intersection[good])
     exact = np.abs(np.sum(share * np.exp(1j * WAVE_NUMBER * opd), axis=1)) ** 2
     assert every.factor[good] == pytest.approx(exact, abs=1e-9)
-    between = return_paths(setting, field, intersection, plane, 9, symmetry=False)
+    between = return_paths(nodes(setting, 9), field, intersection, symmetry=False)
     assert np.abs(between.factor[good] - exact).max() < 1e-3
 
 
@@ -135,7 +109,7 @@ def test_return_factors_of_a_vignetted_pupil(kind):
     """
     setting = scene(receiver__return_factor=kind, receiver__ray_count=4096)
     field = blob_field(0.0, washer())
-    found = return_paths(setting, field, np.array([[0.0, 0.0, 1.492], [1e-3, 0.0, 1.492]]), target_plane(setting), 3)
+    found = return_paths(nodes(setting, 3), field, np.array([[0.0, 0.0, 1.492], [1e-3, 0.0, 1.492]]))
     if kind == "none":
         assert found.factor.tolist() == [1.0, 1.0] and np.isnan(found.strehl).all() and found.sums is None
     else:
@@ -160,4 +134,4 @@ def test_a_pupil_that_sees_nothing_is_refused():
     corner = np.array([[0.0, 0.002], [0.02, 0.002], [0.02, 0.0], [0.0, 0.0]])
     lid = Body(corner)
     with pytest.raises(ValueError, match=r"no ray of the receiver's pupil gets out.*HIT_BODY"):
-        return_paths(scene(), blob_field(0.0, lid), target_intersections(3), target_plane(scene()), 3)
+        return_paths(nodes(scene(), 3), blob_field(0.0, lid), target_intersections(3))

@@ -1,27 +1,17 @@
-"""Records whose peak an amplifier or a digitiser cuts off: all methods but the leading edge tell the change."""
+"""Records whose peak an amplifier or a digitiser cuts off: all methods but the leading edge warn of them."""
 
 import warnings
-from functools import partial
 
 import numpy as np
 import pytest
 
 from aerokernels.echo import HeliosPulse, SaturatedRecordWarning, estimate_range
-from aerokernels.echo.ranging import Reading
-from aerokernels.echo.saturation import restored, saturation_shift
-from aerokernels.echo.waveform import SPEED_OF_LIGHT
 
-WIDTH = 12e-9  # of the pulses, about [s]
+METHODS = ("centroid", "matched-filter", "constant-fraction")
 
 
 def gaussian(time):
     return np.exp(-((time / 6e-9) ** 2))
-
-
-def gamma_of_order_six(time):
-    """A skew pulse that rises as the sixth power of time."""
-    ratio = np.maximum(time / 12e-9 + 1.0, 1e-300)
-    return ratio**6 * np.exp(-6.0 * (ratio - 1.0))
 
 
 def squared_secant(time):
@@ -29,105 +19,33 @@ def squared_secant(time):
     return 1.0 / np.cosh(np.clip(time / 6e-9, -300.0, 300.0)) ** 2
 
 
-SHAPES = [gaussian, HeliosPulse(2.943e-9), gamma_of_order_six, squared_secant]
-METHODS = [(name, 0.5) for name in ("centroid", "matched-filter", "constant-fraction")]
+SHAPES = {"gaussian": gaussian, "helios": HeliosPulse(2.943e-9), "secant": squared_secant}
 
 
-@pytest.mark.parametrize("is_known", [True, False])
-@pytest.mark.parametrize(("method", "fraction"), [*METHODS, ("constant-fraction", 0.2), ("constant-fraction", 0.8)])
-@pytest.mark.parametrize("shape", SHAPES, ids=["gaussian", "helios", "gamma", "secant"])
-def test_a_saturated_record_is_told_of_by_how_much(shape, method, fraction, is_known):
-    """Pulses cut off at 0.25 to 0.9 of their peak: the reported error covers the range's, and its sign is right.
+@pytest.mark.parametrize("noise", [0.0, 1e-3])
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("shape", SHAPES)
+def test_a_saturated_record_is_told_of(shape, method, noise):
+    """Pulses cut off at 0.4 to 0.8 of their peak, with noise that comes after the saturating stage or without.
 
-    Allowed beside it: 2e-3 of the width, for few samples on an edge.
+    A whole pulse with the same noise gives no warning.
     """
-    draw, slack = np.random.default_rng(3), 2e-3 * 0.5 * SPEED_OF_LIGHT * WIDTH
-    for cut in draw.uniform(0.25, 0.9, 12):
-        period = 6e-9 / draw.uniform(4.0, 12.0)
-        time = np.arange(0.0, 400e-9, period)
-        whole = np.asarray(shape(time - 100e-9 - draw.uniform(0.0, period)))
-        volts = np.minimum(whole, cut)
-        template = shape if is_known or method == "matched-filter" else None
-        options = {"template": template, "fraction": fraction}
-        read = partial(Reading(method, None, template, fraction)._arrival, period=period)
-        exact = 0.5 * SPEED_OF_LIGHT * period * read(whole)
-        with warnings.catch_warnings(record=True) as told:
-            warnings.simplefilter("always")
-            found = estimate_range(time, volts, method, **options)
-        shift = saturation_shift(volts, read, template, period)
-        shift *= 0.5 * SPEED_OF_LIGHT * period
-        assert abs(found - exact) <= abs(shift) + slack, (cut, period, found - exact)
-        if abs(found - exact) > slack:
-            assert [one.category for one in told] == [SaturatedRecordWarning], (cut, found - exact)
-            assert ("too much" if found > exact else "too little") in str(told[0].message)
-
-
-@pytest.mark.parametrize("is_known", [True, False])
-def test_a_plateau_is_judged_in_units_of_the_noise(is_known):
-    """Noise comes after the saturating stage: no two samples of the plateau are equal.
-
-    Cut off at 0.4 to 0.8 of the peak with noise of 0.01 to 0.5 % of the level. Expected: the reported error covers
-    that of the range, which is known by the whole pulse, but for four standard deviations of the noise at the crossing
-    (noise over slope). A whole pulse with the same noise gives no warning. 3 of 40 records may be missed: their
-    plateau is hardly wider than a pulse's own top at that noise.
-    """
-    draw, missed = np.random.default_rng(8), 0
-    for number in range(40):
-        shape, cut, share = SHAPES[number % 4], draw.uniform(0.4, 0.8), 10.0 ** draw.uniform(-4.0, -2.3)
-        period = 6e-9 / draw.uniform(6.0, 24.0)
-        time = np.arange(0.0, 400e-9, period)
-        whole = np.asarray(shape(time - 100e-9 - draw.uniform(0.0, period)))
-        noise = share * cut * draw.normal(size=time.size)
-        template = shape if is_known else None
-        read = partial(Reading("constant-fraction", None, template)._arrival, period=period)
-        metres = 0.5 * SPEED_OF_LIGHT * period
+    draw, pulse = np.random.default_rng(3), SHAPES[shape]
+    for cut in draw.uniform(0.4, 0.8, 6):
+        time = np.arange(0.0, 400e-9, 6e-9 / draw.uniform(6.0, 24.0))
+        whole = np.asarray(pulse(time - 100e-9))
+        rest = noise * cut * draw.normal(size=time.size)
+        options = {"template": pulse if method == "matched-filter" else None}
+        with pytest.warns(SaturatedRecordWarning, match=f"saturated at 0.*{method}"):
+            estimate_range(time, np.minimum(whole, cut) + rest, method, **options)
         with warnings.catch_warnings():
             warnings.simplefilter("error", SaturatedRecordWarning)
-            estimate_range(time, whole + noise, "constant-fraction", template=template)
-        volts = np.minimum(whole, cut) + noise
-        error = metres * (read(volts) - read(whole))
-        slack = 4.0 * metres * share * cut / np.abs(np.diff(whole))[np.argmax(whole > 0.5 * cut)]
-        try:
-            with pytest.warns(SaturatedRecordWarning, match="too little"):
-                estimate_range(time, volts, "constant-fraction", template=template)
-        except pytest.fail.Exception:
-            missed += 1
-            continue
-        assert -error <= metres * saturation_shift(volts, read, template, period) + slack
-    assert missed <= 3
+            estimate_range(time, whole + rest, method, **options)
 
 
-@pytest.mark.parametrize("gain", [2.0, 4.0, 8.0])
-def test_a_known_pulse_is_judged_by_what_is_left_of_the_fit(gain):
-    """Set-up: 0.5 tanh(gain pulse), which is nowhere flat. Expected: the reported error covers the range's.
-
-    Constant fraction reads the crossing of half of 0.5 tanh(gain), where the pulse is atanh(tanh(gain) / 2) / gain.
-    """
-    period = 0.5e-9
-    time = np.arange(0.0, 200e-9, period)
-    for shape in SHAPES:
-        volts = 0.5 * np.tanh(gain * np.asarray(shape(time - 80e-9)))
-        with pytest.warns(SaturatedRecordWarning, match="lower than the pulse that fits the others.*too little"):
-            found = estimate_range(time, volts, "constant-fraction", template=shape)
-        early = 0.5 * SPEED_OF_LIGHT * 80e-9 - found
-        fine = np.arange(-40e-9, 0.0, 1e-12)
-        level = np.arctanh(0.5 * np.tanh(gain)) / gain
-        half, met = (fine[np.argmax(np.asarray(shape(fine)) > one)] for one in (0.5, level))
-        assert early == pytest.approx(0.5 * SPEED_OF_LIGHT * (half - met), abs=2e-3)
-        read = partial(Reading("constant-fraction", None, shape)._arrival, period=period)
-        assert early <= 0.5 * SPEED_OF_LIGHT * period * saturation_shift(volts, read, shape, period)
-
-
-def test_a_cut_gaussian_is_restored():
-    """Its logarithm is a parabola, which the cubic through two samples on either side is, to rounding."""
-    time = np.arange(60.0)
-    whole = 2.0 * np.exp(-(((time - 27.3) / 6.0) ** 2))
-    np.testing.assert_allclose(restored(np.minimum(whole, 0.8)), whole, rtol=1e-12, atol=1e-15)
-
-
-@pytest.mark.parametrize(("method", "fraction"), [*METHODS, ("constant-fraction", 0.2), ("constant-fraction", 0.8)])
-def test_whole_and_flat_pulses_are_not_told_of(method, fraction):
-    """The greatest samples of a whole pulse differ, and a pulse whose own shape is flat may have equal ones."""
+@pytest.mark.parametrize("method", METHODS)
+def test_a_pulse_that_is_flat_itself_is_not_told_of(method):
+    """A template whose own top is flat, as a function and as samples; the leading edge does not depend on the peak."""
     period = 0.25e-9
     time = np.arange(0.0, 250e-9, period)
 
@@ -136,8 +54,6 @@ def test_whole_and_flat_pulses_are_not_told_of(method, fraction):
 
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        estimate_range(time, gaussian(time - 100e-9), method, fraction=fraction, template=gaussian)
-        estimate_range(time, flat(time - 100e-9), method, fraction=fraction, template=flat)
-        samples = flat(np.arange(-120.0, 121.0) * period)
-        estimate_range(time, flat(time - 100e-9), method, fraction=fraction, template=samples)
-    estimate_range(time, np.minimum(gaussian(time - 100e-9), 0.5), "leading-edge", threshold=0.3)
+        for template in (flat, flat(np.arange(-120.0, 121.0) * period)):
+            estimate_range(time, flat(time - 100e-9), method, template=template)
+        estimate_range(time, np.minimum(gaussian(time - 100e-9), 0.5), "leading-edge", threshold=0.3)

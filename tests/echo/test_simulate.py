@@ -7,7 +7,7 @@ import pytest
 
 from aerokernels import IndexField, echo, plane_target_echo
 from aerokernels.echo import RANGING_METHODS, pulse_energy
-from aerokernels.echo.pulses import pulse_of
+from aerokernels.echo.parts import Setup
 from aerokernels.scene import Scene
 from tests.echo.lump_of_gas import lump
 
@@ -34,10 +34,11 @@ def test_without_flow_it_is_eq_8(limits, tilt):
             "target.height": 3.0,
             "target.distance": 1000.0,
             "target.tilt": tilt,
+            "target.limits": limits,
             "detector.threshold": 1e-9,
         }
     )
-    found = echo(setting, field=lump(0.0), limits=limits)
+    found = echo(setting, field=lump(0.0))
     expected = plane_target_echo(
         found.time,
         peak_power=75.0,
@@ -113,7 +114,7 @@ def test_energy_is_conserved_without_flow(pulse, turn):
     """
     setting = scene(**{"target.width": 3.0, "target.height": 3.0, "detector.threshold": 1e-3, **pulse, **turn})
     found = echo(setting, field=lump(0.0))
-    sent = 75.0 * pulse_of(setting).duration
+    sent = 75.0 * Setup.of_scene(setting).laser.shape.duration
     received = found.power.sum() * (found.time[1] - found.time[0])
     each = 0.3 * np.cos(found.incidence) * 0.006**2 / found.path**2
     assert abs(found.beam_share.sum() - 1.0) < 1e-6
@@ -164,7 +165,7 @@ def test_ranging_by_any_method_and_paper_limits_from_the_scene():
         found = echo(scene(**{"detector.ranging": method}), field=lump(0.0))
         assert found.range == found.ranges[method]
     cut = echo(scene(**{"target.limits": "paper"}), field=lump(0.0))
-    assert cut.power == pytest.approx(echo(scene(), field=lump(0.0), limits="paper").power)
+    assert cut.power == pytest.approx(echo(scene(**{"target.limits": "paper"}), field=lump(0.0)).power)
     assert cut.information["beam_share"] == pytest.approx(math.erf(math.sqrt(2.0)), abs=1e-6)
 
 

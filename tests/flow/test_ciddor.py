@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from aerokernels import flow
+from aerokernels.flow import ciddor
 
 
 @pytest.mark.parametrize(
@@ -165,3 +166,19 @@ def test_densities_up_to_the_limits_are_not_extrapolated(temperature, pressure):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert flow.moist_air_density(temperature, pressure) == pytest.approx(pressure / 287.05 / temperature, rel=5e-3)
+
+
+def test_published_refractivities():
+    """Ciddor's own table: dry air of 450 ppm at 633 nm, 20 degC and 100 kPa, 1e8 (n - 1) = 26824.4, 60 kPa 16100 about.
+
+    Moist air at 50 degC, 100 kPa and a vapour pressure of 1526.5 Pa at 510 ppm: 24222.3 or so (Ciddor, table 3): 1e-5.
+    """
+    dry = ciddor.ciddor_refractivity(0.633e-6, 293.15, 100e3)
+    assert dry * 1e8 == pytest.approx(26824.4, rel=2e-5, abs=0.0)
+    half = ciddor.ciddor_refractivity(0.633e-6, 293.15, 60e3)
+    assert half / dry == pytest.approx(0.6, rel=2e-4, abs=0.0)
+    assert ciddor.water_fraction(293.15, 1e5, 0.5) == pytest.approx(0.5 * 2338.8 / 1e5 * 1.004, rel=1e-3, abs=0.0)
+    assert ciddor.water_fraction(253.15, 1e5, 1.0) == pytest.approx(103.3 / 1e5 * 1.004, rel=4e-3, abs=0.0)
+    vapour = ciddor.ciddor_constant(0.633e-6, water=1.0) * 0.018015 / 0.0289647
+    assert flow.refractivity_model("ciddor").constant(0.633e-6) == pytest.approx(ciddor.ciddor_constant(0.633e-6))
+    assert 0.8 < vapour / ciddor.ciddor_constant(0.633e-6) < 0.9

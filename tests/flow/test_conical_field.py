@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from aerokernels import flow
-from aerokernels.flow.conical_averages import bell, cell_averages
+from aerokernels.flow.conical_field import bell, cell_averages
 
 K = flow.gladstone_dale_constant(905e-9)
 MACH, HALF_ANGLE, LENGTH = 3.0, math.radians(20.0), 0.05

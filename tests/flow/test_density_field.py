@@ -31,7 +31,7 @@ def test_index_field_is_the_contrast_to_the_ambient(box, relation):
 
 
 def test_index_field_with_another_constant(box):
-    field = box.index_field(gladstone_dale=2.24e-4)
+    field = box.index_field(constant=2.24e-4)
     contrast = field.contrast_at(np.array([[0.0, 0.0, -0.01]]))[0]
     assert abs(contrast / (2.24e-4 * (1.3 - 1.225)) - 1.0) < 1e-13
 

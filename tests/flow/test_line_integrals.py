@@ -8,7 +8,7 @@ import pytest
 from scipy.integrate import quad
 
 from aerokernels import flow
-from aerokernels.flow.conical_averages import cell_averages
+from aerokernels.flow.conical_field import cell_averages
 
 NODE, WEIGHT = np.polynomial.legendre.leggauss(12)
 

@@ -47,15 +47,6 @@ def test_every_door_has_the_same_default(field):
     assert given.flow.relation == "gladstone-dale"
 
 
-@pytest.mark.parametrize("relation", flow.RELATIONS)
-def test_a_constant_under_either_name(field, relation):
-    by_name = field.index_field(relation=relation, constant=2.24e-4)
-    assert np.array_equal(values(by_name), values(field.index_field(relation=relation, gladstone_dale=2.24e-4)))
-    assert by_name.ambient_index == 1.0 + float(flow.refractivity(1.225, 2.24e-4, relation))
-    with pytest.raises(ValueError, match="two names for the same K"):
-        field.index_field(constant=2.24e-4, gladstone_dale=2.24e-4)
-
-
 def test_ciddor_in_a_field(field):
     dry = field.index_field(905e-9, "ciddor")
     constant = flow.ciddor_constant(905e-9)

@@ -11,7 +11,7 @@ import writers
 
 from aerokernels import flow
 from aerokernels.cli import exit_status, one_line
-from aerokernels.commands.fields import fields
+from aerokernels.commands.listing import fields
 from aerokernels.scene import Scene, SceneError
 
 
@@ -28,7 +28,7 @@ def folder(tmp_path):
 
 def test_source_is_relative_to_the_scene_file(folder, monkeypatch):
     """Loaded from another folder; the field is the one that `flow.read` makes; the scene loads again from its text."""
-    from aerokernels.jobs.scene_text import scene_toml
+    from aerokernels.jobs.run_files import scene_toml
 
     monkeypatch.chdir("/")
     scene = Scene.load(folder / "scene.toml")

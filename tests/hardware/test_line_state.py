@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from aerokernels.commands._recording import describe
+from aerokernels.commands.hardware import describe
 from aerokernels.hardware import recorder as module
 from aerokernels.hardware.frames import EchoFrame, encode
 from aerokernels.hardware.recorder import NO_GOOD_FRAME, Recorder, RecordingStatus

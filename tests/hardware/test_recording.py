@@ -17,7 +17,7 @@ import pytest
 
 from aerokernels import Scene, compare_waveforms, estimate_range
 from aerokernels.echo import fwhm_from_pulse_tau
-from aerokernels.echo.pulses import pulse_of
+from aerokernels.echo.parts import Setup
 from aerokernels.hardware.echo_source import EchoSource
 from aerokernels.hardware.frames import EchoFrame, encode
 from aerokernels.hardware.port import PortError, open_port
@@ -275,7 +275,7 @@ def test_the_board_and_a_scenes_runs_have_one_definition_of_the_pulse(name):
     scene = Scene.load(name)
     source = EchoSource.from_scene(name, noise=0.0)
     time = np.arange(source.voltage.size) * 250e-12
-    found = estimate_range(time, source.voltage, "matched-filter", template=pulse_of(scene))
+    found = estimate_range(time, source.voltage, "matched-filter", template=Setup.of_scene(scene).laser.shape)
     assert abs(found - scene.target.distance - 0.15e-3) < 0.3e-3
     own = np.exp(-(((time - 2.0 * found / 299_792_458.0) / scene.beam.pulse_tau) ** 2))
     wave = compare_waveforms(time, source.voltage, own * source.voltage.max())

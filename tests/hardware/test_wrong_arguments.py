@@ -15,8 +15,7 @@ from aerokernels.hardware.preamble import ScopeCurve
 from aerokernels.hardware.recorder import Recorder
 from aerokernels.hardware.simulator import PseudoTerminal
 from aerokernels.hardware.store import EchoStore
-from aerokernels.jobs.comparison import compare_recording
-from aerokernels.jobs.comparison_options import CompareOptions
+from aerokernels.jobs.comparison import CompareOptions, compare_recording
 from aerokernels.jobs.recorded import recorded_labels
 
 FRAME = {

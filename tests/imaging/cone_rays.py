@@ -7,7 +7,7 @@ is conserved.
 
 import numpy as np
 
-from aerokernels.flow.conical_profile import ConeShock
+from aerokernels.flow.taylor_maccoll import ConeShock
 from aerokernels.rays import RayBundle
 
 # Difference of the polar angle [rad] for the slope of the density ratio.

@@ -73,7 +73,7 @@ def test_a_pixel_sees_the_mean_of_a_fine_pattern(finer: float):
 
     The mean by areas of overlap along either axis; beyond its border the pattern goes on as there.
     """
-    from aerokernels.imaging.dots import Background
+    from aerokernels.imaging.bos import Background
 
     squares = np.random.default_rng(5).integers(0, 2, (60, 70)).astype(float)
     camera = Camera(Disc(1e-3), focal_length=0.05, pixel=1e-5, pixel_count=(10, 12), distance=1.0)
@@ -92,7 +92,7 @@ def test_a_pixel_sees_the_mean_of_a_fine_pattern(finer: float):
 
 def test_hard_edges_do_not_overshoot():
     """A checkerboard of the camera's own pixels, displaced by parts of them, stays within black and white."""
-    from aerokernels.imaging.dots import Background
+    from aerokernels.imaging.bos import Background
 
     board = np.indices((20, 20)).sum(axis=0) % 2.0
     camera = Camera(Disc(1e-3), focal_length=0.05, pixel=1e-5, pixel_count=20, distance=1.0)

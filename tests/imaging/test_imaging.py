@@ -20,7 +20,7 @@ from aerokernels import (
     image_through,
     wavefront,
 )
-from aerokernels.benchmark.cone import CONE_HALF, cone_field, cone_truth
+from aerokernels.benchmark.scenes import CONE_HALF, cone_field, cone_truth
 from aerokernels.rays import RayBundle
 from aerokernels.schlieren import read_picture
 from tests.imaging.cone_rays import rays_past_cone
@@ -170,7 +170,7 @@ def test_a_few_pixels_that_look_through_a_cut_are_warned_of():
 
 
 def test_a_cone_displaces_as_its_exact_rays_say():
-    """The conical layer of aerokernels/benchmark/cone.py; a point camera; exact rays by DOP853; 0.01 pixel."""
+    """The conical layer of aerokernels/benchmark/scenes.py; a point camera; exact rays by DOP853; 0.01 pixel."""
     camera = Camera(Disc(1e-4, center=(0.0, 0.0, -0.2)), 0.05, 8e-6, (12, 12), distance=1.0)
     found = background_displacement(cone_field(), camera, aperture_rays=1, tolerance=1e-4)
     x, y = (axis.ravel() for axis in np.meshgrid(*camera.tangents((12, 12))))

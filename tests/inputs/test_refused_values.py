@@ -15,26 +15,15 @@ from aerokernels import (
     RayBundle,
     SolidBody,
     Wavefront,
-    point_spread_function,
     strehl,
-    strehl_marechal,
 )
-from aerokernels.echo.pulses import as_pulse
-from aerokernels.echo.range_error import summarise_ranges
-from aerokernels.echo.ranging import _checked_samples
-from aerokernels.echo.waveform import sum_of_pulses
 from aerokernels.flow import open_series
-from aerokernels.flow.gas import check_density, isentropic, tunnel_conditions
-from aerokernels.flow.refractivity import index_contrast
-from aerokernels.flow.sampled_density import GridDensity, VertexDensity
-from aerokernels.flow.series import GridMesh, InOrder, times_of
-from aerokernels.inputs.checks import as_finite_array, as_waveform
-from aerokernels.medium.bodies.section import outlines
+from aerokernels.flow.gas import isentropic, tunnel_conditions
+from aerokernels.flow.sampled_density import GridDensity
+from aerokernels.inputs.checks import as_waveform
 from aerokernels.schlieren.bench import Bench
 from aerokernels.schlieren.picture import Picture
-from aerokernels.series.spectra import sample_rate, welch
 from aerokernels.series.time_statistics import statistics
-from aerokernels.series.uncertainty import mean_of, trend_of
 
 SQUARE = QuadMesh.structured(*np.meshgrid([0.0, 1.0], [0.0, 1.0], indexing="ij"), "planar")
 CUBE = np.stack(np.meshgrid([0.0, 1.0], [0.0, 1.0], [0.0, 1.0], indexing="ij"), axis=-1).reshape(-1, 3)
@@ -79,12 +68,7 @@ def samples(contrast, **changes):
         (lambda: isentropic(-1.0), r"mach must be zero or positive, got -1\.0"),
         (lambda: tunnel_conditions(3.0, 0.63, 288.0), "0.63 Pa is too low for a tunnel: give pascals, 630e3 for"),
         (lambda: tunnel_conditions(3.0, 630e3, 15.0), "15 K is too low for a gas: give kelvins, 288 for 15 degC"),
-        (lambda: check_density(1225.0, "density"), "1225 kg/m3 is too great for a gas"),
-        (lambda: index_contrast(1.0, 1.2, 0.225), "0.225 m3/kg is outside the range of gases"),
-        (lambda: VertexDensity(SQUARE, np.ones(3), 1.2), r"density has shape \(3,\), the mesh 4 vertices"),
-        (lambda: grid(geometry="flat"), "geometry 'flat' is not known: choose one of"),
         (lambda: grid((3, 3, 3)), r"a planar field cannot have densities of shape \(3, 3, 3\)"),
-        (lambda: grid((0, 3)), "node|least|empty|axis"),
         (lambda: grid(density=np.full((3, 3), 5000.0)), "9 of 9 densities on the grid are too great for a gas"),
         (lambda: grid(density=-np.ones((3, 3))), "9 of 9 densities on the grid are not positive"),
         (lambda: grid(body=Body(PLANAR.profile, "axisymmetric")), "the body is axisymmetric, the field planar"),
@@ -96,22 +80,10 @@ def samples(contrast, **changes):
         (lambda: SolidBody.of_revolution(PLANAR), "needs an axisymmetric profile"),
         (lambda: samples(np.zeros((3, 3))).resample([0.1, 0.1, 0.1]), "spacing must be one number or 2"),
         (lambda: as_waveform(np.arange(9.0), np.ones(9)), "give seconds, 1e-9 for 1 ns"),
-        (lambda: sum_of_pulses(np.arange(3.0), [0.0, 1.0], [1.0], 1.0), "must be lists of one length"),
-        (lambda: _checked_samples([1.0, 2.0]), r"at least four samples, got shape \(2,\)"),
-        (lambda: summarise_ranges([1.5], 9, 1.5, 0.0, 0.95), "8 of 9 trials gave no range"),
         (lambda: Bench(0.001, -1.0), "focal_length = -1.0: give a positive length"),
         (lambda: Bench(1.0, 1.0), "a source of 1 rad is too large"),
         (lambda: Bench(0.001, 1.0, "star"), "source 'star' is not known"),
         (lambda: Bench(0.001, 1.0, focus=math.nan), "focus = nan: give the plane in focus"),
-        (lambda: GridMesh("flat", np.zeros(2), np.ones(2), (3, 3)), "geometry 'flat' is not known"),
-        (lambda: GridMesh("planar", np.zeros(2), np.ones(2), (3, 3, 3)), "has arrays of 2 axes"),
-        (lambda: GridMesh("planar", np.zeros(3), np.ones(2), (3, 3)), r"one entry per array axis \(2\), got 3 and 2"),
-        (lambda: GridMesh("planar", np.zeros(2), -np.ones(2), (3, 3)), "spacing must be positive and finite"),
-        (lambda: times_of([0.0], 1.0, 0.0, 1), "give either time, one for each snapshot, or time_step"),
-        (lambda: times_of([0.0], None, 0.0, 2), "1 times for 2 snapshots: give one for each"),
-        (lambda: times_of(None, None, 0.0, 2), "a series needs times"),
-        (lambda: times_of(None, -1.0, 0.0, 2), r"time_step must be positive and finite \[s\], got -1\.0"),
-        (lambda: times_of(None, 1.0, 0.0, None), "an iterator does not say how many snapshots it has"),
         (lambda: open_series([], time=[]), "the series is empty"),
         (lambda: open_series([np.ones((3, 3))], time=[0.0]), "arrays need to know where they lie"),
         (lambda: open_series([np.ones((3, 3))], time=[math.inf], geometry="planar", origin=(0, 0), spacing=(1, 1),
@@ -119,21 +91,15 @@ def samples(contrast, **changes):
         (lambda: open_series([np.ones((3, 3))], time=[0.0], geometry="planar", origin=(0, 0), spacing=(1, 1)),
          "arrays need an ambient_density"),
         (lambda: open_series([np.ones((3, 3))], time=[0.0], species=True), "taken for arrays, which take no species"),
-        (lambda: sample_rate(np.arange(3.0)), "spectra need at least"),
-        (lambda: sample_rate(np.arange(99.0) ** 2), "spectra need even times"),
-        (lambda: welch(np.ones(99), 1.0, 1000), "a segment of 1000 samples"),
         (lambda: statistics(xarray.Dataset()), r"no opd over \(time, y, x\)"),
         (lambda: samples(np.full((4, 4), 7e-5, dtype=np.float16)), "contrast is float16, whose least digit is 6e-8"),
         (lambda: strehl(HALF, 905e-9), "opd is float16, which has three digits at most: give float32"),
-        (lambda: strehl_marechal(HALF, 905e-9), "opd is float16"),
         (lambda: strehl(OnlyDlpack(HALF), 905e-9), "opd is float16"),
-        (lambda: point_spread_function(HALF, np.ones((9, 9)), 1e-3, 905e-9), "opd is float16"),
         (lambda: Wavefront(HALF, np.ones((9, 9)), 1e-3, 905e-9), "opd is float16"),
         (lambda: Wavefront.from_samples(np.ones((99, 2)), HALF, Disc(1.0), 905e-9), "opd is float16"),
         (lambda: RayBundle(np.zeros((3, 3), np.float16), [0.0, 0.0, 1.0]), "position is float16"),
         (lambda: RayBundle(np.zeros((3, 3)), np.ones((3, 3), np.float16)), "direction is float16"),
         (lambda: grid(density=np.ones((3, 3), np.float16)), "density is float16"),
-        (lambda: strehl(list(HALF.ravel()), 905e-9), "an entry of opd is float16"),
         (lambda: RayBundle([*np.zeros((3, 3), np.float16)], [0.0, 0.0, 1.0]), "an entry of position is float16"),
         (lambda: Disc(1.0, center=(np.float16(0.1), 0.0, 0.0)), "an entry of center is float16"),
         (lambda: RayBundle([[0.0, 0.0, 0.0], np.ma.array([0.0, 9.0, 0.0], mask=[0, 1, 0])], [0.0, 0.0, 1.0]),
@@ -151,8 +117,6 @@ def test_values(made, told):
         (lambda: samples(np.array([["a", "b"], ["c", "d"]])), "contrast must be an array of real numbers"),
         (lambda: Wavefront.from_samples(np.ones((9, 2)), np.ones(9) * 1j, Disc(1.0), 905e-9), "which is complex"),
         (lambda: strehl(OnlyDlpack(np.ones(9), ON_A_GPU), 905e-9), "opd is a OnlyDlpack that NumPy cannot read: copy"),
-        (lambda: as_finite_array(["a"], "time"), "time must hold real numbers"),
-        (lambda: as_pulse(Bench), "got the class Bench"),
         (lambda: Bench(0.001, 1.0, sensor=3), "sensor must be a Sensor, got int"),
         (lambda: open_series(3), "a series is opened from a path"),
         (lambda: open_series([np.ones(4)], time=[0.0], mesh=3), "mesh must be a QuadMesh, got int"),
@@ -167,17 +131,6 @@ def test_kinds(made, told):
 def test_arrays_with_dlpack_alone_are_read():
     step = 0.2e-6 * (np.arange(100) < 30)
     assert strehl(OnlyDlpack(step), wavelength=905e-9, weights=OnlyDlpack(np.ones(100))) == strehl(step, 905e-9)
-
-
-def test_the_items_of_an_iterator_come_once_and_in_order():
-    items = InOrder(iter("abcd"))
-    assert items.first() == items.first() == "a" and items(0) == "a" and items(2) == "c"
-    for call in (lambda: items(1), items.first):
-        with pytest.raises(ValueError, match="was read before"):
-            call()
-    assert items(3) == "d"
-    with pytest.raises(ValueError, match="the iterator ended before snapshot 4"):
-        items(4)
 
 
 def test_the_snapshots_of_a_series_are_asked_for_by_whole_numbers():
@@ -195,35 +148,10 @@ def test_the_snapshots_of_a_series_are_asked_for_by_whole_numbers():
         series[1]
 
 
-@pytest.mark.parametrize("index", [1.0003, 1.33, 1.5168, 2.4, 4.0])
-def test_an_index_that_is_given_as_a_contrast_is_warned_of(index):
-    """Of air, water, glass, diamond and germanium."""
-    with pytest.warns(UserWarning, match="it is n - ambient_index, not n itself"):
-        samples(np.full((3, 3), index))
-
-
-def test_nothing_is_cut_where_nothing_is_above():
-    assert outlines(CUBE - [2.0, 0.0, 0.0], np.array([[0, 1, 2], [1, 2, 3]])) == []
-
-
-def test_statistics_of_few_numbers_say_that_they_are_not_known():
-    none, few = mean_of(np.array([])), mean_of(np.array([1.0, 3.0]))
-    assert math.isnan(none.value) and few.value == 2.0 and math.isnan(few.error)
-    assert math.isnan(trend_of(np.ones(99))) and mean_of(np.ones(99)).effective_count == 99.0  # a constant has no drift
-
-
 @pytest.mark.parametrize("picture", [np.ones(3), np.full((2, 2), np.nan)])
 def test_a_picture_is_a_plane_of_brightness(picture):
     with pytest.raises(ValueError, match="a picture must be a two-axis array of finite"):
         Picture(picture, np.arange(2.0), np.arange(2.0))
-
-
-def test_columns_of_pandas_in_different_orders_are_refused():
-    pandas = pytest.importorskip("pandas")
-    table = pandas.DataFrame({"opd": [0.0, 1e-7, 3e-7], "weight": [1.0, 2.0, 3.0]}, index=[7, 8, 9])
-    assert strehl(table.opd, 1e-6, table.weight) == strehl(table.opd.to_numpy(), 1e-6, table.weight.to_numpy())
-    with pytest.raises(ValueError, match="opd and weights have the same labels in different orders"):
-        strehl(table.opd, 1e-6, table.weight[::-1])
 
 
 @pytest.mark.parametrize("given", [b"a.nc", 3, "a\0.nc"])

@@ -39,7 +39,7 @@ def small_field() -> IndexField:
         (lambda: compare_waveforms(SAMPLES, PULSE, PULSE), "give seconds, 1e-9 for 1 ns"),
         (lambda: vacuum_echo(Scene.load("wind-tunnel-static", {"receiver.diameter": 12})), "12e-3 for 12 mm"),
         (lambda: schlieren(small_field(), extent=(0.0, 16.0, -8.0, 8.0), pixel_count=8), "give metres, or more pixels"),
-        (lambda: flow.uniform_air().index_field(gladstone_dale=0.225), r"air has 2\.25e-4 m3/kg, .* 0\.225 cm3/g"),
+        (lambda: flow.uniform_air().index_field(constant=0.225), r"air has 2\.25e-4 m3/kg, .* 0\.225 cm3/g"),
         (lambda: flow.uniform_air(1225.0), "too great for a gas .*1.225 for 1225 g/m3"),
         (lambda: flow.shipped("mach3").scaled(1225.0), "1.225 for 1225 g/m3"),
         (lambda: flow.cone(2.0, 0.2, density=1225.0), "1.225 for 1225 g/m3"),

@@ -26,6 +26,8 @@ def dataset() -> xarray.Dataset:
     def unit(dims, values, units):
         return dims, values, {"units": units, "long_name": units}
 
+    with_rms = unit(("pupil_y", "pupil_x"), opd, "m")
+    with_rms[2].update(rms_m=float(np.sqrt(np.nanmean(opd**2))), rms_error_m=1e-10)
     return xarray.Dataset(
         {
             "density": unit(("cell_i", "cell_j"), density, "kg/m3"),
@@ -35,8 +37,9 @@ def dataset() -> xarray.Dataset:
             "body_z": unit("body_vertex", np.array([0.0, -0.008, -0.03, -0.03]), "m"),
             "ray_position": unit(("ray", "plane", "axis"), position, "m"),
             "ray_deviation": unit(("ray", "plane"), deviation, "m"),
-            "opd": unit(("pupil_y", "pupil_x"), opd, "m"),
-            "opd_without_tilt": unit(("pupil_y", "pupil_x"), opd, "m"),
+            "opd": with_rms,
+            "opd_without_tilt": with_rms,
+            "opd_without_focus": with_rms,
             "point_spread": unit(("angle_y", "angle_x"), 0.9 * spread, "1"),
             "point_spread_perfect": unit(("angle_y", "angle_x"), spread, "1"),
             "echo_power": unit("time", 2e-6 * pulse, "W"),
@@ -52,6 +55,7 @@ def dataset() -> xarray.Dataset:
         },
         attrs={
             "geometry": "axisymmetric",
+            "pupil_axes": ["x", "y"],
             "strehl": 0.9,
             "threshold_v": 0.05,
             "range_m": 1.4990,

@@ -1,6 +1,5 @@
 """Recorded echoes against runs: files with known echoes, whose peaks, lags and ranges are exact."""
 
-import csv
 import json
 import math
 from pathlib import Path
@@ -9,16 +8,12 @@ import numpy as np
 import pytest
 import xarray
 
-from aerokernels.hardware.frames import EchoFrame
-from aerokernels.hardware.store import EchoStore
-from aerokernels.jobs.alignment import measured_offset
-from aerokernels.jobs.averages import average
 from aerokernels.jobs.comparison import CompareOptions, compare_recording
-from aerokernels.jobs.comparison_report import error_table, peak_table, range_table, write_comparison
-from aerokernels.jobs.recorded import RecordedEcho, random_subset
-from aerokernels.jobs.run_folder import match_runs, read_run
+from aerokernels.jobs.comparison_report import error_table, peak_table, write_comparison
+from aerokernels.jobs.recorded import RecordedEcho
+from aerokernels.jobs.run_folder import read_run
 
-from .echoes_on_file import ARRIVAL, DISTANCE, LABELS, PEAKS, TAU, TIME, C, noisy, pulse, write_rows, write_store
+from .echoes_on_file import ARRIVAL, DISTANCE, LABELS, PEAKS, TAU, TIME, C, noisy, pulse, write_store
 
 
 def make_run(folder: Path, mach: float, peak: float) -> Path:
@@ -44,38 +39,6 @@ def make_run(folder: Path, mach: float, peak: float) -> Path:
 @pytest.fixture
 def runs(tmp_path: Path):
     return [read_run(str(make_run(tmp_path / f"run{mach}", mach, peak))) for mach, peak in PEAKS.items()]
-
-
-def test_a_run_without_a_range_leaves_the_spread(tmp_path: Path):
-    """Set-up: a run whose summary has null for the leading edge, as where its echo misses its own threshold.
-
-    Expected: no systematic error by that method and the random one all the same; the other methods as ever.
-    """
-    folder = make_run(tmp_path / "run", 3, PEAKS[3])
-    summary = json.loads((folder / "summary.json").read_text())
-    summary["ranges_m"]["leading-edge"] = None
-    summary |= {
-        "range_m": None,
-        "failures": {"range": "below the threshold"},
-        "errors": {"ranges_m": {"centroid": 1e-4}},
-    }
-    (folder / "summary.json").write_text(json.dumps(summary))
-    echoes = [echo for echo in noisy(40, 0.01) if echo.label == LABELS[3]]
-    found = compare_recording(write_store(tmp_path / "e.sqlite", echoes), [read_run(str(folder))])
-    ranges = found.labels[0].ranges
-    assert math.isnan(ranges["leading-edge"].systematic_error_m) and math.isnan(
-        ranges["leading-edge"].simulated_error_m
-    )
-    assert ranges["leading-edge"].random_error_m > 0.0 and ranges["leading-edge"].ranged_count == 40
-    assert abs(ranges["centroid"].systematic_error_m) < 5.0 * ranges["centroid"].systematic_standard_error_m
-    rows = {row[1]: row for row in range_table(found)[2]}
-    assert rows["leading-edge"][2].startswith("none") and " +- " in rows["leading-edge"][3]
-    assert rows["centroid"][4].endswith("+- 0.10") and rows["leading-edge"][4] == "none"
-    write_comparison(found, tmp_path / "out")
-    assert (
-        json.loads((tmp_path / "out" / "summary.json").read_text())["labels"][0]["leading_edge_systematic_error_m"]
-        is None
-    )
 
 
 def test_noise_free_echoes_are_exact(tmp_path: Path, runs):
@@ -120,14 +83,6 @@ def test_the_error_of_a_single_echo_is_not_known(tmp_path: Path, runs):
     write_comparison(found, tmp_path / "out")
     row = json.loads((tmp_path / "out" / "summary.json").read_text())["labels"][0]
     assert row["recorded_peak_standard_error_v"] is None and row["single_peak_spread_v"] is None
-
-
-def test_a_sample_that_one_echo_alone_has_gets_no_error(tmp_path: Path):
-    """Two echoes of 1 V and 1.1 V, the second 1 ns late: their mean is known better than one where both are."""
-    late = TIME + 10 * (TIME[1] - TIME[0])
-    found = average([RecordedEcho((), TIME, pulse(TIME, 1.0)), RecordedEcho((), late, pulse(late, 1.1))])
-    assert np.isnan(found.spread[:10]).all() and np.isnan(found.standard_error[:10]).all()
-    np.testing.assert_allclose(found.standard_error[10:], found.spread[10:] / math.sqrt(2.0))
 
 
 def test_a_run_with_noise_is_warned_of(tmp_path: Path):
@@ -186,84 +141,6 @@ def test_a_trigger_offset_is_taken_off_only_where_it_is_asked_for(tmp_path: Path
     assert each.trigger_offset == pytest.approx(7.4e-9, abs=3e-12) and abs(each.waveform.lag) < 3e-12
 
 
-def test_records_that_do_not_meet(tmp_path: Path, runs):
-    """A recorder whose zero lies 1 us off: refused with both times, and found by aligning."""
-    shifted = [RecordedEcho(echo.label, TIME + 1e-6, echo.voltage) for echo in noisy(1, 0.0)]
-    assert measured_offset(average(shifted[:1]), runs[0]) == pytest.approx(1e-6, abs=3e-12)
-    path = tmp_path / "columns.csv"
-    path.write_text(
-        "time_s,mach=0\n" + "\n".join(f"{t + 1e-6},{v}" for t, v in zip(TIME, shifted[0].voltage, strict=True))
-    )
-    with pytest.raises(ValueError, match=r"columns.csv, label mach=0: the simulated echo peaks at 20.014 ns"):
-        compare_recording(path, runs)
-    found = compare_recording(path, runs, CompareOptions(align="each"))
-    assert found.labels[0].waveform.correlation > 0.9999
-    coarse = ARRIVAL + (np.arange(-8, 8) + 0.5) * 3.0 * TAU  # the peak lies midway between two samples of a tenth of it
-    path.write_text("time_s,mach=0\n" + "\n".join(f"{t},{v}" for t, v in zip(coarse, pulse(coarse), strict=True)))
-    with pytest.raises(ValueError, match=r"in steps of \d+\.\d+ ns, too wide for its pulse"):
-        compare_recording(path, runs)
-
-
-def test_echoes_on_other_times_are_drawn_on_the_first(tmp_path: Path):
-    """Sampled 0.1 ns later with another period: the cubic spline follows to (period / tau)^4 / 384 * 12."""
-    other = TIME[3:-9] * 0.97 + 0.1e-9
-    found = average([RecordedEcho((), TIME, pulse(TIME)), RecordedEcho((), other, pulse(other))])
-    assert found.resampled_count == 1 and found.count == 2
-    np.testing.assert_allclose(found.mean, pulse(TIME), atol=1e-4)
-    with pytest.raises(ValueError, match="different labels"):
-        average([RecordedEcho((), TIME, pulse(TIME)), RecordedEcho((), TIME + 1e-3, pulse(TIME))])
-
-
-def test_one_run_and_no_folder(tmp_path: Path, runs, command_line):
-    """The tables on the terminal for the label that the run fits; the other label is named, and nothing is written."""
-    write_rows(tmp_path / "e.csv", noisy(3, 0.02))
-    before = sorted(tmp_path.iterdir())
-    done = command_line("compare", "e.csv", runs[1].path, "--align", "each")
-    assert done.returncode == 0, done.stderr
-    rows = [line.split("\t") for line in done.stdout.splitlines() if line.startswith("mach=3")]
-    assert len(rows) == 3 + 4 and float(rows[2][1]) > 0.999
-    assert "labels without a run: mach=0" in done.stdout
-    assert sorted(tmp_path.iterdir()) == before
-
-
-def test_every_echo_has_the_same_chance_of_being_ranged():
-    """100 out of 1000, 20 times: the mean index is 499.5 within 5 standard errors of 289 / sqrt(2000)."""
-    echoes = [RecordedEcho((("k", str(k)),), TIME, TIME) for k in range(1000)]
-    index = [int(echo.label[0][1]) for seed in range(20) for echo in random_subset(iter(echoes), 100, seed)]
-    assert abs(np.mean(index) - 499.5) < 5.0 * 289.0 / math.sqrt(2000)
-    assert len(random_subset(iter(echoes[:7]), 100)) == 7
-
-
-def test_labels_find_their_runs(tmp_path: Path, runs):
-    static, moving = runs
-    named = read_run(f"who=anna={moving.path}")
-    three, also_three, anna, none = (("mach", "3"),), (("day", "2"), ("mach", "3.0")), (("who", "anna"),), ()
-    assert match_runs([three, also_three, anna], runs) == {three: moving, also_three: moving}
-    assert match_runs([three, anna], [static, named]) == {anna: named}
-    assert match_runs([none, anna], [moving]) == {none: moving, anna: moving}
-    with pytest.raises(ValueError, match="all fit"):
-        match_runs([three], [moving, moving])
-    with pytest.raises(ValueError, match=r"no run fits a label: .*mach=4.*mach=0"):
-        match_runs([(("mach", "4"),)], [static])
-
-
-def test_frames_without_a_waveform_are_passed_over_and_counted(tmp_path: Path, runs):
-    """A board's frames of no sample, of 15, and without a period, among good ones; and a label that has no others."""
-    path = tmp_path / "e.sqlite"
-    counts = np.rint(pulse(TIME) / 1e-4).astype(np.int16)
-    with EchoStore(path) as store:
-        for mach, shapes in (("0", ((0, 250), (200, 250), (15, 250), (200, 0), (200, 250))), ("3", ((1, 250),))):
-            store.begin_recording("test", "frames", {"mach": mach})
-            for number, (size, period) in enumerate(shapes):
-                store.add(EchoFrame(number, int(mach), period, 1e-4, 0.0, counts[:size]), 0)
-            store.commit()
-    found = compare_recording(path, runs[:1]).labels[0]
-    assert (found.recorded.count, found.unfit_count, found.row()["unfit_count"]) == (2, 3, 3)
-    assert found.waveform.recorded_peak == pytest.approx(found.waveform.simulated_peak, abs=1e-4)
-    with pytest.raises(ValueError, match=r"e\.sqlite, label mach=3: there are no echoes.*16 samples"):
-        compare_recording(path, runs)
-
-
 def test_bad_runs_are_refused_by_name(tmp_path: Path):
     with pytest.raises(ValueError, match="no such folder"):
         read_run(str(tmp_path / "absent"))
@@ -288,40 +165,6 @@ def test_bad_runs_are_refused_by_name(tmp_path: Path):
 def test_options_that_make_no_sense(options: dict):
     with pytest.raises(ValueError, match=next(iter(options))):
         CompareOptions(**options)
-
-
-def test_files_are_written_together_or_not_at_all(tmp_path: Path, runs, monkeypatch):
-    found = compare_recording(write_store(tmp_path / "e.sqlite", noisy(5, 0.02)), runs)
-    files = write_comparison(found, tmp_path / "out")
-    assert files == ["compare.csv", "compare.nc", "compare.png", "report.html", "summary.json"]
-    with (tmp_path / "out" / "compare.csv").open() as file:
-        rows = list(csv.DictReader(file))
-    assert [row["label"] for row in rows] == ["mach=0", "mach=3"]
-    assert float(rows[1]["peak_error"]) == pytest.approx(found.labels[1].waveform.peak_error)
-    assert float(rows[1]["matched_filter_random_error_m"]) > 0.0
-    with xarray.open_dataset(tmp_path / "out" / "compare.nc", engine="h5netcdf") as data:
-        assert data["mean"].dims == ("label", "sample")
-        assert all("units" in variable.attrs for variable in data.variables.values())
-    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
-    for words in ("Table 3", "Table 4", "Table 6", "Range errors", "mach=3", "data:image/png"):
-        assert words in page
-
-    def broken(*_):
-        raise OSError("disk full")
-
-    monkeypatch.setattr("aerokernels.jobs.comparison_report.write_summary", broken)
-    with pytest.raises(OSError, match="disk full"):
-        write_comparison(found, tmp_path / "two")
-    assert not (tmp_path / "two").exists() and not list(tmp_path.glob(".two*"))
-
-
-def test_coarse_samples_on_both_sides_of_the_peak_meet_it(tmp_path: Path, runs):
-    """Samples 1.3 tau apart, the peak halfway: none is above 0.65 of it, and yet it is in the record. r is exact."""
-    time = ARRIVAL + (np.arange(-10, 10) + 0.5) * 1.3 * TAU
-    rows = (f"{at},{float(pulse(at))}" for at in time.tolist())
-    (tmp_path / "coarse.csv").write_text("time_s,mach=0\n" + "\n".join(rows))
-    (found,) = compare_recording(tmp_path / "coarse.csv", runs[:1], CompareOptions()).labels
-    assert found.waveform.correlation == pytest.approx(1.0, abs=1e-6)
 
 
 def test_another_pulse_is_said_loudly(tmp_path: Path, runs, command_line):

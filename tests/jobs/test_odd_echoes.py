@@ -7,9 +7,7 @@ import pytest
 
 from aerokernels.hardware.frames import EchoFrame
 from aerokernels.hardware.store import EchoStore
-from aerokernels.jobs.averages import average
 from aerokernels.jobs.comparison import compare_recording
-from aerokernels.jobs.recorded import RecordedEcho
 from aerokernels.jobs.run_folder import read_run
 
 from .echoes_on_file import PERIOD, TIME, pulse
@@ -41,19 +39,6 @@ def test_an_echo_that_was_cut_short_does_not_decide_for_all(tmp_path: Path, leng
         if length == 16:
             assert (found.ranged_count, found.missed_count) == (30, 1), method
         assert abs(found.systematic_error_m - found.simulated_error_m) < 0.01, method
-
-
-def test_the_mean_has_the_times_that_most_echoes_have():
-    """One echo of another period, one of another start, three alike; then echoes that each start at another time."""
-    alike = [RecordedEcho((), TIME, pulse(TIME))] * 3
-    odd = [RecordedEcho((), time, pulse(time)) for time in (TIME * 0.9, TIME + 0.3 * PERIOD)]
-    found = average([*odd, *alike])
-    np.testing.assert_array_equal(found.time, TIME)
-    assert found.resampled_count == 2
-    jitter = [RecordedEcho((), TIME + late, pulse(TIME + late)) for late in PERIOD * np.array([0.1, 0.5, 0.7])]
-    np.testing.assert_array_equal(average([odd[0], *jitter]).time, jitter[0].time)
-    with pytest.raises(ValueError, match="no echoes"):
-        average([])
 
 
 def test_echoes_that_repeat_the_one_before_are_said(tmp_path: Path):

@@ -6,8 +6,6 @@ import numpy as np
 import pytest
 
 import aerokernels as ak
-from aerokernels.jobs.explain import explanation
-from aerokernels.jobs.series_job import scene_look
 from aerokernels.prepare import prepare_field
 from aerokernels.pupils import direction_of
 from aerokernels.scene import SceneError
@@ -40,17 +38,6 @@ def test_each_shape_is_made_where_it_is_asked_for(keys: dict, kind: str, area: f
     a, e = math.radians(30.0), math.radians(10.0)
     look = [math.sin(a) * math.cos(e), math.sin(e), math.cos(a) * math.cos(e)]
     assert made.normal == pytest.approx(look, abs=1e-15)
-
-
-def test_without_the_table_the_pupil_is_the_receivers_to_the_bit():
-    plain, own = scene(), scene().receiver.pupil
-    assert plain.view.center.tolist() == own.center.tolist() and plain.view.normal.tolist() == own.normal.tolist()
-    assert plain.view.reach == own.reach and not plain.has_own_pupil
-    ring = ak.Scene.load(
-        "wind-tunnel-mach3",
-        {"receiver.shape": "annulus", "receiver.inner_diameter": "5 mm", "pupil.azimuth": "5 deg"},
-    )
-    assert ring.view.inner_ratio == pytest.approx(5.0 / 12.0) and ring.has_own_pupil
 
 
 @pytest.mark.parametrize(
@@ -109,15 +96,6 @@ def test_a_run_looks_where_the_table_says():
     assert way / np.linalg.norm(way) == pytest.approx(direction_of(*angles), abs=1e-4)
     # Sobol points and a square grid.
     assert whole.strehl.opd_rms == pytest.approx(float(np.nanstd(whole.pupil.opd)), rel=0.03)
-
-
-def test_explain_names_the_pupil_and_a_series_looks_along_it():
-    turned = scene(shape="rectangle", width="6 mm", height="4 mm", elevation="12 deg")
-    told = dict(explanation(turned))["rays, Strehl ratio"]
-    assert "rectangle of 6 x 4 mm" in told and "elevation 12 deg" in told
-    assert scene_look(turned) == pytest.approx(direction_of(0.0, math.radians(12.0)), abs=1e-15)
-    aside = ak.Scene.load("wind-tunnel-mach3", {"pupil.elevation": "12 deg", "series.azimuth": "5 deg"})
-    assert scene_look(aside) == pytest.approx(direction_of(math.radians(5.0), math.radians(12.0)), abs=1e-15)
 
 
 def test_a_pupil_that_looks_back_keeps_the_flow_behind_it():

@@ -1,9 +1,7 @@
 """Sweeps that answer questions: small runs say what the page says, and the page holds what was written."""
 
-import re
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from aerokernels.jobs.store import to_json
@@ -11,7 +9,7 @@ from aerokernels.jobs.sweeps.case import Stages, make_cases
 from aerokernels.jobs.sweeps.dataset import sweep_dataset
 from aerokernels.jobs.sweeps.definition import checked_scenes, define
 from scripts import questions
-from scripts.questions import QUESTIONS, standard_density, with_error
+from scripts.questions import QUESTIONS, standard_density
 
 ROOT = Path(__file__).resolve().parents[2]
 SMALL = {"strehl.ray_count": 256, "receiver.ray_count": 16, "beam.ray_count": 16, "grid.spacing": "0.2 mm"}
@@ -56,40 +54,3 @@ def test_density_is_the_standard_atmospheres():
         assert abs(standard_density(height) / density - 1.0) < 1e-4
     with pytest.raises(ValueError, match="20 km"):
         standard_density(21e3)
-
-
-def test_errors_have_two_digits():
-    assert with_error(0.86764, 0.00051) == "0.86764 ± 0.00051"
-    assert with_error(0.2768, 0.0123, 1e3) == "277 ± 12"
-    assert "not known" in with_error(1.0, np.nan)
-
-
-@pytest.mark.parametrize("name", QUESTIONS)
-def test_the_page_holds_what_was_written(name: str):
-    text = (ROOT / "docs" / "questions.md").read_text(encoding="utf-8")
-    shown = text.partition(f"<!-- {name}:begin -->\n")[2].partition(f"<!-- {name}:end -->")[0]
-    assert shown == (ROOT / "docs" / "questions" / f"{name}.md").read_text(encoding="utf-8")
-    assert (ROOT / "docs" / "questions" / f"{name}.png").stat().st_size > 10_000
-    assert f"(questions/{name}.png)" in text
-
-
-def test_an_altitude_from_which_something_holds_is_that_of_all_that_follow():
-    """Also where it holds earlier by chance; the length where it does not hold at the end."""
-    for good, first in (("0011", 2), ("1011", 2), ("1111", 0), ("1110", 4), ("", 0)):
-        assert questions.first_lasting(np.array([one == "1" for one in good], dtype=bool)) == first, good
-
-
-def test_the_sentences_on_altitude_agree_with_their_table():
-    """Each sentence names the first altitude from which all rows of its Mach number have a ratio of 0.95 or more."""
-    text = (ROOT / "docs" / "questions" / "altitude.md").read_text(encoding="utf-8")
-    rows = [line.strip("|").split("|") for line in text.splitlines() if line.startswith("|")]
-    heading = [cell.strip() for cell in rows[0]]
-    found = re.findall(r"At (Mach \d) the Strehl.* at least 0\.95 from (\d+) km on, (\S+ ± \S+) there\.", text)
-    assert [flow for flow, _, _ in found] == ["Mach 2", "Mach 3", "Mach 4"]
-    for flow, height, words in found:
-        column = heading.index(f"Strehl ratio, {flow}")
-        ratios = {float(row[0]): row[column].strip() for row in rows[2:]}
-        high = [one for one in ratios if one >= float(height)]
-        assert min(float(ratios[one].split()[0]) for one in high) >= 0.95 and ratios[float(height)] == words
-        below = max(one for one in ratios if one < float(height))
-        assert float(ratios[below].split()[0]) < 0.95

@@ -65,17 +65,6 @@ def test_bad_recordings_are_refused_by_name(tmp_path: Path, name: str, content, 
     assert name in str(refused.value)
 
 
-def test_columns_of_samples_are_taken_by_their_numbers(tmp_path: Path):
-    """A table program that sorts columns by name puts voltage_10_v before voltage_2_v; others add columns."""
-    (echo,) = noisy(1, 0.02)[:1]
-    numbers = sorted(range(TIME.size), key=str)
-    head = ["voltage_offset_v", *(f"voltage_{k}_v" for k in numbers), "sample_period_s"]
-    cells = ["9", *(repr(float(echo.voltage[k])) for k in numbers), repr(PERIOD)]
-    (tmp_path / "e.csv").write_text(f"# sorted\n\n{','.join(head)}\n{','.join(cells)}\n")
-    (back,) = recorded_echoes(tmp_path / "e.csv")
-    np.testing.assert_array_equal(back.voltage, echo.voltage)
-
-
 @pytest.mark.parametrize(
     ("change", "match"),
     [
@@ -95,17 +84,6 @@ def test_samples_that_are_missing_do_not_move_the_others(tmp_path: Path, change,
         list(recorded_echoes(tmp_path / "e.csv"))
 
 
-@pytest.mark.parametrize(
-    ("head", "unit"), [("mach=3 [mV]", 1e-3), ("voltage_mv", 1e-3), ("uV", 1e-6), ("mach=3 V", 1.0), ("shot 7", 1.0)]
-)
-def test_a_unit_in_the_head_of_an_echo_is_heeded(tmp_path: Path, head: str, unit: float):
-    rows = (f"{at!r},{volt / unit!r}" for at, volt in zip(TIME.tolist(), pulse(TIME).tolist(), strict=True))
-    (tmp_path / "e.csv").write_text(f"time_s,{head}\n" + "\n".join(rows))
-    (echo,) = recorded_echoes(tmp_path / "e.csv")
-    assert echo.voltage == pytest.approx(pulse(TIME), rel=1e-12)
-    assert echo.label == (LABELS[3] if "mach" in head else ())
-
-
 @pytest.mark.parametrize("times", ["time", "sample_period"])
 def test_a_netcdf_file_may_have_its_samples_first(tmp_path: Path, times: str):
     """50 echoes of 200 samples over (sample, echo) are not 200 echoes of 50 samples."""
@@ -115,18 +93,6 @@ def test_a_netcdf_file_may_have_its_samples_first(tmp_path: Path, times: str):
     echoes = list(recorded_echoes(tmp_path / "e.nc"))
     np.testing.assert_array_equal([echo.voltage for echo in echoes], volts)
     assert all(echo.time == pytest.approx(TIME, abs=1e-20) for echo in echoes)
-
-
-@pytest.mark.parametrize(
-    ("dims", "match"), [(("echo", "sample"), r"shape \(500,\)"), (("sample", "echo"), "over other")]
-)
-def test_times_of_other_samples_are_refused(tmp_path: Path, dims: tuple, match: str):
-    volts = np.ones((20, TIME.size) if dims[0] == "echo" else (TIME.size, 20))
-    xarray.Dataset({"voltage": (dims, volts), "time": ("other", PERIOD * np.arange(500))}).to_netcdf(
-        tmp_path / "e.nc", engine="h5netcdf"
-    )
-    with pytest.raises(ValueError, match=match):
-        list(recorded_echoes(tmp_path / "e.nc"))
 
 
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # h5netcdf, of a file it half opened
@@ -147,27 +113,3 @@ def test_damaged_recordings_are_read_or_refused_by_name(tmp_path: Path, name: st
             assert str(path) in str(error)
             refused += 1
     assert refused > 10
-
-
-@pytest.mark.parametrize(("head", "unit"), [("time_ns", 1e-9), ("time [us]", 1e-6), ("Time (s)", 1.0), ("time", 1.0)])
-def test_a_unit_in_the_head_of_the_times_is_heeded(tmp_path: Path, head: str, unit: float):
-    path = tmp_path / "e.csv"
-    path.write_text(f"{head},mach=0\n" + "\n".join(f"{at / unit!r},1.0" for at in TIME.tolist()))
-    (echo,) = recorded_echoes(path)
-    assert echo.time == pytest.approx(TIME, rel=1e-12)
-    path.write_text(path.read_text().replace(head, "time_cubits"))
-    with pytest.raises(ValueError, match="time_cubits"):
-        list(recorded_echoes(path))
-
-
-def test_units_of_a_netcdf_file_are_heeded(tmp_path: Path):
-    path = tmp_path / "e.nc"
-    rows = xarray.Dataset({"voltage": ("time", 1e3 * pulse(TIME), {"units": "mV"})}, {"time": ("time", 1e9 * TIME)})
-    rows["time"].attrs["units"] = "ns"
-    rows.to_netcdf(path, engine="h5netcdf")
-    (echo,) = recorded_echoes(path)
-    assert echo.time == pytest.approx(TIME, abs=1e-18) and echo.voltage == pytest.approx(pulse(TIME), rel=1e-12)
-    rows["voltage"].attrs["units"] = "counts"
-    rows.to_netcdf(path, engine="h5netcdf")
-    with pytest.raises(ValueError, match=r"e\.nc: the units of `voltage`: '1 counts'"):
-        list(recorded_echoes(path))

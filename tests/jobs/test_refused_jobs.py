@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from aerokernels import Scene, Wavefront
-from aerokernels.commands._recording import parse_labels
-from aerokernels.commands._vary import parse_vary
+from aerokernels.commands._scene import parse_vary
+from aerokernels.commands.hardware import parse_labels
 from aerokernels.jobs.comparison import _reference
 from aerokernels.jobs.explain import explanation
-from aerokernels.jobs.flow_figure import flow_figure, save_flow_figure
 from aerokernels.jobs.pictures import PictureOptions
+from aerokernels.jobs.plots import flow_figure, save_flow_figure
 
 MACH3 = Scene.load("wind-tunnel-mach3")
 

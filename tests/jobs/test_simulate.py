@@ -1,16 +1,10 @@
 """The main job in Python: any way to name a scene, and a flow of one's own in place of the scene's."""
 
-import json
-import math
-
 import numpy as np
 import pytest
 
 import aerokernels as ak
 from aerokernels import flow
-from aerokernels.jobs.run import write_run
-
-from .small_scene import SMALL_SCENE
 
 CHANGES = {
     "strehl.ray_count": 160,
@@ -37,19 +31,6 @@ def numbers(result: ak.RunResult) -> dict:
     return {name: result.summary[name] for name in kept}
 
 
-def test_a_scene_may_be_named(expected: ak.RunResult, tmp_path):
-    place = tmp_path / "small.toml"
-    place.write_text(SMALL_SCENE, encoding="utf-8")
-    for given in (place, str(place)):
-        found = ak.simulate(given)
-        assert isinstance(found, ak.RunResult) and found.scene.name == "small"
-        assert found.strehl.value == pytest.approx(expected.strehl.value, abs=1e-12)
-    with pytest.raises(ValueError, match="did you mean wind-tunnel-mach3"):
-        ak.simulate("wind-tunnel-mach33")
-    with pytest.raises(TypeError, match="scene must be a Scene"):
-        ak.simulate(3)
-
-
 def test_a_density_field_takes_the_place_of_the_scenes(expected: ak.RunResult):
     """The Mach 3 flow given to a scene of Mach 2 is the scene of Mach 3; wavelength and relation are the scene's."""
     found = ak.simulate(scene("wind-tunnel-mach2"), field=flow.shipped("mach3"))
@@ -58,21 +39,6 @@ def test_a_density_field_takes_the_place_of_the_scenes(expected: ak.RunResult):
     # As it is: the scene's flow.density scales the scene's own flow only.
     dense = ak.simulate(scene(**{"flow.density": "sea-level"}), field=flow.shipped("mach3"))
     assert dense.strehl.value == expected.strehl.value
-
-
-def test_an_index_field_takes_the_place_of_the_scenes(expected: ak.RunResult, tmp_path):
-    """The very field that a scene's rays were traced through gives the scene's numbers again; it has no density."""
-    found = ak.simulate(scene("wind-tunnel-mach2"), field=expected.prepared.field)
-    for name in ("strehl", "opd_rms_m", "echo_peak_v", "range_m"):
-        assert found.summary[name] == expected.summary[name], name
-    assert math.isnan(found.summary["mach"]) and "index field" in found.summary["provenance"]
-    assert found.failures == expected.failures
-    # On the flow's mesh: it is resampled as the scene says.
-    on_mesh = ak.simulate(scene(), field=expected.prepared.mesh_field)
-    assert on_mesh.strehl.value == expected.strehl.value
-    write_run(found, tmp_path / "out")
-    assert json.loads((tmp_path / "out" / "summary.json").read_text())["mach"] is None
-    assert "density" not in found.to_xarray() and "density" in expected.to_xarray()
 
 
 def test_a_flow_without_a_mesh_is_run_too():
@@ -99,29 +65,3 @@ def test_what_is_no_field_or_another_wavelength_is_refused(expected: ak.RunResul
         ak.simulate(scene(), field=np.zeros((3, 3)))
     with pytest.raises(ValueError, match="wavelength"):
         ak.simulate(scene(**{"flow.wavelength": "532 nm"}), field=expected.prepared.field)
-
-
-def test_every_flow_is_a_density_field():
-    """What flow.* makes, of whatever kind, has what DensityField promises; and the common base makes the usual one."""
-    flows = [
-        flow.shipped("mach2"),
-        flow.uniform_air(),
-        flow.wedge(2.0, 0.1, spacing=2e-3),
-        flow.cone(3.0, 0.3),
-        flow.vortex(0.3, spacing=2e-3),
-    ]
-    for made in flows:
-        assert isinstance(made, ak.DensityField) and made.geometry in ("planar", "axisymmetric")
-        assert made.provenance and made.ambient_density > 0.0 and made.mach >= 0.0
-        low, high = made.box
-        assert (low < high).all()
-        far = np.array([[0.0, 10.0, 10.0]])
-        assert made.density_at(far) == pytest.approx(made.ambient_density)
-        assert made.scaled(2.0).ambient_density == 2.0
-        assert made.index_field(905e-9, "gladstone-dale", constant=2.2e-4).wavelength == 905e-9
-    y, z = np.meshgrid(np.linspace(0.0, 1.0, 5), np.linspace(0.0, 2.0, 7), indexing="ij")
-    made = ak.DensityField(ak.QuadMesh.structured(y, z), np.linspace(1.0, 2.0, 24), 1.5, provenance="a box")
-    assert type(made) is flow.CellDensity and isinstance(made, ak.DensityField)
-    # Cells in the mesh's order: 6 along z for each of 4 along y.
-    assert made.density_at([[9.0, 0.1, 0.1], [9.0, 0.9, 1.9], [0.0, 3.0, 0.0]]) == pytest.approx([1.0, 2.0, 1.5])
-    assert not isinstance(np.zeros(3), ak.DensityField) and not isinstance(made.index_field(), ak.DensityField)

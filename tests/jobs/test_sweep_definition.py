@@ -1,42 +1,16 @@
 """What a sweep is asked for: keys, values, combinations, samples, and what is refused."""
 
-import io
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from aerokernels.commands._vary import parse_vary, split_at_commas
-from aerokernels.jobs.sweeps.definition import checked_scenes, coordinates, define
+from aerokernels.commands._scene import parse_vary, split_at_commas
+from aerokernels.jobs.sweeps.definition import checked_scenes, content_hashes, coordinates, define
 from aerokernels.jobs.sweeps.records import Records, check_same
-from aerokernels.jobs.sweeps.sources import WHOLE, content_hashes
-from aerokernels.scene import Scene, SceneError
-from aerokernels.scene.changes import changed_scene, key_dimension, key_unit, key_value
+from aerokernels.scene import SceneError
 
 SCENE = "wind-tunnel-mach3"
-
-
-def test_a_key_knows_its_unit_and_reads_it():
-    assert (key_dimension("target.tilt"), key_unit("target.tilt")) == ("angle", "rad")
-    assert (key_dimension("detector.bandwidth"), key_unit("flow.density")) == ("frequency", "kg/m3")
-    assert key_dimension("flow.source") is None and key_dimension("target") is None and key_dimension("a.b.c") is None
-    assert key_unit("target.reflectivity") == "1"
-    assert key_value("flow.wavelength", "905 nm") == 905e-9
-    assert key_value("strehl.ray_count", "4096") == 4096
-    assert key_value("flow.density", "tunnel") == "tunnel"
-    assert key_value("strehl.remove", '["piston", "tilt"]') == ["piston", "tilt"]
-
-
-def test_a_scene_is_changed_as_its_file_would_be():
-    """A default that follows from another key follows from the changed one too."""
-    scene = Scene.load(SCENE, {"target.tilt": "3 deg"})
-    changed = changed_scene(scene, {"grid.route": "mesh", "target.distance": "2 m"})
-    assert (changed.grid.interpolation, changed.target.distance, changed.target.tilt) == (
-        "bilinear",
-        2.0,
-        scene.target.tilt,
-    )
-    assert changed_scene(scene, {}) == scene
 
 
 def test_values_are_split_at_commas_outside_brackets_and_spans_are_spaced():
@@ -55,14 +29,6 @@ def test_a_grid_holds_every_combination_the_last_key_fastest():
     assert definition.load(cases[5]).target.tilt == 0.3
     found = coordinates(definition, [])
     assert found["target.tilt"][2] == "rad" and list(found["flow.source"][1]) == ["mach2", "mach3"]
-
-
-def test_zip_takes_values_together():
-    definition = define(SCENE, {"target.tilt": [0.0, 0.1], "target.distance": ["1 m", "2 m"]}, together=True)
-    assert definition.cases() == [
-        {"target.tilt": 0.0, "target.distance": 1.0},
-        {"target.tilt": 0.1, "target.distance": 2.0},
-    ]
 
 
 def test_a_latin_hypercube_has_one_case_in_each_slice_of_each_key():
@@ -105,15 +71,6 @@ def test_a_latin_hypercube_has_one_case_in_each_slice_of_each_key():
 def test_what_makes_no_sweep_is_refused(arguments, words):
     with pytest.raises(ValueError, match=words):
         define(SCENE, **arguments)
-
-
-def test_the_wrong_kind_is_refused():
-    with pytest.raises(TypeError, match="list of values"):
-        define(SCENE, {"target.tilt": "0 deg"})
-    with pytest.raises(TypeError, match="map keys"):
-        define(SCENE, ["target.tilt"])  # type: ignore[arg-type]
-    with pytest.raises(TypeError, match="scene"):
-        define(3, {"target.tilt": [0.0]})  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
@@ -170,40 +127,6 @@ def test_a_file_that_has_changed_is_noticed(tmp_path):
         check_same(Path("x"), {**described, "content": first}, {**described, "content": content_hashes([str(file)])})
 
 
-@pytest.mark.parametrize("place", [0.0, 0.3, 0.5, 0.999])
-def test_a_large_file_that_has_changed_anywhere_is_noticed(tmp_path, place):
-    """Set-up: a thousandth of a file above the size that is hashed whole changes, both ends or not."""
-    file = tmp_path / "flow.vtu"
-    with file.open("wb") as data:
-        data.truncate(WHOLE + 1)
-    first = content_hashes([str(file)])
-    with file.open("r+b") as data:
-        data.seek(int(place * WHOLE))
-        data.write(b"1" * (WHOLE // 1000))
-    assert content_hashes([str(file)]) != first
-
-
-def test_the_files_beside_a_flow_are_noticed_too(tmp_path):
-    """A Plot3D grid's solution and an SU2 restart's mesh decide the flow as much as the file that is named first."""
-    source, solution, other = (tmp_path / name for name in ("grid.xyz", "flow.q", "other.q"))
-    for file in (source, solution, other):
-        file.write_bytes(b"one")
-    vary = {"target.tilt": [0.0], "flow.file.solution": [str(solution), str(other)]}
-    swept = define(SCENE, vary, settings={"flow.source": str(source), "flow.file.mesh": str(source)})
-    before = swept.described()
-    assert set(before["content"]) == {str(source), str(solution), str(other)}
-    other.write_bytes(b"two")
-    with pytest.raises(ValueError, match=r"other\.q has changed"):
-        check_same(Path("x"), before, swept.described())
-
-
-def test_a_scene_on_standard_input_is_read_once(monkeypatch):
-    """Every case loads the scene, and standard input can be read once only."""
-    monkeypatch.setattr("sys.stdin", io.TextIOWrapper(io.BytesIO(b'[flow]\nsource = "static"\n')))
-    scenes, faults = checked_scenes(define("-", {"target.tilt": [0.0, 0.1]}))
-    assert not faults and [scene.target.tilt for scene in scenes] == [0.0, 0.1]
-
-
 def test_half_a_line_is_dropped_and_no_case_is_kept_twice(tmp_path):
     """A kill in the middle of a write: the case counts as not done, and what comes next stands on a line of its own."""
     records = Records(tmp_path)
@@ -221,10 +144,3 @@ def test_half_a_line_is_dropped_and_no_case_is_kept_twice(tmp_path):
     assert path.read_bytes().count(b"\n") == 3
     again.forget_failed()
     assert sorted(Records(tmp_path).done) == [3, 7]
-
-
-def test_a_refused_value_of_a_sweep_is_shown_with_its_unit():
-    definition = define(SCENE, {"target.tilt": ["10 deg", "100 deg"], "target.distance": [2]})
-    with pytest.raises(SceneError, match=r"target.tilt = '1.745\d* rad' must be below 1.5706 rad \(89.99 deg\)$"):
-        definition.load(definition.cases()[1])
-    assert definition.load(definition.cases()[0]).target.tilt == np.deg2rad(10)

@@ -1,15 +1,14 @@
 """Sweeps whose machines fail: cases that are tried again, workers that do not start, GPUs that are hidden; refusals."""
 
-import ctypes
 import json
+from concurrent.futures import Executor, Future
 
 import numpy as np
 import pytest
 
 import aerokernels
 from aerokernels.jobs import store
-from aerokernels.jobs.sweeps import gpus, local, records
-from aerokernels.jobs.sweeps.case import Case
+from aerokernels.jobs.sweeps import records
 from aerokernels.jobs.sweeps.definition import define
 from aerokernels.jobs.sweeps.run import check_options
 
@@ -17,7 +16,7 @@ SMALL = {"strehl.ray_count": 64, "beam.ray_count": 16, "receiver.ray_count": 16,
 SCENE = aerokernels.Scene.load("wind-tunnel-static", SMALL)
 
 
-def test_cases_that_failed_are_tried_again_where_that_is_asked_for(tmp_path, monkeypatch):
+def test_cases_that_failed_are_tried_again_where_that_is_asked_for(tmp_path):
     """A machine that fails at first, and two cases that make no scene.
 
     Expected: a dataset although all cases failed; the machine's failure is kept until `retry_failed`, then its place is
@@ -25,14 +24,15 @@ def test_cases_that_failed_are_tried_again_where_that_is_asked_for(tmp_path, mon
     """
     given: list[int] = []
 
-    def fails(cases, environments):
-        given.extend(case.number for case in cases)
-        yield from ((case.number, {"error": "the machine was taken away"}) for case in cases)
+    class Machine(Executor):
+        def __init__(self, outcome):
+            self.outcome = outcome
 
-    def works(cases, environments):
-        given.extend(case.number for case in cases)
-        summary = {"range_m": 1.5, "errors": {"range_m": 0.01}}
-        yield from ((case.number, {"summary": summary}) for case in cases)
+        def submit(self, work, case):
+            given.append(case.number)
+            done = Future()
+            done.set_result(self.outcome)
+            return done
 
     out = tmp_path / "out"
 
@@ -42,48 +42,21 @@ def test_cases_that_failed_are_tried_again_where_that_is_asked_for(tmp_path, mon
         assert "grid.interpolation" in str(found.failures.values[0, 1]) and np.isnan(found.strehl.values[0, 1])
         return found
 
-    monkeypatch.setattr(local, "run_local", fails)
-    assert str(swept().failures.values[0, 0]) == "the machine was taken away" and given == [0, 3]
-    monkeypatch.setattr(local, "run_local", works)
-    assert swept().failed.all() and given == [0, 3]
+    fails = Machine({"error": "the machine was taken away"})
+    works = Machine({"summary": {"range_m": 1.5, "errors": {"range_m": 0.01}}})
+    assert str(swept(executor=fails).failures.values[0, 0]) == "the machine was taken away" and given == [0, 3]
+    assert swept(executor=works).failed.all() and given == [0, 3]
     for _ in range(2):
-        found = swept(retry_failed=True)
+        found = swept(executor=works, retry_failed=True)
         assert found.failed.values.tolist() == [[False, True], [True, False]] and given == [0, 3, 0, 3]
         assert found.range_m.values[[0, 1], [0, 1]].tolist() == [1.5, 1.5]
     assert len((out / records.CASES_FILE).read_text().splitlines()) == 4
 
 
-def test_workers_that_die_as_they_start():
-    with pytest.raises(RuntimeError, match="worker processes die as they start: exit status"):
-        list(local.run_local([Case(0, SCENE, "a", ())], [{"PYTHONHASHSEED": "none"}]))
-
-
-def test_gpus_that_this_process_may_use(monkeypatch):
-    """As the driver counts them, or as CUDA_VISIBLE_DEVICES names them; none without a driver."""
-
-    class Driver:
-        def cuInit(self, flags):
-            return 0
-
-        def cuDeviceGetCount(self, count):
-            count._obj.value = 2
-            return 0
-
-    def absent(name):
-        raise OSError(name)
-
-    monkeypatch.delenv(gpus.VISIBLE, raising=False)
-    monkeypatch.setattr(gpus, "cuda_driver_loads", lambda: True)
-    monkeypatch.setattr(ctypes, "CDLL", lambda name: Driver())
-    assert gpus.visible_gpus() == ["0", "1"]
-    monkeypatch.setattr(Driver, "cuInit", lambda self, flags: 100)
-    assert gpus.visible_gpus() == []
-    monkeypatch.setattr(ctypes, "CDLL", absent)
-    assert gpus.visible_gpus() == []
-    monkeypatch.setenv(gpus.VISIBLE, "3, -1,5")
-    assert gpus.visible_gpus() == ["3", "5"]
-    monkeypatch.setattr(gpus, "cuda_driver_loads", lambda: False)
-    assert gpus.visible_gpus() == []
+def test_workers_that_die_as_they_start(monkeypatch):
+    monkeypatch.setenv("PYTHONHASHSEED", "none")
+    with pytest.raises(RuntimeError, match="worker processes die as they start"):
+        aerokernels.sweep(SCENE, {"target.tilt": [0.0]})
 
 
 @pytest.mark.parametrize(
@@ -95,7 +68,7 @@ def test_gpus_that_this_process_may_use(monkeypatch):
         (lambda: define(SCENE, {"target.tilt": [{}]}), TypeError, "is not a number, text or list"),
         (lambda: define(SCENE, {"target.tilt": [""]}), ValueError, "an empty value"),
         (
-            lambda: aerokernels.sweep(SCENE, {}, executor=local, scheduler="tcp://x:1"),
+            lambda: aerokernels.sweep(SCENE, {}, executor=Executor(), scheduler="tcp://x:1"),
             ValueError,
             "leave scheduler out",
         ),
@@ -104,17 +77,6 @@ def test_gpus_that_this_process_may_use(monkeypatch):
 def test_options_that_do_not_go_together(call, fault, told):
     with pytest.raises(fault, match=told):
         call()
-
-
-def test_another_order_of_the_same_keys_is_another_sweep(tmp_path):
-    found = {"vary": {"a": [1], "b": [2]}, "scene": {}}
-    with pytest.raises(ValueError, match=r"the order of the keys that vary was .*a, b.* and is .*b, a"):
-        records.check_same(tmp_path, found, {"vary": {"b": [2], "a": [1]}, "scene": {}})
-    (tmp_path / records.DEFINITION_FILE).write_text("[]")
-    with pytest.raises(ValueError, match="is not that of a sweep"):
-        records.read_definition(tmp_path)
-    (tmp_path / records.CASES_FILE).write_text('[1]\n{"case": "one"}\n{"case": 1}\n{"case": 2, "error": "x"}\n')
-    assert list(records.Records(tmp_path).done) == [2]
 
 
 def test_folders_that_results_cannot_go_to(tmp_path, monkeypatch):

@@ -9,7 +9,7 @@ import pytest
 
 import aerokernels
 from aerokernels.commands._output import output
-from aerokernels.commands.sweep import _finish
+from aerokernels.commands.scene_jobs import _finish
 from aerokernels.jobs.sweeps.definition import define
 from aerokernels.jobs.sweeps.report import sweep_report
 
@@ -37,7 +37,7 @@ def test_numbers_that_no_key_changes_are_told_once(finished):
     same = page[page.index("The same in every case") : page.index("Pictures")]
     assert re.search("<th>Strehl ratio</th><td>1[., ]", same) and "boresight error" in same
     assert set(figures(page)) == {"echo_peak_v", "range_error_m"}
-    assert figures(page)["echo_peak_v"] == "echo peak [V] over target.distance and target.tilt"
+    assert figures(page)["echo_peak_v"] == "Echo peak voltage [V] over target.distance and target.tilt"
     cases = page[page.index("Cases, each number") : page.index("What failed")]
     assert "Strehl ratio" not in cases and cases.count("<tr>") == 7
 
@@ -65,11 +65,13 @@ def test_a_figure_is_over_the_keys_that_change_it(finished):
         return figures(sweep_report(wide, definition))
 
     assert page_of(9, lambda d, t: d) == {
-        "echo_peak_v": "echo peak [V] over target.distance; target.tilt does not change it"
+        "echo_peak_v": "Echo peak voltage [V] over target.distance; target.tilt does not change it"
     }
-    assert page_of(9, lambda d, t: d + t) == {"echo_peak_v": "echo peak [V] over target.distance and target.tilt"}
+    assert page_of(9, lambda d, t: d + t) == {
+        "echo_peak_v": "Echo peak voltage [V] over target.distance and target.tilt"
+    }
     assert page_of(3, lambda d, t: t) == {
-        "echo_peak_v": "echo peak [V] over target.tilt; target.distance does not change it"
+        "echo_peak_v": "Echo peak voltage [V] over target.tilt; target.distance does not change it"
     }
 
 

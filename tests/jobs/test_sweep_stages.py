@@ -1,17 +1,11 @@
 """What a process keeps from one case of a sweep to the next, and in which order cases come."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from aerokernels import simulate
-from aerokernels.flow import shipped
-from aerokernels.flow.shared_geometry import on_known_geometry
-from aerokernels.jobs.sweeps.case import Case, Stages, make_cases
-from aerokernels.jobs.sweeps.gpus import worker_environments
-from aerokernels.jobs.sweeps.local import Queue
-from aerokernels.medium import QuadMesh
+from aerokernels.jobs.sweeps.case import Stages, make_cases
+from aerokernels.jobs.sweeps.executors import worker_environments
 from aerokernels.scene import Scene
 
 SMALL = {
@@ -57,51 +51,13 @@ def test_another_wavelength_takes_the_flow_and_another_density_does_not():
     assert all(repr(alone[key]) == repr(shared[key]) for key in ("strehl", "opd_rms_m", "range_m", "errors"))
 
 
-def test_only_equal_meshes_and_bodies_stand_for_each_other():
-    one, same = shipped("mach3"), shipped("mach3").scaled(0.2)
-    assert not one.mesh.equals(shipped("mach2").mesh) and not one.mesh.equals(one.body)
-    shared = on_known_geometry(same, [shipped("mach2"), one])
-    assert shared.mesh is one.mesh and shared.body is one.body and (shared.density == same.density).all()
-    moved = replace(same, mesh=QuadMesh(same.mesh.vertices + 1e-12, same.mesh.cells, "axisymmetric", same.mesh.shape))
-    assert on_known_geometry(moved, [one]).mesh is moved.mesh
-
-
-def test_the_widest_view_of_a_group_is_among_those_sent():
-    """A wide receiver with a near target, one with a far target, and a small one: the last one's view is held."""
-    scenes = [
-        scene(receiver__diameter="12 mm", target__distance="1 m"),
-        scene(receiver__diameter="12 mm", target__distance="3 m"),
-        scene(receiver__diameter="5 mm", target__distance="1 m"),
-        scene(receiver__diameter="5 mm", target__distance="0.5 m"),
-    ]
-    cases = make_cases(scenes)
-    assert len({case.group for case in cases}) == 1
-    distances = [(one.receiver.diameter, one.target.distance) for one in cases[0].widest]
-    assert sorted(distances) == [(0.005, 0.5), (0.012, 1.0)]
-
-
-def test_a_queue_keeps_a_worker_to_its_group_and_spreads_the_workers():
-    def case(number: int, group: str) -> Case:
-        return Case(number, scene(), group, ())
-
-    queue = Queue([case(k, "ab"[k // 3]) for k in range(6)])
-    first, second = queue.take(None), queue.take(None)
-    assert first is not None and second is not None and {first.group, second.group} == {"a", "b"}
-    following = queue.take(first.group)
-    assert following is not None and following.group == first.group
-    queue.put_back(following)
-    rest = [queue.take("a") for _ in range(4)]
-    assert sorted(one.number for one in rest if one) == [1, 2, 4, 5] and not queue.waiting
-    assert queue.take("a") is None
-
-
 def test_each_worker_has_a_gpu_of_its_own(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr("aerokernels.jobs.sweeps.gpus.visible_gpus", lambda: ["0", "3"])
+    monkeypatch.setattr("aerokernels.jobs.sweeps.executors.visible_gpus", lambda: ["0", "3"])
     places = [one["CUDA_VISIBLE_DEVICES"] for one in worker_environments(None, 10, {None})]
     assert places == ["0", "3"]
     assert [one["CUDA_VISIBLE_DEVICES"] for one in worker_environments(4, 10, {None})] == ["0", "3", "0", "3"]
     assert all("CUDA_VISIBLE_DEVICES" not in one for one in worker_environments(2, 10, {"cpu"}))
     assert len(worker_environments(None, 1, {None})) == 1
-    monkeypatch.setattr("aerokernels.jobs.sweeps.gpus.visible_gpus", list)
+    monkeypatch.setattr("aerokernels.jobs.sweeps.executors.visible_gpus", list)
     assert 1 <= len(worker_environments(None, 100, {None})) <= 8
     assert np.prod([len(one) for one in worker_environments(1, 10, {None})]) == 0

@@ -10,7 +10,7 @@ import pytest
 from aerokernels.hardware.echo_source import EchoSource
 from aerokernels.jobs import plots, run
 from aerokernels.jobs.explain import explanation
-from aerokernels.jobs.report import draw_pictures, headline_rows, remark_rows
+from aerokernels.jobs.report import headline_rows, remark_rows
 from aerokernels.jobs.run import simulate, write_run
 from aerokernels.jobs.run_folder import read_run
 from aerokernels.jobs.store import read_result, to_json
@@ -68,18 +68,6 @@ def test_an_echo_that_cannot_be_ranged_is_a_result(changes, tmp_path: Path):
     )
 
 
-@pytest.mark.parametrize("interpolation", ["bilinear", "conserving"])
-def test_what_lines_lack_of_the_flows_averages_is_told(interpolation):
-    """Set-up: mach3, 20,000 cells. Expected: explain and the summary tell what the index field measures."""
-    scene = Scene.load("wind-tunnel-mach3", {**SMALL, "flow.interpolation": interpolation})
-    told = scene.density_field().index_field(905e-9, interpolation=interpolation).averages_lacking
-    assert told.in_words() in dict(explanation(scene))["averages"]
-    if interpolation == "bilinear":
-        summary = simulate(scene).summary["averages_lacking"]
-        assert summary["rows_max"] == pytest.approx(told.rows_max) and 1e-3 < told.rows_max < 1e-2
-        assert summary["row_path_m"] > 0.0 and summary["cells_max"] == pytest.approx(told.cells_max)
-
-
 def test_explain_predicts_how_much_the_flow_may_take():
     reported = dict(explanation(Scene.load("wind-tunnel-static", SMALL)))
     share = float(re.search(r"at least ([\d.]+) of the peak", reported["predicted, range"])[1])
@@ -92,7 +80,7 @@ def test_explain_predicts_how_much_the_flow_may_take():
     ("stage", "name", "keys", "figures"),
     [
         ("echo", "echo_through", ("echo_peak_w", "echo_peak_v", "range_m", "echo_strehl"), {"echo"}),
-        ("wavefront", "pupil_map", (), {"opd", "point-spread"}),
+        ("wavefront", "scene_wavefront", (), {"opd", "point-spread"}),
         ("rays", "ray_fan", (), {"rays"}),
     ],
 )
@@ -118,15 +106,6 @@ def test_a_stage_that_finds_nothing_leaves_the_rest(stage, name, keys, figures, 
             EchoSource.from_result(tmp_path / "out")
     else:
         assert summary["range_m"] == pytest.approx(1.5, abs=1e-3)
-
-
-def test_a_picture_that_cannot_be_drawn_costs_only_itself(dataset, monkeypatch):
-    def broken(data):
-        raise RuntimeError("no\n ink")
-
-    monkeypatch.setitem(plots.FIGURES, "opd", ("The wavefront.", broken))
-    drawn, undrawn = draw_pictures(dataset)
-    assert set(drawn) == set(plots.FIGURES) - {"opd"} and undrawn == {"picture opd": "RuntimeError: no ink"}
 
 
 def test_every_estimate_of_the_summary_has_its_error(tmp_path: Path):

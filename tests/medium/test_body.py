@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from aerokernels import Body, flow
-from aerokernels.medium.bodies.walls import _cuts
+from aerokernels.medium.bodies.body import _cuts
 
 
 def polygon(count: int = 720, radius: float = 1.0, center=(0.0, 0.0)) -> np.ndarray:

@@ -4,10 +4,6 @@ import numpy as np
 import pytest
 
 from aerokernels.medium import Body, SolidBody
-from aerokernels.medium.bodies.body import _nearest_feet, _squared_distances, _tiles
-from aerokernels.medium.bodies.crossings import as_lines, crossings
-from aerokernels.medium.bodies.triangle_crossings import _pass_box, axes_across, edge_side
-from aerokernels.medium.bodies.walls import _cuts, _split, bounding_walls
 
 RNG = np.random.default_rng(231)
 
@@ -59,44 +55,6 @@ def test_lines_cross_a_profile_where_they_go_in_and_out(geometry: str):
     np.testing.assert_allclose(body.crossings(position, -direction), turned, atol=1e-9)
 
 
-def test_lines_need_shapes_and_units():
-    """One point with many directions and the reverse; off unit length by more than 1e-9 is refused."""
-    position, direction = as_lines([1.0, 2.0, 3.0], np.eye(3))
-    assert position.shape == direction.shape == (3, 3) and position[2].tolist() == [1, 2, 3]
-    as_lines(np.zeros(3), [0.0, 0.0, 1.0 + 0.9e-9])
-    for bad in ([0.0, 0.0, 1.0 + 1.1e-9], [0.0, 0.0, 1.0 - 1.1e-9], [0.0, 1.0]):
-        with pytest.raises(ValueError, match="unit vectors"):
-            as_lines(np.zeros(3), bad)
-    none = crossings(STAR[:1], STAR[1:2], "planar", np.zeros((2, 3)), np.tile([0.0, -1.0, 0.0], (2, 1)))
-    assert none.shape == (2, 0)
-
-
-def test_distances_and_feet_of_segments():
-    """The least over a fine sampling of each segment; feet on them; tiles hold every point once, and near ones."""
-    start, end = RNG.normal(size=(2, 6, 2))
-    points = RNG.normal(size=(40, 2))
-    share = np.linspace(0.0, 1.0, 4001)
-    on = start[:, None] + share[:, None] * (end - start)[:, None]
-    brute = ((points[:, None, None] - on) ** 2).sum(axis=3)
-    found = _squared_distances(points, start, end)
-    np.testing.assert_allclose(found, brute.min(axis=2), atol=1e-5)
-    assert (found <= brute.min(axis=2) + 1e-12).all()
-    feet = _nearest_feet(points, start, end)
-    np.testing.assert_allclose(((points - feet) ** 2).sum(axis=1), found.min(axis=1), rtol=1e-9, atol=1e-15)
-    for row, foot in enumerate(feet):
-        k = found[row].argmin()
-        along = (foot - start[k]) @ (end[k] - start[k]) / ((end[k] - start[k]) @ (end[k] - start[k]))
-        assert -1e-12 <= along <= 1.0 + 1e-12
-        np.testing.assert_allclose(foot, start[k] + along * (end[k] - start[k]), atol=1e-12)
-    many = RNG.uniform(size=(5000, 2)) * [3.0, 1.0]
-    order, first = _tiles(many)
-    assert sorted(order) == list(range(5000)) and first[0] == 0 and (np.diff(first) > 0).all()
-    side = np.sqrt(3.0 * 512 / 5000)
-    for low, high in zip(first, [*first[1:], 5000], strict=True):
-        assert np.ptp(many[order[low:high]], axis=0).max() <= side * 1.01
-    assert 8 <= len(first) <= 30
-
-
 @pytest.mark.parametrize("geometry", ["planar", "axisymmetric"])
 def test_what_a_profile_holds(geometry: str):
     """By the winding angle about each point; distances with that sign; its box, walls and their left side."""
@@ -119,66 +77,7 @@ def test_what_a_profile_holds(geometry: str):
     assert Body(STAR[::-1], geometry).contains(points).tolist() == inside.tolist()
 
 
-def test_edges_cut_each_other():
-    """A cross of two edges, one that ends on another, and parallels: pieces between the points, in order."""
-    start = np.array([[0.0, 0.0], [2.0, -1.0], [3.0, 0.0], [0.0, 5.0]])
-    end = np.array([[4.0, 0.0], [2.0, 3.0], [3.0, 2.0], [4.0, 5.0]])
-    found = _cuts(start, end, start, end, 6.0)
-    np.testing.assert_allclose(found[0], [[2.0, 0.0], [3.0, 0.0]])
-    np.testing.assert_allclose(found[1], [[2.0, 0.0]])
-    assert len(found[2]) == len(found[3]) == 0
-    first, last = _split(start, end)
-    pieces = {(*a, *b) for a, b in zip(first.tolist(), last.tolist(), strict=True)}
-    assert pieces == {
-        (0, 0, 2, 0), (2, 0, 3, 0), (3, 0, 4, 0), (2, -1, 2, 0), (2, 0, 2, 3), (3, 0, 3, 2), (0, 5, 4, 5),
-    }  # fmt: skip
-    # A figure of eight: two triangles that touch in the crossing, each with its solid on the left.
-    eight = np.array([[0.0, 0.0], [2.0, 2.0], [2.0, 0.0], [0.0, 2.0]])
-    body = Body(eight, "planar")
-    one, two = bounding_walls(eight, body.contains)
-    assert len(one) == 6
-    left = np.stack([-(two - one)[:, 1], (two - one)[:, 0]], axis=1)
-    assert body.contains(0.5 * (one + two) + 1e-6 * left).all()
-    assert not body.contains(0.5 * (one + two) - 1e-6 * left).any()
-    assert np.sum(one[:, 0] * two[:, 1] - one[:, 1] * two[:, 0]) / 2.0 == pytest.approx(2.0)  # its area
-
-
 # --- triangles -------------------------------------------------------------------------------------------------------
-
-
-def test_frames_across_directions():
-    """Two unit vectors that complete each direction to a right-handed frame, also downward."""
-    _, direction = lines()
-    first, second = axes_across(3.0 * direction)
-    frame = np.stack([first, second, direction], axis=1)
-    np.testing.assert_allclose(frame @ frame.swapaxes(1, 2), np.tile(np.eye(3), (len(direction), 1, 1)), atol=1e-12)
-    np.testing.assert_allclose(np.linalg.det(frame), 1.0, rtol=1e-12)
-
-
-def test_sides_of_edges():
-    """The cross product of its ends; opposite for the edge the other way round, and never zero."""
-    x, y = RNG.normal(size=(2, 50, 3))
-    x[:5] = y[:5] = [[0, 0, 0], [1, 1, 1], [1, 2, 3], [-1, 0, 1], [2, 4, 6]]
-    for a, b in ((0, 1), (1, 2), (2, 0)):
-        side = edge_side(x, y, a, b)
-        np.testing.assert_allclose(side, x[:, a] * y[:, b] - y[:, a] * x[:, b], atol=1e-15)
-        assert (side != 0.0).all()
-        kept = (x[:, a] != x[:, b]) | (y[:, a] != y[:, b])
-        np.testing.assert_array_equal(edge_side(x, y, b, a)[kept], -side[kept])
-
-
-def test_lines_pass_boxes():
-    """Those of which a sample is inside do; those along an axis beside it do not."""
-    position, direction = lines(200)
-    low, high = np.array([-1.0, -0.5, 0.2]), np.array([0.7, 1.1, 1.5])
-    t = np.arange(-10.0, 10.0, 5e-3)
-    found = _pass_box(position, direction, low, high)
-    for row in range(200):
-        points = position[row] + t[:, None] * direction[row]
-        inside = ((points >= low) & (points <= high)).all(axis=1)
-        near = ((points >= low - 0.01) & (points <= high + 0.01)).all(axis=1)
-        assert found[row] >= inside.any() and found[row] <= near.any()
-    assert 10 < found.sum() < 190
 
 
 def tetrahedra() -> SolidBody:

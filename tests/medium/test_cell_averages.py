@@ -6,8 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from aerokernels.medium import IndexField
-from aerokernels.medium.averages.cell_averages import node_values
-from aerokernels.medium.spline import coefficients, weights
+from aerokernels.medium.spline import coefficients, node_values, weights
 
 # Six Gauss points integrate cubic pieces exactly; half cells, so that no piece is straddled.
 GAUSS, SHARE = np.polynomial.legendre.leggauss(6)

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from aerokernels.medium import IndexField, QuadMesh
-from aerokernels.medium.kinks import gradient_jumps
 from aerokernels.medium.mesh_cells import cells_across
+from aerokernels.medium.mesh_samples import gradient_jumps
 from aerokernels.medium.refined import cut_in_four
 from tests.draws.mesh_draws import cut_in_three, random_triangles
 

@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from aerokernels import IndexField, QuadMesh, flow
-from aerokernels.medium.bilinear import bilinear_point, contains, invert_bilinear
 from aerokernels.medium.grid import eq5_step
+from aerokernels.medium.mesh_cells import bilinear_point, contains, invert_bilinear
 from aerokernels.medium.refined import cells_of_four, has_seam, quarters, refined
 
 

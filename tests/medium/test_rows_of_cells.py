@@ -4,10 +4,7 @@ import numpy as np
 import pytest
 
 from aerokernels import flow, trace
-from aerokernels.medium import IndexField, QuadMesh
-from aerokernels.medium.averages.rows_of_cells import averages_lacking
-from aerokernels.medium.averages.vertex_values import of_parents
-from aerokernels.medium.averages.vertex_weights import vertex_weights
+from aerokernels.medium import IndexField
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import Plane
 
@@ -19,22 +16,6 @@ def attached_shock(count: int) -> np.ndarray:
     i, j = np.meshgrid(np.arange(count) + 0.5, np.arange(count) + 0.5, indexing="ij")
     behind = 0.5 + 0.5 * np.tanh(((i - 0.3 * count) * 0.5 - j * 0.87) / 0.5)
     return (1.0 + 0.1 * (i + j) / count + behind).ravel()
-
-
-def without_order(mesh: QuadMesh) -> QuadMesh:
-    """The same cells as a file lists them that has no rows: shuffled, and each begun at another corner."""
-    draw = np.random.default_rng(2)
-    cells = mesh.cells[draw.permutation(len(mesh.cells))]
-    return QuadMesh(mesh.vertices, [np.roll(cell, draw.integers(4)) for cell in cells], mesh.geometry)
-
-
-def beside_a_step(count: int) -> tuple[QuadMesh, np.ndarray]:
-    """An attached shock over a step: uneven skewed cells, a corner of them left out, so that no array holds them."""
-    mesh = skewed(count + 1, "planar")
-    rows, columns = np.divmod(np.arange(count**2), count)
-    kept = (rows < 0.7 * count) | (columns > 0.3 * count)
-    used, cells = np.unique(mesh.cells[kept], return_inverse=True)
-    return QuadMesh(mesh.vertices[used], cells.reshape(-1, 4)), attached_shock(count)[kept]
 
 
 @pytest.mark.parametrize("geometry", ["planar", "axisymmetric"])
@@ -81,32 +62,6 @@ def test_lines_that_fill_a_row_lack_what_is_told():
     across = np.abs(columns) * np.ptp(y)
     assert told.row_path == pytest.approx(max(along.max(), across.max()), rel=1e-4)
     assert along.max() > 1e-3 * np.ptp(contrast)
-
-
-def test_rows_are_found_in_cells_of_no_order():
-    mesh, average = skewed(25, "planar"), attached_shock(24)
-    shuffled = without_order(mesh)
-    own = [
-        int(np.flatnonzero((np.sort(mesh.cells, axis=1) == np.sort(cell)).all(axis=1))[0]) for cell in shuffled.cells
-    ]
-    field = IndexField.from_mesh(mesh, average, ambient_index=1.0)
-    there = averages_lacking(shuffled, average[own], field.samples.values)
-    here = field.averages_lacking
-    for name in ("rows_max", "rows_rms", "row_path", "cells_max", "cells_rms"):
-        assert getattr(there, name) == pytest.approx(getattr(here, name), rel=1e-9)
-
-
-def test_rows_over_a_step_lack_little():
-    """Set-up: a shock over a step, blocks that no array holds, whose cells lack up to more than 1e-3 of the range.
-
-    Expected: every row and column within 3e-4 of the range, where "bilinear" lacks more than 1e-2.
-    """
-    mesh, average = beside_a_step(40)
-    field = IndexField.from_mesh(mesh, 1e-4 * average, interpolation="conserving", ambient_index=1.0)
-    lacks = vertex_weights(field.mesh).deficit(of_parents(field.mesh, field.samples.averages), field.samples.values)
-    assert np.abs(lacks).max() > 1e-3 * np.ptp(field.samples.averages)
-    assert 1e-6 < field.averages_lacking.rows_max < 3e-4
-    assert IndexField.from_mesh(mesh, 1e-4 * average, ambient_index=1.0).averages_lacking.rows_max > 1e-2
 
 
 def test_triangles_have_no_rows():

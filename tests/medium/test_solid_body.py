@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from aerokernels.medium import Body, IndexField, SolidBody
-from aerokernels.medium.bodies.askew_lines import ASKEW
+from aerokernels.medium.bodies.solid_body import ASKEW
 
 CORNERS = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-0.5, 0.5) for z in (-0.25, 0.25)])
 FACES = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]

@@ -10,7 +10,7 @@ import math
 import numpy as np
 import pytest
 
-from aerokernels.benchmark.truth import integrate, potential_of
+from aerokernels.benchmark.scenes import integrate, potential_of
 from aerokernels.medium import IndexField
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import Plane, trace

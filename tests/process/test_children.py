@@ -10,10 +10,10 @@ import pytest
 
 # What the children import of Python itself, and this package by its name.
 SHADOWED = ("random", "resource", "pickle", "subprocess", "aerokernels", "distributed", "numpy")
-LOCAL = "from aerokernels.jobs.sweeps.local import Worker; one = Worker({}); print(one.pipe.recv(), one.end())"
-DASK = (
-    "from aerokernels.jobs.sweeps.dask_workers import connected, worker_version\n"
-    "with connected(None, [{}]) as (client, _): print(client.run(worker_version))"
+SWEEP = (
+    "import aerokernels\nsmall = {'strehl.ray_count': 64, 'beam.ray_count': 4, 'receiver.return_factor': 'none'}\n"
+    "done = aerokernels.sweep('wind-tunnel-static', {'target.tilt': [0.0]}, settings=small, executor='%s', workers=1)\n"
+    "assert not done.failed.any()"
 )
 TRIAL = (
     "import tempfile; from aerokernels.tracing.engines.opencl import linker; print(linker._compiles('%s', ()) or 'no')"
@@ -45,7 +45,7 @@ def test_a_strangers_folder_is_no_code(started: str, tmp_path: Path):
         pytest.importorskip("distributed")
     if started == "trial" and not sys.platform.startswith("linux"):
         pytest.skip("PoCL is for Linux")
-    code = {"local": LOCAL, "dask": DASK, "trial": TRIAL % tmp_path}.get(started)
+    code = TRIAL % tmp_path if started == "trial" else SWEEP % started
     arguments = ["-m", "aerokernels", "fields", "rho.nc"] if started == "reader" else ["-c", code]
     done = subprocess.run(
         [sys.executable, "-P", *arguments], cwd=folder, capture_output=True, encoding="utf-8", timeout=120

@@ -1,12 +1,11 @@
 """The one clock: stages interrupt each other, inner clocks run with outer ones, nothing is counted twice."""
 
 import time
-from collections.abc import Iterator
 
 import numpy as np
 
 from aerokernels import IndexField, RayBundle, trace
-from aerokernels.process.clock import STAGES, clocked, processor_clocked, stage, staged
+from aerokernels.process.clock import STAGES, clocked, processor_clocked, stage
 
 
 def test_a_stage_within_another_interrupts_it():
@@ -22,17 +21,6 @@ def test_a_stage_within_another_interrupts_it():
     assert seconds["kernel"] == seconds["upload"] == seconds["download"] == 0.0
 
 
-def test_finding_the_next_item_is_a_stage_within_the_one_that_uses_it():
-    def found() -> Iterator[int]:
-        for number in range(3):
-            time.sleep(0.005)
-            yield number
-
-    with clocked() as seconds, stage("kernel"):
-        assert list(staged("upload", found())) == [0, 1, 2]
-    assert seconds["upload"] >= 0.015 > seconds["kernel"]
-
-
 def test_an_outer_clock_has_what_inner_ones_have():
     with clocked() as outer:
         with clocked() as first, stage("kernel"):
@@ -41,19 +29,6 @@ def test_an_outer_clock_has_what_inner_ones_have():
             time.sleep(0.005)
     assert outer["kernel"] == first["kernel"] + second["kernel"]
     assert outer["total"] >= first["total"] + second["total"]
-
-
-def test_a_stage_that_fails_is_counted_and_closed():
-    with clocked() as seconds:
-        try:
-            with stage("upload"):
-                time.sleep(0.005)
-                raise ValueError
-        except ValueError:
-            pass
-        with stage("kernel"):
-            pass
-    assert seconds["upload"] >= 0.005 > seconds["kernel"]
 
 
 def test_a_trace_tells_its_stages_and_its_error_has_a_clock_of_its_own():

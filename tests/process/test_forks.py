@@ -77,21 +77,17 @@ def child_answers(ask) -> bool:
     return False
 
 
-@pytest.mark.parametrize("owner", ["opened", "Warp kernels"])
-def test_a_child_of_a_process_that_opens_something_opens_its_own(owner, monkeypatch: pytest.MonkeyPatch):
+def test_a_child_of_a_process_that_opens_something_opens_its_own(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(opened_module, "PATIENCE", 0.5)
-    from aerokernels.tracing.engines.warp.library import library_of
-
-    held = OPENED if owner == "opened" else library_of("float32")
     began, ends = threading.Event(), threading.Event()
 
     def hold() -> None:
-        with held.lock:
+        with OPENED.lock:
             began.set()
             ends.wait(60.0)
 
     def ask() -> None:
-        with held.lock:
+        with OPENED.lock:
             pass
 
     thread = threading.Thread(target=hold)

@@ -60,7 +60,7 @@ def test_imports_ahead_are_waited_for_and_not_begun_when_a_process_leaves(tmp_pa
     """The module at hand is imported whole, and the next one not at all."""
     (tmp_path / "first.py").write_text("import time\ntime.sleep(0.5)\nprint('first', flush=True)\n")
     (tmp_path / "second.py").write_text("print('second', flush=True)\n")
-    program = "from aerokernels.commands._ahead import import_ahead; import_ahead(('first', 'second'))"
+    program = "from aerokernels.commands._output import import_ahead; import_ahead(('first', 'second'))"
     done = subprocess.run(
         [sys.executable, "-c", program], cwd=tmp_path, capture_output=True, encoding="utf-8", timeout=60.0
     )

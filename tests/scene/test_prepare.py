@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from aerokernels.echo.target_points import target_points
+from aerokernels.echo.paths import target_points
 from aerokernels.flow import CellDensity
-from aerokernels.flow.wall_density import WallDensity
+from aerokernels.flow.sampled_density import WallDensity
 from aerokernels.jobs.run import scene_strehl
 from aerokernels.medium import QuadMesh
 from aerokernels.prepare import prepare_field, ray_region, view_radius

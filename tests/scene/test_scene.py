@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from pydantic import BaseModel, ValidationError
 
 from aerokernels.jobs.explain import explanation
-from aerokernels.jobs.scene_text import scene_toml
+from aerokernels.jobs.run_files import scene_toml
 from aerokernels.scene import STATIC_CALIBRATION, Scene, SceneError, shipped_scenes
 from aerokernels.scene.changes import changed_scene, key_dimension
 from aerokernels.scene.errors import known_keys
@@ -254,20 +254,6 @@ def test_every_number_has_bounds(key: str):
 def test_a_run_at_the_bounds_is_explained(settings: dict):
     rows = explanation(Scene.load("wind-tunnel-mach3", {"grid.spacing": "0.4 mm", **settings}))
     assert len(rows) > 10
-
-
-def test_a_scene_without_an_end_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """10 GB of zeros, and /dev/zero on standard input: read until the memory was gone. 4 MiB are read."""
-    with open(tmp_path / "sparse.toml", "wb") as file:
-        file.truncate(10_000_000_000)
-    assert "sparse.toml: longer than 4 MiB" in refusal(tmp_path / "sparse.toml")
-    if Path("/dev/zero").exists():
-        with open("/dev/zero", encoding="latin-1") as endless:
-            monkeypatch.setattr("sys.stdin", endless)
-            assert "standard input: longer than 4 MiB" in refusal("-")
-    flow = '[flow]\nsource = "mach2"\n'
-    (tmp_path / "long.toml").write_text(flow.ljust(4 << 20, "#"))
-    assert Scene.load(tmp_path / "long.toml").flow.source == "mach2"
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,7 @@ import pytest
 
 from aerokernels.medium import IndexField
 from aerokernels.schlieren import line_of_sight, schlieren
-from aerokernels.schlieren.knife_edge import _full_range_sensitivity
+from aerokernels.schlieren.knife_edge import KnifeEdge
 
 PEAK, SIZE, SPACING, REACH = 1e-6, 0.01, 0.00125, 0.06
 GREATEST_OPD = PEAK * SIZE * np.sqrt(np.pi)
@@ -203,5 +203,6 @@ def test_the_full_range_is_that_of_the_nearer_end():
     """Deflections of 0.1 of the edge's range: at a share of 0.8 held back 0.2 is left, at a whole one all of it."""
     cut = np.full(1000, -0.1)
     for cut_off, room in ((0.3, 0.3), (0.8, 0.2), (1.0, 1.0)):
-        assert _full_range_sensitivity(cut, cut_off) == pytest.approx(10.0 * room, rel=1e-12)
-    assert _full_range_sensitivity(np.zeros(0), 0.5) == 0.0
+        found = KnifeEdge(cut_off=cut_off).with_full_range(np.stack([cut, 0.0 * cut], axis=1))
+        assert found.sensitivity == pytest.approx(10.0 * room, rel=1e-12)
+    assert KnifeEdge().with_full_range(np.zeros((0, 2))).sensitivity == 0.0

@@ -115,7 +115,7 @@ def test_a_source_blurs_by_its_own_shape(source: str, pixels: float):
     """
     from scipy.special import j1
 
-    from aerokernels.schlieren.source_blur import blurred
+    from aerokernels.schlieren.bench import blurred
 
     pitch = (1e-4, 2e-4)
     size, wave = pixels * pitch[0], (900.0, 700.0)

@@ -17,8 +17,7 @@ import numpy as np
 import pytest
 
 from aerokernels.schlieren import Picture, measure_shock_angle
-from aerokernels.schlieren.fronts import fit_curve
-from aerokernels.schlieren.staircase import is_staircase, slope_error
+from aerokernels.schlieren.fronts import fit_curve, is_staircase, slope_error
 
 from .test_fronts import HORIZONTAL, PITCH, VERTICAL, WINDOW, area_below
 

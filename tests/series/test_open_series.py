@@ -10,7 +10,7 @@ import xarray
 
 from aerokernels import DensityField, QuadMesh, flow
 from aerokernels.files import netcdf_reading
-from aerokernels.flow.numbered_files import in_order
+from aerokernels.flow.series_sources import in_order
 
 TIME = [0.0, 1e-5, 2e-5]
 GRID = {"geometry": "volume", "origin": [0.0, 0.0, 0.0], "spacing": [1e-3] * 3, "ambient_density": 0.5}

@@ -5,8 +5,6 @@ import pytest
 import xarray
 
 from aerokernels import Annulus, Disc, Rectangle, flow, optical_series, statistics
-from aerokernels.series.finer_pixels import FinerPixels
-from aerokernels.series.nearest_errors import LEAST_STEP, MOST, MOST_MORE, Chosen, nearest_in_time
 from aerokernels.series.pupil_grid import pupil_grid
 
 from .fourier import WAVELENGTH, Fourier
@@ -51,41 +49,6 @@ def test_each_snapshot_has_the_errors_of_the_nearest():
     assert error[7] == pytest.approx(3.0 * error[0], rel=0.4)
     own = found.strehl_error.values
     assert np.unique(own).size > 4  # the part of the pixels is each one's own
-
-
-def test_places_of_a_series_that_has_grown_are_among_those_of_the_shorter_one():
-    for total in (1, 5, LEAST_STEP * MOST, LEAST_STEP * MOST + 1, 1000, 5000):
-        chosen = Chosen(total)
-        rows = np.flatnonzero([chosen(1.0) for _ in range(total)])
-        assert rows[0] == 0 and 1 <= len(rows) <= MOST and len(set(np.diff(rows))) <= 1
-        shorter = Chosen(max(total // 3, 1))
-        earlier = np.flatnonzero([shorter(1.0) for _ in range(max(total // 3, 1))])
-        assert set(rows[rows < max(total // 3, 1)]) <= set(earlier)
-    alternating = Chosen(1000)
-    assert sum(alternating(10.0 ** (k % 2)) for k in range(1000)) <= MOST + MOST_MORE
-    errors, step = np.full(400, np.nan), LEAST_STEP
-    errors[[0, step, 2 * step, 3 * step]] = 1.0, 2.0, 3.0, 4.0
-    told = nearest_in_time(errors, np.ones(400), 400)
-    assert (told[: step // 2 + 1] == 1.0).all() and (told[step // 2 + 1 : 3 * step // 2 + 1] == 2.0).all()
-    assert (told[3 * step :] == 4.0).all()
-    assert np.isnan(nearest_in_time(errors * np.nan, np.ones(400), 400)).all()
-
-
-def test_parts_of_pixels_continue_parabolas():
-    """A parabola without a mixed term is its own Taylor series; the parts' shares are the pupil's."""
-    grid = pupil_grid(Disc(0.01), 24)
-    weight = np.where(grid.lit, grid.weight, 0.0)
-    parts = FinerPixels(grid.x, grid.y, grid.pixel, weight, grid.aperture.coverage)
-
-    def surface(points):
-        x, y = points.T
-        return 1e-6 + 3e-5 * x - 2e-5 * y + 4e-3 * x**2 - 3e-3 * y**2
-
-    np.testing.assert_allclose(parts(surface(grid.coordinates)), surface(parts.points), atol=1e-15)
-    assert parts.weight.sum() == pytest.approx(1.0)
-    radius = np.hypot(*parts.points.T)
-    assert radius.max() < 0.01 + grid.pixel / 3.0
-    assert parts.weight @ radius**2 == pytest.approx(0.5 * 0.01**2, rel=5e-4)
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from aerokernels import flow, statistics
-from aerokernels.series.statistic_warnings import lost_pixels, uneven_times
+from aerokernels.series.statistic_parts import lost_pixels, uneven_times
 
 from .test_statistics import drawn
 

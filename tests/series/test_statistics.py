@@ -12,9 +12,8 @@ import xarray
 
 from aerokernels import Disc, flow, optical_series, statistics
 from aerokernels.series.linking import _linked_and_path
-from aerokernels.series.modes import integral_length
+from aerokernels.series.modes import integral_length, welch
 from aerokernels.series.pupil_grid import PupilGrid, pupil_grid
-from aerokernels.series.spectra import welch
 from aerokernels.series.uncertainty import mean_of, root_of
 
 from .fourier import CONSTANT, WAVELENGTH, Fourier

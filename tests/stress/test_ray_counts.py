@@ -67,14 +67,6 @@ def scattered(count: int) -> tuple[np.ndarray, np.ndarray]:
     return start, np.c_[rng.normal(0.0, 0.1, (count, 2)), np.ones(count)]
 
 
-def test_no_ray_is_refused():
-    """A bundle needs a ray; slicing all of them away is the same."""
-    with pytest.raises(ValueError, match="no ray"):
-        RayBundle(np.zeros((0, 3)), np.zeros((0, 3)))
-    with pytest.raises(ValueError, match="no ray"):
-        RayBundle([[0.0, 0.0, 0.0]], [[0.0, 0.0, 1.0]])[:0]
-
-
 @pytest.mark.parametrize("precision", PRECISIONS)
 def test_one_ray_is_as_among_many(precision):
     """Each of some rays of a bundle, traced alone: the same bits."""
@@ -84,14 +76,6 @@ def test_one_ray_is_as_among_many(precision):
         ray = RayBundle(start[row : row + 1], heading[row : row + 1])
         one = keeps_promises(trace(field, ray, method="adaptive", precision=precision), 1)
         assert_same_bits(many, one, slice(row, row + 1))
-
-
-def test_a_slice_of_a_bundle_has_the_bundle_s_own_rays():
-    """Places and directions to the last bit: a unit vector that is made a unit vector again must stay what it is."""
-    rays = RayBundle(*scattered(300))
-    part = rays[50:250:3]
-    assert np.array_equal(part.position, rays.position[50:250:3])
-    assert np.array_equal(part.direction, rays.direction[50:250:3])
 
 
 @pytest.mark.skipif("AEROKERNELS_SLOW" not in os.environ, reason="20 s: set AEROKERNELS_SLOW")

@@ -2,14 +2,14 @@
 
 import pytest
 
-from aerokernels.tracing.leapfrog import sample_cost
+from aerokernels.tracing.leapfrog import pilot
 from tests.moved_air import CHANGES, Moved
 
 
 @pytest.fixture(autouse=True)
 def small_bundles_are_planned(monkeypatch: pytest.MonkeyPatch) -> None:
     """Some thousand rays are sampled evenly, as a million would be: a test of samples need not trace a million."""
-    monkeypatch.setattr(sample_cost, "EVALUATIONS_OF_NODE", {False: 0.0, True: 0.0})
+    monkeypatch.setattr(pilot, "EVALUATIONS_OF_NODE", {False: 0.0, True: 0.0})
 
 
 @pytest.fixture(params=list(CHANGES))

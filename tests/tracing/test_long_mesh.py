@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from aerokernels import Disc, IndexField, Plane, QuadMesh, RayBundle, estimate_strehl, trace
-from aerokernels.tracing import long_mesh
+from aerokernels.tracing import planning
 
 from .backends import on
 
@@ -25,7 +25,7 @@ def test_many_rays_through_a_mesh_warn_before_they_are_traced(backend: str, monk
     """With the number of evaluations that the rays then need, and a remedy that gives the same answer without it."""
     field, rays = mesh_field(), RayBundle.collimated(DISC, 2500)
     asked = {"until": Plane((0.0, 0.0, 1.2e-2), (0.0, 0.0, 1.0)), "wavelength": 905e-9, **on(backend)}
-    monkeypatch.setattr(long_mesh, "LONG", 1e5)
+    monkeypatch.setattr(planning, "LONG", 1e5)
     with pytest.warns(UserWarning, match=r"evaluations for each of 2,500 rays.* field\.resample\(tolerance=0\.001\)"):
         found = trace(field, rays, **asked)
     assert found.plan.predicted_evaluations == pytest.approx(np.mean(found.evaluation_count), rel=0.5)
@@ -39,7 +39,7 @@ def test_many_rays_through_a_mesh_warn_before_they_are_traced(backend: str, monk
 
 
 def test_a_pupil_through_a_mesh_warns_too(monkeypatch):
-    monkeypatch.setattr(long_mesh, "LONG", 1e4)
+    monkeypatch.setattr(planning, "LONG", 1e4)
     with pytest.warns(UserWarning, match="through this mesh error control needs about"):
         estimate_strehl(mesh_field(12), DISC, wavelength=905e-9, ray_count=3000, **on("opencl-cpu"))
 

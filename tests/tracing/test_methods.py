@@ -6,7 +6,7 @@ import pytest
 from aerokernels.rays import Disc, RayBundle
 from aerokernels.strehl.estimate import estimate_strehl
 from aerokernels.tracing import Plane, trace
-from aerokernels.tracing.leapfrog.sample_cost import LEAST_RAYS
+from aerokernels.tracing.leapfrog.pilot import LEAST_RAYS
 from tests.random_fields import uniform_field
 
 from .backends import ENGINES, on

@@ -5,7 +5,7 @@ import pytest
 
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import trace
-from aerokernels.tracing.prediction import predict_evaluations
+from aerokernels.tracing.step_bound import predict_evaluations
 from tests.random_fields import mesh_field, uniform_field
 
 from .backends import WAVE

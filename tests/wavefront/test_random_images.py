@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from aerokernels import Annulus, Disc, Polygon, Rectangle, Wavefront
-from aerokernels.wavefront.grid import pupil_grid
-from aerokernels.wavefront.image_errors import sensitivity_error
+from aerokernels.wavefront.pixels import pupil_grid
 
 WAVELENGTH, RADIUS = 1e-6, 0.05
 TRIANGLE = Polygon(RADIUS * np.array([[-1.0, -0.6], [0.9, -0.5], [0.1, 1.0]]))
@@ -63,21 +62,6 @@ def test_frequencies_at_which_few_pixels_overlap_tell_their_error():
             off = np.abs(seen.value - right.value[np.ix_(there, there)])
             found.append(ratios(off, seen.error))
     assert np.mean(np.concatenate(found) <= 1.0) > 0.98
-
-
-@pytest.mark.parametrize("fried", [0.25 * RADIUS, RADIUS])
-def test_a_sensitivity_holds_an_atmosphere_within_the_spacing_of_its_frequencies(fried):
-    """Pixels of 6 mm, r0 of 12 and 50 mm, ripples: factors of up to 13 too small in a quarter of the maps.
-
-    The atmosphere was read at the frequencies alone, and no part of the error held their spacing.
-    """
-    found = []
-    for seed in range(4):
-        for coarse, fine in pairs(16, 5, seed, ripples=8):
-            found.append(abs(coarse.pssn(fried) - fine.pssn(fried)) / sensitivity_error(coarse, fried))
-    assert np.max(found) < 1.2 and np.mean(np.array(found) <= 1.0) >= 0.9 and np.median(found) > 0.1
-    told = coarse.image_quantities(fried)["pssn"]
-    assert told.value == coarse.pssn(fried) and told.error == sensitivity_error(coarse, fried)
 
 
 def test_shares_about_the_centroid_hold_the_error_of_the_centroid():

@@ -206,3 +206,20 @@ def test_pixels_of_a_map_are_points_about_its_middle():
     assert points.tolist() == [[-0.5, -1.0], [-0.5, 0.0], [-0.5, 1.0], [0.5, -1.0], [0.5, 0.0], [0.5, 1.0]]
     assert map_points(np.zeros((2, 3)), points) is points
     assert map_points(np.zeros(6), None) is None
+
+
+@pytest.mark.parametrize("remove", [("piston",), ("focus",), ("tilt", "focus")])
+@pytest.mark.parametrize("weighted", [False, True])
+def test_terms_are_fitted_together_with_the_mean(remove: tuple[str, ...], weighted: bool):
+    """Plain weighted least squares. What is removed has mean 0 unless piston is removed; focus is about the origin."""
+    draw = np.random.default_rng(1)
+    points, opd = draw.uniform(-1.0, 2.0, (40, 2)), 1e-6 * draw.normal(size=40)
+    weight = draw.uniform(0.2, 1.0, 40) if weighted else np.ones(40)
+    columns = [np.ones(40), *(points.T if "tilt" in remove else [])]
+    columns += [(points**2).sum(axis=1)] if "focus" in remove else []
+    basis, root = np.stack(columns, axis=1), np.sqrt(weight)
+    left = opd - basis @ np.linalg.lstsq(basis * root[:, None], opd * root, rcond=None)[0]
+    if "piston" not in remove:
+        left = left + np.average(opd, weights=weight)
+    found = remove_terms(opd, remove, points, weight if weighted else None)
+    np.testing.assert_allclose(found, left, atol=1e-18)

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.special import j0, j1, jn_zeros
 
 from aerokernels import Annulus, Disc, Mask, Polygon, Rectangle, Wavefront, wavefront
-from aerokernels.wavefront.grid import pupil_grid
+from aerokernels.wavefront.pixels import pupil_grid
 from tests.phase_plates import RADIUS, WAVELENGTH, modes, phase_plate
 
 RESOLUTION = WAVELENGTH / (2.0 * RADIUS)
@@ -210,16 +210,6 @@ def test_structure_function_of_a_tilt_and_of_noise():
         assert value == pytest.approx(np.average((opd[:, None] - opd)[chosen] ** 2, weights=pairs[chosen]), abs=1e-24)
 
 
-def test_point_source_sensitivity():
-    """1 for a perfect pupil with or without air; less with aberrations, and less sensitive to them in bad air."""
-    assert made(Disc(RADIUS), count=32).pssn() == pytest.approx(1.0, abs=1e-12)
-    wave = made(Disc(RADIUS), modes({5: 5e-8, 8: 3e-8}), count=32)
-    values = [wave.pssn(fried) for fried in (np.inf, 4.0 * RADIUS, RADIUS, 0.2 * RADIUS)]
-    assert (np.diff(values) > 0.0).all() and 0.3 < values[0] < 0.9 and values[-1] > 0.97
-    with pytest.raises(ValueError, match="r0, must be a positive length"):
-        wave.pssn(0.0)
-
-
 def test_wavelengths_are_an_axis():
     """Each wavelength's own Strehl ratio and point spread function; Strehl grows with the wavelength."""
     wave = made(Disc(RADIUS), modes({4: 5e-8}), count=32, error=1e-9)
@@ -268,7 +258,7 @@ def numbers_of(wave, errors: bool) -> list[np.ndarray]:
     rows = slice(20, 75, 6)
     told = [
         [wave.quantities[name] for name in ("strehl", "opd_rms", "tilt_x", "tilt_y")],
-        [image[name] for name in ("centroid_x", "centroid_y", "fwhm", "pssn")],
+        [image[name] for name in ("centroid_x", "centroid_y", "fwhm")],
     ]
     arrays = (
         (wave.zernike_errors(15), spread.error, mtf.error[rows, rows], energy.error)

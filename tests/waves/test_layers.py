@@ -6,10 +6,11 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from aerokernels import Body, IndexField, Wave
-from aerokernels.waves.bending import bending
-from aerokernels.waves.layers import check_memory, layer_count, mean_layers, path_range, sample_layers, span_of
-from aerokernels.waves.slabs import LookingAlong, SlabsOfLayers
+from aerokernels import Body, Disc, IndexField, Wave, split_step, wavefront
+from aerokernels.waves import angular_spectrum
+from aerokernels.waves.coarse_wave import bending
+from aerokernels.waves.layers import mean_layers, path_range, sample_layers
+from tests.moved_air import PITCH, lumps
 from tests.random_fields import mesh_field, uniform_field
 
 WAVELENGTH = 905e-9
@@ -79,26 +80,6 @@ def test_slanted_faces_of_a_box_cut_layers(geometry: str, count: int):
     np.testing.assert_allclose(found, 1e-4 * (leave - enter), rtol=1e-5)
 
 
-@pytest.mark.parametrize("count", [1, 3, 20, 64])
-def test_a_layer_thicker_than_a_cell_has_several_samples(count: int):
-    """As many as cells along the line of sight, up to 16; and 16 layers at a time make no difference."""
-    field = uniform_field("volume")
-    wave = wave_of(field, (0.3, 0.0, 1.0))
-    begin, end = 4e-4, 4.5e-3
-    cell = 1.0 / np.abs(wave.normal / field.spacing).max()
-    parts = min(max(math.ceil((end - begin) / count / cell), 1), 16)
-    # How many samples there are per cell of a slanted line is a choice: between the two that are common.
-    finest = 1.0 / np.abs(wave.normal / field.spacing).sum()
-    choices = {parts, min(max(math.ceil((end - begin) / count / finest), 1), 16)}
-    found, opaque = mean_layers(field, wave, begin, end, count)
-    assert opaque is None and found.dtype == np.float32
-    apart = []
-    for number in choices:
-        expected = sampled(field, wave, begin, end, count * number).reshape(count, number, *wave.amplitude.shape)
-        apart.append(np.abs(found - expected.sum(axis=1)).max() / np.abs(found).max())
-    assert min(apart) < 1e-6
-
-
 @pytest.mark.parametrize("inside", [False, True])
 def test_light_ends_on_a_body_and_begins_where_it_leaves_it(inside: bool):
     """Three samples a layer: none counts inside; a layer is opaque where one of them meets it behind air."""
@@ -132,65 +113,6 @@ def test_light_ends_on_a_body_and_begins_where_it_leaves_it(inside: bool):
     assert per_layer is not None
 
 
-@pytest.mark.parametrize("normal", [(0.0, 0.0, 1.0), (0.0, 0.0, -1.0), (0.2, 0.1, 1.0), (0.3, -0.2, -1.0)])
-@pytest.mark.parametrize("where", ["before", "in", "aside"])
-def test_the_path_through_a_box_is_that_of_17_by_17_lines(normal, where: str):
-    """From where the first line enters the box to where the last one leaves it, by the planes of its faces."""
-    field = uniform_field("volume")
-    low, high = field.box
-    wave = wave_of(field, normal, (6, 5), 4e-4, -1.1e-3 if where == "in" else 5e-4)
-    center = wave.center + (np.array([0.6, 0.0, 0.0]) * (high - low) if where == "aside" else 0.0)
-    across, up = ((float(one[0]), float(one[-1])) for one in wave.coordinates)
-    begin, end = math.inf, -math.inf
-    with np.errstate(divide="ignore", invalid="ignore"):
-        for x in np.linspace(*across, 17):
-            for y in np.linspace(*up, 17):
-                start = center + x * wave.axes[0] + y * wave.axes[1]
-                faces = np.sort([(low - start) / wave.normal, (high - start) / wave.normal], axis=0)
-                if faces[0].max() < faces[1].min() and faces[1].min() > 0.0:
-                    begin, end = min(begin, max(faces[0].max(), 0.0)), max(end, faces[1].min())
-    found = span_of(field, center, wave.normal, wave.axes, across, up)
-    assert found == pytest.approx((begin, end), rel=1e-9, abs=1e-12)
-    if where != "aside":
-        assert path_range(field, wave) == found
-    with pytest.raises(ValueError, match="does not meet"):
-        span_of(field, center + 2.0 * (high - low), wave.normal, wave.axes, across, up)
-    with pytest.raises(ValueError, match="does not meet"):
-        span_of(field, center + 20.0 * (high - low)[2] * wave.normal, wave.normal, wave.axes, across, up)
-
-
-def test_how_many_layers_a_path_has():
-    """The power of two, or the multiple of the steps, at or above the number of cells; at least two."""
-    field = uniform_field("volume")
-    cell = float(field.spacing.min())
-    for cells, steps, layers in (
-        (0.5, None, 2), (1.5, None, 2), (2.5, None, 4), (7.9, None, 8), (8.5, None, 16), (700.0, None, 512),
-        (7.5, 3, 9), (8.5, 3, 9), (9.5, 3, 12), (2.5, 7, 7), (700.0, 100, 600),
-    ):  # fmt: skip
-        assert layer_count(field, cells * cell, steps) == layers
-    assert layer_count(field, 700.0 * cell, None, 64) == 64 and layer_count(field, 700.0 * cell, 5, 64) == 65
-    check_memory(1 << 19, 1 << 10)
-    with pytest.raises(ValueError, match=r"524288 layers of 1025 pixels need 2\.0 GiB"):
-        check_memory(1 << 19, (1 << 10) + 1)
-
-
-@pytest.mark.parametrize("count", [1, 4, 8, 16, 64])
-def test_slabs_of_a_slanted_window_are_sums_of_layers(count: int):
-    """32 layers for up to 8 slabs, two to a slab and 64 at least for more; each slab less its first line."""
-    field = uniform_field("volume")
-    wave = wave_of(field, (0.1, -0.2, 1.0), (6, 5))
-    look = LookingAlong(wave.center, wave.normal, wave.axes, 5e-4)
-    begin, end = 8e-4, 4e-3  # all within the box
-    slabs = SlabsOfLayers(field, look, begin, end)
-    layers = 32 if count <= 8 else max(64, 2 * count)
-    expected = sampled(field, wave, begin, end, layers).reshape(count, -1, 6, 5).sum(axis=1)
-    expected -= expected[:, :1, :1]
-    x, y = wave.coordinates
-    for _ in range(2):
-        np.testing.assert_allclose(slabs.paths(x, y, count), expected, atol=1e-6 * np.abs(expected).max())
-    assert (slabs.first, slabs.last) == (begin, end) and slabs.opaque(x, y, 4) is None
-
-
 @pytest.mark.parametrize("shape", [(9, 8), (11, 1)])
 @pytest.mark.parametrize("count", [1, 2, 5])
 def test_rays_through_quadratic_screens_bend_exactly(shape: tuple[int, int], count: int):
@@ -217,24 +139,47 @@ def test_rays_through_quadratic_screens_bend_exactly(shape: tuple[int, int], cou
     found = bending(paths, pixel, step, after)
     inner = (slice(2, -2), slice(2, -2) if wide else slice(None))
     np.testing.assert_allclose(found[inner], gained[inner], rtol=1e-11)
-    rim = np.ones(shape, dtype=bool)
-    rim[inner] = False
-    assert (found[rim] == 0.0).all() and found.dtype == np.float64
-    single = bending(paths.astype("f4"), pixel, step, after)
-    assert single.dtype == np.float32
-    np.testing.assert_allclose(single[inner], gained[inner], atol=2e-5)
 
 
-def test_many_screens_are_bent_as_few_are():
-    """Screens without a phase in between, and a window so large that screens are processed one by one."""
-    draw = np.random.default_rng(9)
-    paths = 0.01 * draw.normal(size=(6, 8, 9))
-    paths[1::2] = 0.0
-    fewer = bending(paths[::2], 0.3, 1.0, 0.4)
-    more = bending(paths, 0.3, 0.5, 0.15)
-    np.testing.assert_allclose(more, fewer, rtol=1e-9)
-    tall = np.zeros((3, 4100, 8))
-    tall[:, 100:108] = paths[:3, :, :8]
-    again = bending(tall, 0.3, 1.0, 0.4)
-    part = bending(tall[:, 90:118], 0.3, 1.0, 0.4)
-    np.testing.assert_allclose(again[96:112], part[6:22], rtol=1e-9)
+def test_numbers_of_a_wave():
+    """Places about the middle pixel; Strehl ratio over the initial sum, NaN without light along the axis."""
+    draw = np.random.default_rng(2)
+    amplitude = draw.normal(size=(5, 4)) + 1j * draw.normal(size=(5, 4))
+    wave = Wave(amplitude, 2e-4, WAVELENGTH, (1e-3, 2e-3, 3e-3), (0.1, 0.2, 1.0), incident=3.0 - 1.0j)
+    x, y = wave.coordinates
+    np.testing.assert_allclose(x, 2e-4 * np.array([-2.0, -1.0, 0.0, 1.0]))
+    np.testing.assert_allclose(y, 2e-4 * np.arange(-2.0, 3.0))
+    assert wave.strehl() == pytest.approx(abs(amplitude.sum()) ** 2 / 10.0)
+    assert Wave(amplitude, 2e-4, WAVELENGTH).strehl() == pytest.approx(1.0)
+    np.testing.assert_allclose(wave.intensity, np.abs(amplitude) ** 2)
+    angle = np.array([-1e-3, 0.0, 2e-3])
+    found = wave.psf(angle).intensity
+    for i, j in np.ndindex(3, 3):
+        turned = np.exp(-2j * np.pi / WAVELENGTH * (angle[j] * x + angle[i] * y[:, None]))
+        assert found[i, j] == pytest.approx(abs((amplitude * turned).sum()) ** 2 / 10.0, rel=1e-9, abs=0.0)
+    odd = Wave(np.array([[1.0, -1.0], [0.5, -0.5]]), 2e-4, WAVELENGTH)
+    assert math.isnan(odd.strehl()) and np.isnan(odd.psf(angle).intensity).all()
+    moved = wave.propagate(0.01)
+    np.testing.assert_allclose(moved.center, wave.center + 0.01 * wave.normal)
+    np.testing.assert_allclose(moved.amplitude, angular_spectrum(amplitude, 2e-4, WAVELENGTH, 0.01), atol=1e-12)
+
+
+def test_a_pupil_that_is_moved_with_the_air_has_the_same_wavefront():
+    """Off the axis in both directions, so that no symmetry hides a sign: OPD to 1e-12 m."""
+    maps = []
+    for move in (np.zeros(3), PITCH * np.array([5.0, -7.0, 3.0])):
+        pupil = Disc(3.0 * PITCH, np.array([PITCH, 2.0 * PITCH, -16.0 * PITCH]) + move)
+        found = wavefront(lumps(move), pupil, wavelength=WAVELENGTH, pixel_count=16, precision="float64")
+        maps.append((np.nan_to_num(found.opd), found.weight))
+    np.testing.assert_allclose(maps[1][0], maps[0][0], atol=1e-12)
+    np.testing.assert_allclose(maps[1][1], maps[0][1], atol=1e-12)
+    assert np.ptp(maps[0][0]) > 1e-10
+
+
+def test_a_wave_that_is_moved_with_the_air_is_the_same_wave():
+    found = []
+    for move in (np.zeros(3), PITCH * np.array([4.0, -2.0, 8.0])):
+        light = Wave(np.ones((32, 32)), PITCH / 4.0, WAVELENGTH, np.array([PITCH, 0.0, -16.0 * PITCH]) + move)
+        found.append(split_step(lumps(move), light, step_count=16).amplitude)
+    np.testing.assert_allclose(found[1], found[0], atol=1e-5)
+    assert np.abs(np.angle(found[0])).max() > 1e-3

@@ -1,4 +1,7 @@
-"""Read the flow files of any CFD program, or list what they contain."""
+"""Read the flow files of any CFD program, or list what they contain.
+
+Every module refuses a file that cannot be used by `ReadError`: file, place and remedy, in one sentence.
+"""
 
 from aerokernels.flow.reading.contents import Contents, contents
 from aerokernels.flow.reading.dataset import ReadError

@@ -78,11 +78,7 @@ def _text(value: Any) -> str:
 
 
 def in_si_units(path, values: np.ndarray, name: str, stated: str, dimension: str) -> np.ndarray:
-    """Return values in SI, converted from the unit that the file states or that the array's name contains.
-
-    Raises:
-        ReadError: A unit of another dimension, or an unknown unit.
-    """
+    """Return values in SI, converted from the unit that the file states or that the array's name contains."""
     unit = unit_of_array(path, name, stated, dimension)
     if (unit.factor, unit.offset) == (1.0, 0.0):
         return values
@@ -110,9 +106,6 @@ def length_of(path, axes: Mapping[str, str]) -> tuple[float | None, list[float]]
     Args:
         path: The file, for messages.
         axes: Names of the coordinates, and the unit that the file states for each, or "".
-
-    Raises:
-        ReadError: A unit that is not a length, or an unknown unit.
     """
     factors = {}
     for name, stated in axes.items():
@@ -132,9 +125,6 @@ def ambient_attribute(path, stated, factor: float, values: np.ndarray) -> float 
         stated: The attribute: a number of kg/m3, or a text with a unit.
         factor: The unit of the array [kg/m3].
         values: Densities of the array, in its own unit.
-
-    Raises:
-        ReadError: Not a density, or a number that fits the array's densities in the array's unit but not in kg/m3.
     """
     if stated is None:
         return None

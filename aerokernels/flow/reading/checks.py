@@ -23,11 +23,7 @@ from aerokernels.inputs.units import is_no_unit, unit_in_name
 
 
 def check_blocks(path, dataset: Dataset) -> None:
-    """Check that points have finite coordinates and that cells refer to existing points.
-
-    Raises:
-        ReadError: The block, the fault and the remedy.
-    """
+    """Check that points have finite coordinates and that cells refer to existing points."""
     if not dataset.blocks or not any(len(block.points) for block in dataset.blocks):
         raise ReadError(path, "it has no points", "give a file with a mesh and its arrays")
     for block in dataset.blocks:
@@ -39,11 +35,7 @@ def check_blocks(path, dataset: Dataset) -> None:
 
 
 def check_repeated_blocks(path, blocks: Sequence[Block], densities: list[tuple[np.ndarray, str]]) -> None:
-    """Reject blocks on the same mesh with other densities: several times or cases of one flow.
-
-    Raises:
-        ReadError: The names of two such blocks.
-    """
+    """Reject blocks on the same mesh with other densities: several times or cases of one flow."""
     for k, block in enumerate(blocks):
         for n in range(k):
             (one, where), (other, elsewhere) = densities[k], densities[n]
@@ -108,12 +100,10 @@ def said_of_units(
 ) -> str:
     """Return a remark for the provenance, and warn, where numbers without a unit cannot be in SI; empty elsewhere.
 
-    Args:
-        path: The file, for messages.
-        dataset: Its contents.
-        choice: The arrays that the density comes from.
-        reference: Reference values that the caller states.
-        densities: Density [kg/m3] of each block, and whether it belongs to its "cell"s or its "point"s.
+    Where a file has a density beside pressure and temperature, p / (rho R T) is far from 1 in a non-dimensional one:
+    1/400 where pressures are scaled by rho a^2 and the gas is air. Where the density follows from them, temperatures
+    are near 1. Beside a pressure alone, or a total energy E, the temperature p / (rho R) or at most
+    (gamma - 1) E / (rho R) is some thousandths of a kelvin.
     """
     first = choice.density or choice.temperature
     assert first is not None
@@ -122,92 +112,66 @@ def said_of_units(
     if dataset.scaled:  # which is in the provenance already
         warn_caller(f"{path}: {dataset.scaled}; where they are in SI, say so by a reference of 1")
         return ""
-    if not is_no_unit(dataset.units.get(first, "")) or unit_in_name(first):
-        return ""
-    if not all(isinstance(block.cell_data, dict) for block in dataset.blocks):  # fields that would be read now
-        return ""
+    if _has_unit(dataset, first) or not all(isinstance(block.cell_data, dict) for block in dataset.blocks):
+        return ""  # nor of fields that would be read now
     try:
-        if choice.density is not None:
-            found = _beside(path, dataset, first, densities)
-        elif cold := _cold(path, dataset, first):
-            found = f"{first!r} was taken in K, but {cold}: {REMEDY.format('temperature')}"
-        else:
-            return ""
+        fault = _not_in_si(path, dataset, choice, densities)
     except ReadError:  # of arrays that nobody asked for
         return ""
-    if found:
-        warn_caller(f"{path}: {found}")
-        return f"; {found}"
-    return ""
-
-
-def _cold(path: Any, dataset: Dataset, name: str) -> str:
-    """Return a remark on temperatures without a unit that are too low for a gas."""
-    median = _median([scalar_array(path, block, name)[0] for block in dataset.blocks])
-    return f"half of it is below {median:.3g} K" if median < COLDEST else ""
-
-
-def _beside(path: Any, dataset: Dataset, name: str, densities: list[tuple[np.ndarray, str]]) -> str:
-    """Return a remark on a density that is far from what pressure and temperature beside it give."""
-    pressure, temperature = (usual_name(path, dataset, names) for names in (PRESSURE_NAMES, TEMPERATURE_NAMES))
-    if temperature is None:
-        return _alone(path, dataset, name, densities, pressure)
-    if pressure is None:
-        if unit_in_name(temperature) or not is_no_unit(dataset.units.get(temperature, "")):
-            return ""
-        cold = _cold(path, dataset, temperature)
-        told = f"{name!r} was taken in kg/m3, but of {temperature!r} {cold}: {REMEDY.format('density')}"
-        return told if cold else ""
-    constant = dataset.gas_constant or GAS_CONSTANT_AIR
-    ratios = []
-    for block, (density, where) in zip(dataset.blocks, densities, strict=True):
-        values = {}
-        for one, dimension in ((pressure, "pressure"), (temperature, "temperature")):
-            own, place = scalar_array(path, block, one, where)
-            if place != where:
-                return ""
-            values[dimension] = in_si_units(path, own, one, dataset.units.get(one, ""), dimension)
-        with np.errstate(all="ignore"):
-            ratios.append(values["pressure"] / (constant * density * values["temperature"]))
-    ratio = _median(ratios)
-    if not (0.0 < ratio < 1.0 / APART or ratio > APART):
+    if not fault:
         return ""
-    return (
-        f"{name!r} was taken in kg/m3, but {pressure!r} / (R {temperature!r}) is {ratio:.2g} times as much: "
-        f"{REMEDY.format('density')}"
-    )
+    unit, dimension = ("K", "temperature") if choice.density is None else ("kg/m3", "density")
+    remark = f"{first!r} was taken in {unit}, but {fault}: {REMEDY.format(dimension)}"
+    warn_caller(f"{path}: {remark}")
+    return f"; {remark}"
 
 
-def _alone(
-    path: Any, dataset: Dataset, name: str, densities: list[tuple[np.ndarray, str]], pressure: str | None
-) -> str:
-    """Return a remark on a density by which a pressure, or a total energy, has the temperature of no gas."""
-    beside = pressure if pressure is not None else usual_name(path, dataset, ENERGY_NAMES)
-    if beside in (None, name):
+def _not_in_si(path: Any, dataset: Dataset, choice: DensityChoice, densities: list[tuple[np.ndarray, str]]) -> str:
+    """Return why the numbers cannot be in SI; empty where they may be."""
+
+    def median(name: str, dimension: str, of) -> float:
+        """The median of a function of a density and an array beside it; NaN where the array is at other places."""
+        parts = []
+        for block, (density, where) in zip(dataset.blocks, densities, strict=True):
+            own, place = scalar_array(path, block, name, where)
+            if place != where:
+                return np.nan
+            own = in_si_units(path, own, name, dataset.units.get(name, ""), dimension) if dimension else own
+            with np.errstate(all="ignore"):
+                parts.append(of(density, own))
+        every = np.concatenate(parts)
+        every = every[np.isfinite(every)]
+        return float(np.median(every)) if len(every) else np.nan
+
+    constant = dataset.gas_constant or GAS_CONSTANT_AIR
+    pressure, temperature = (usual_name(path, dataset, names) for names in (PRESSURE_NAMES, TEMPERATURE_NAMES))
+    if choice.density is None or (temperature is not None and pressure is None):
+        coldest = choice.temperature or temperature
+        assert coldest is not None
+        half = median(coldest, "", lambda _, own: own)
+        if not half < COLDEST or _has_unit(dataset, coldest):
+            return ""
+        return f"{'' if choice.density is None else f'of {coldest!r} '}half of it is below {half:.3g} K"
+    if temperature is not None and pressure is not None:
+        ratio = median(pressure, "pressure", lambda density, own: own / (constant * density)) / median(
+            temperature, "temperature", lambda _, own: own
+        )
+        apart = 0.0 < ratio < 1.0 / APART or ratio > APART
+        return f"{pressure!r} / (R {temperature!r}) is {ratio:.2g} times as much" if apart else ""
+    if (beside := pressure or usual_name(path, dataset, ENERGY_NAMES)) in (None, choice.density):
         return ""
     assert beside is not None
-    constant = dataset.gas_constant or GAS_CONSTANT_AIR
-    temperatures = []
-    for block, (density, where) in zip(dataset.blocks, densities, strict=True):
-        own, place = scalar_array(path, block, beside, where)
-        if place != where:
-            return ""
-        if pressure is not None:
-            own = in_si_units(path, own, beside, dataset.units.get(beside, ""), "pressure")
-            if (own <= 0.0).mean() > GAUGE_SHARE:
-                return ""
-            temperatures.append(own / (constant * density))
-        else:  # an upper bound: of a mass or of a volume, whichever gives more, with the energy of the motion
-            temperatures.append((GAMMA_AIR - 1.0) * own / (constant * np.minimum(density, 1.0)))
-    median = _median(temperatures)
-    if not (0.0 < median < COLDEST or (pressure is not None and median > HOTTEST)):
+    if pressure is not None:
+        share = 1.0 / constant  # a pressure of which more than GAUGE_SHARE is 0 or less is relative to another
+        half = median(beside, "pressure", lambda density, own: np.where((own <= 0.0).mean() > GAUGE_SHARE, np.nan,
+                                                                        share * own / density))  # fmt: skip
+    else:  # an upper bound: of a mass or of a volume, whichever gives more, with the energy of the motion
+        share = (GAMMA_AIR - 1.0) / constant
+        half = median(beside, "", lambda density, own: share * own / np.minimum(density, 1.0))
+    if not (0.0 < half < COLDEST or (pressure is not None and half > HOTTEST)):
         return ""
-    half = f"half of the gas is {'below' if median < COLDEST else 'above'} {median:.2g} K"
-    return f"{name!r} was taken in kg/m3, but with {beside!r} {half}: {REMEDY.format('density')}"
+    return f"with {beside!r} half of the gas is {'below' if half < COLDEST else 'above'} {half:.2g} K"
 
 
-def _median(parts: list[np.ndarray]) -> float:
-    """Return the median of the finite values, NaN if there is none."""
-    every = np.concatenate(parts)
-    every = every[np.isfinite(every)]
-    return float(np.median(every)) if len(every) else np.nan
+def _has_unit(dataset: Dataset, name: str) -> bool:
+    return bool(unit_in_name(name)) or not is_no_unit(dataset.units.get(name, ""))

@@ -147,9 +147,6 @@ def usual_name(path, dataset: Dataset, known: Sequence[str]) -> str | None:
 
     Means over time count after all others. A "T" counts before a "t", which may be the time: it is not taken where it
     is the same everywhere.
-
-    Raises:
-        ReadError: Arrays of that name in different groups of the same level.
     """
     found = known_names((name for name in dataset.array_names() if not _is_time(dataset, name)), known, dataset.grouped)
     if dataset.grouped:
@@ -180,10 +177,6 @@ def block_density(
         choice: The arrays that its density comes from.
         reference: Reference values; they replace the file's own unit of that quantity.
         units: Unit of each array by name, where the file states it.
-
-    Raises:
-        ReadError: Arrays of another shape, units of another dimension, or densities that no gas has, outside of blanked
-            parts.
     """
     if choice.density is not None:
         values, where = scalar_array(path, block, choice.density)
@@ -233,11 +226,7 @@ def density_of(found: Mapping[str, np.ndarray], choice: DensityChoice) -> np.nda
 
 
 def scalar_array(path, block: Block, name: str, where: str | None = None) -> tuple[np.ndarray, str]:
-    """Return a scalar array of a block, and whether it belongs to "cell"s or "point"s; `where` is searched first.
-
-    Raises:
-        ReadError: No such array, an array that is not scalar, or one of half precision.
-    """
+    """Return a scalar array of a block, and whether it belongs to "cell"s or "point"s; `where` is searched first."""
     order = ("cell", "point") if where is None else (where, "cell", "point")
     for place in order:
         arrays = block.arrays(place)
@@ -285,11 +274,7 @@ def beside_the_flow(block: Block) -> np.ndarray | None:
 
 
 def found_name(path, name: str, names: list[str], listed: str, grouped: bool = False) -> str:
-    """Return the array that a caller names, ignoring case and punctuation.
-
-    Raises:
-        ReadError: No such array.
-    """
+    """Return the array that a caller names, ignoring case and punctuation."""
     if name in names:
         return name
     alike = [other for other in names if plain_name(other, grouped) == plain_name(name, grouped)]

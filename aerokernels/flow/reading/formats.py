@@ -51,7 +51,7 @@ FORMATS = (
     Format("CGNS", (".cgns",), "cgns", True, "vtk"),
     Format("EnSight", (".case", ".encas"), "solver_files", True, "vtk"),
     Format("Fluent", (".cas", ".cas.h5"), "solver_files", True, "vtk"),
-    Format("Exodus", (".e", ".exo", ".ex2", ".exii"), "solver_files", True, "vtk"),
+    Format("Exodus", (".e", ".exo", ".ex2", ".exii"), "exodus", True),
     Format("Plot3D", (".xyz", ".p3d", ".x", ".g", ".q", ".f", ".fun", ".p2d"), "plot3d", options=("solution",)),
     Format("Tecplot binary", (".plt",), "tecplot_binary"),
     Format("Tecplot ASCII", (".tec", ".tp"), "tecplot_text"),
@@ -79,11 +79,7 @@ SU2_MAGIC = (535532).to_bytes(4, "little"), (535532).to_bytes(4, "big")
 
 
 def format_of(path: Path, options: Mapping[str, Any]) -> Format:
-    """Return the format of a path; `options` as in `load`.
-
-    Raises:
-        ReadError: No such path, an empty file, or an unknown format.
-    """
+    """Return the format of a path; `options` as in `load`."""
     if not os.path.exists(path):  # which, unlike Path.exists, accepts a name of any length
         raise ReadError(path, "there is no such file or folder", "give the path of a flow file or case")
     from aerokernels.flow.reading.readers.foam_case import is_case, may_be_case
@@ -201,9 +197,6 @@ def times_in(path: Path, options: Mapping[str, Any]) -> Sequence[float] | None:
     """Return the times of a file of which `load` reads one at a time, with `load`'s options among `options`.
 
     None for NetCDF and HDF5, which are read in slices along their axis of time, and for unknown formats.
-
-    Raises:
-        ReadError: A file that cannot be read, or one without times.
     """
     own = {name: options[name] for name in FORMAT_OPTIONS if options.get(name) is not None}
     try:

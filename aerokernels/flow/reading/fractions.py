@@ -133,9 +133,6 @@ def mass_fractions(
         arrays: Name of each species' array.
         basis: "mass" or "mole".
         blank: Which of these places hold no flow, or None.
-
-    Raises:
-        ReadError: Fractions below 0 or not finite, a sum that is not 1.
     """
     names, said = list(arrays), ", ".join(arrays.values())
     if blank is None or len(blank) != shares.shape[1]:

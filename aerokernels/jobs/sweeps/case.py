@@ -15,7 +15,7 @@ from typing import Any
 
 from aerokernels import __version__
 from aerokernels.flow import DensityField
-from aerokernels.flow.shared_geometry import on_known_geometry
+from aerokernels.flow.series import on_known_geometry
 from aerokernels.jobs.run import RunResult, run_stages, scene_strehl
 from aerokernels.jobs.store import to_json
 from aerokernels.medium import IndexField

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from aerokernels.jobs.numbers import NUMBERS, TEXTS
 from aerokernels.jobs.store import number_or_nan
 from aerokernels.jobs.sweeps.definition import CASE, Definition, coordinates
 from aerokernels.scene import Scene
@@ -13,43 +14,6 @@ from aerokernels.scene import Scene
 if TYPE_CHECKING:
     import xarray
 
-# Numbers of a summary that are stored, with unit and meaning; NaN if a case has no such number.
-NUMBERS = {
-    "strehl": ("1", "Strehl ratio"),
-    "strehl_standard_error": ("1", "standard error of the Strehl ratio's sampling"),
-    "strehl_marechal": ("1", "Strehl ratio by Maréchal's approximation"),
-    "opd_rms_m": ("m", "optical path difference, rms over the pupil"),
-    "boresight_rad": ("rad", "boresight error"),
-    "boresight_x_rad": ("rad", "boresight error toward x"),
-    "boresight_y_rad": ("rad", "boresight error toward y"),
-    "echo_strehl": ("1", "Strehl ratio of the return path"),
-    "echo_peak_w": ("W", "peak power of the echo"),
-    "echo_peak_v": ("V", "peak voltage of the echo"),
-    "range_m": ("m", "reported range"),
-    "range_error_m": ("m", "reported minus true range"),
-    "still_air_m": ("m", "part of the range error that the air at rest causes, not the flow"),
-    "true_range_m": ("m", "true range"),
-    "noise_rms_v": ("V", "noise of the recorded voltage without echo, rms"),
-    "mach": ("1", "Mach number of the flow"),
-    "ambient_density_kg_m3": ("kg m-3", "free-stream density"),
-    "wavelength_m": ("m", "vacuum wavelength"),
-    "ray_count": ("1", "requested rays over the pupil"),
-    "traced_ray_count": ("1", "rays traced for the Strehl ratio"),
-    "evaluation_count": ("1", "evaluations of the field for the Strehl ratio"),
-    "trace_seconds": ("s", "time in kernels"),
-    "compile_seconds": ("s", "time for compiling kernels"),
-    "total_seconds": ("s", "wall time, without stages reused from other cases of a sweep"),
-    "processor_seconds": ("s", "processor time of the case, all threads of its worker"),
-    "tracing_processor_seconds": ("s", "processor time of tracing, plans and error budgets included"),
-}
-TEXTS = {
-    "verdict": "whether the answer is meaningful given its errors",
-    "backend": "backend that ran the kernels",
-    "device": "device that ran the kernels",
-    "precision": "precision of the kernels",
-    "provenance": "origin of the flow",
-    "version": "version of aerokernels",
-}
 METHODS, CAUSES = "ranging_method", "cause"
 
 
@@ -71,7 +35,7 @@ def sweep_dataset(
     """
     import xarray
 
-    from aerokernels.jobs.scene_text import scene_toml
+    from aerokernels.jobs.run_files import scene_toml
     from aerokernels.scene.loading import changes_in_words
 
     dims, shape = definition.dims, definition.shape
@@ -84,13 +48,13 @@ def sweep_dataset(
         return flat.reshape(shape)
 
     variables: dict[str, Any] = {}
-    for name, (units, words) in NUMBERS.items():
+    for name, number in NUMBERS.items():
         values = shaped([number_or_nan(summary.get(name)) for summary in summaries])
-        variables[name] = (dims, values, {"units": units, "long_name": words})
+        variables[name] = (dims, values, {"units": number.unit, "long_name": number.words})
         if any(name in one for one in errors):
-            found = shaped([number_or_nan(one.get(name)) for one in errors])
-            attributes = {"units": units, "long_name": f"{words}: error"}
-            variables[f"{name}_error"] = (dims, found, attributes)
+            values = shaped([number_or_nan(one.get(name)) for one in errors])
+            about = {"units": number.unit, "long_name": f"{number.words}: error"}
+            variables[f"{name}_error"] = (dims, values, about)
     tables = {
         "ranges_m": (METHODS, "m", "range by each method that read the echo"),
         "error": (CAUSES, "1", "error budget of the Strehl ratio by cause"),
@@ -117,7 +81,7 @@ def sweep_dataset(
     if definition.mode != "grid":
         labels[CASE] = (CASE, np.arange(definition.case_count), {"units": "1", "long_name": "number of the case"})
     first = next((scene for scene in scenes if scene is not None), None)
-    about: dict[str, Any] = {
+    attributes: dict[str, Any] = {
         "title": f"sweep of {', '.join(definition.keys)} in {definition.label}{changes_in_words(definition.settings)}",
         "source": f"aerokernels {described['version']}",
         "sweep": json.dumps(described, ensure_ascii=False),
@@ -126,7 +90,7 @@ def sweep_dataset(
         "failed_count": int(failed.sum()),
         **provenance,
     }
-    return xarray.Dataset(variables, labels, about)
+    return xarray.Dataset(variables, labels, attributes)
 
 
 def failure_of(record: Mapping[str, Any]) -> str:

@@ -5,8 +5,10 @@ each key, then the second of each, and so on. "lhs:N" is a random Latin hypercub
 key: each of N equal slices of every key's range holds exactly one case.
 """
 
+import hashlib
 import itertools
 import math
+import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,8 +17,8 @@ from typing import Any
 import numpy as np
 
 from aerokernels import __version__
+from aerokernels.flow.reading.formats import files_behind
 from aerokernels.jobs.store import to_json
-from aerokernels.jobs.sweeps.sources import content_hashes
 from aerokernels.scene import Scene, SceneError
 from aerokernels.scene.changes import changed_scene, key_unit, key_value, with_units
 
@@ -298,3 +300,25 @@ def _sample_count(sample: str | int) -> int:
 
 def _written(value: Any) -> str:
     return value if isinstance(value, str) else f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def content_hashes(sources: Iterable[Any]) -> dict[str, str]:
+    """Return a hash of the content for each of the texts that names a file or a folder.
+
+    The content is that of all files that are read with it: the pieces that it names, the mesh beside it, a whole case.
+    """
+    found = {}
+    for source in sources:
+        path = Path(source) if isinstance(source, (str, Path)) and str(source) else None
+        if path is not None and path.exists():
+            found[str(source)] = _content_hash(path)
+    return found
+
+
+def _content_hash(path: Path) -> str:
+    whole = hashlib.sha256()
+    for file in files_behind(path):
+        whole.update(f"{os.path.relpath(file, path) if file != path else ''}\n".encode(errors="surrogateescape"))
+        with file.open("rb") as data:
+            whole.update(hashlib.file_digest(data, "sha256").digest())
+    return whole.hexdigest()[:32]

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from aerokernels.display.flatness import is_flat, told
 from aerokernels.display.quantities import Quantity
+from aerokernels.display.shown import is_flat
 from aerokernels.jobs.figure_layout import Panel, panelled_figure
-from aerokernels.jobs.page import Picture, bullets, named_values, page, pictures, section, table, text_block
-from aerokernels.jobs.store import RATIO_KEYS
+from aerokernels.jobs.numbers import NUMBERS, Number
+from aerokernels.jobs.page import Picture, drawn, named_values, page, table
 from aerokernels.jobs.sweeps.definition import CASE, Definition
 
 if TYPE_CHECKING:
@@ -24,14 +24,7 @@ if TYPE_CHECKING:
 MOST_ROWS = 500  # most rows of the table of cases
 MOST_LINES = 7  # most lines in a figure; with more values of both keys it is a heat map
 MOST_TICKS = 12  # most values of a key that are ticks of a heat map
-# Variable, name shown, unit shown, factor from SI.
-SHOWN = (
-    ("strehl", "Strehl ratio", "", 1.0),
-    ("opd_rms_m", "OPD, rms", "nm", 1e9),
-    ("boresight_rad", "boresight error", "µrad", 1e6),
-    ("echo_peak_v", "echo peak", "V", 1.0),
-    ("range_error_m", "range error", "mm", 1e3),
-)
+SHOWN = ("strehl", "opd_rms_m", "boresight_rad", "echo_peak_v", "range_error_m")
 _NUMBER = re.compile(r"[-+]?\d+(\.\d+)?(e[-+]?\d+)?")
 NO_VALUE = "none"  # in place of a number of a case that failed
 # Units in which keys are shown instead of SI, and their factor from SI.
@@ -45,21 +38,20 @@ def sweep_report(dataset: "xarray.Dataset", definition: Definition) -> str:
     lead = f"{definition.case_count} cases ({shape}) over {', '.join(definition.keys)}"
     lead += f", {failed} failed" if failed else ""
     lead += f"; {dataset.attrs['source']}, {dataset.attrs.get('created', '')}"
-    found = [column for row in SHOWN if (column := _Column.of(dataset, *row)).is_there]
-    same = [(each.words, each.texts.flat[0]) for each in found if each.is_same]
-    varying = [each for each in found if not each.is_same]
-    columns, rows = _cases(dataset, definition, varying)
-    parts = [section("The same in every case", named_values(same))] if same else []
-    parts += [
-        section("Pictures", pictures(_pictures(dataset, definition, varying)) or "<p>none</p>"),
-        section("Cases, each number with its error", table(columns, rows)),
-    ]
+    columns = [column for name in SHOWN if (column := _Column.of(dataset, name)).is_there]
+    same = [(each.words, each.texts.flat[0]) for each in columns if each.is_same]
+    varying = [each for each in columns if not each.is_same]
+    sections = [named_values("The same in every case", same)] if same else []
+    pictures = drawn(_pictures(dataset, definition, varying))
+    sections.append({"title": "Pictures", "figures": pictures, "paragraphs": [] if pictures else ["none"]})
+    sections.append(table("Cases, each number with its error", *_cases(dataset, definition, varying)))
     if definition.case_count > MOST_ROWS:
-        parts.append(f"<p>The first {MOST_ROWS} of {definition.case_count} cases; all of them are in sweep.nc.</p>")
+        first = f"The first {MOST_ROWS} of {definition.case_count} cases; all of them are in sweep.nc."
+        sections[-1]["paragraphs"] = [first]
     if reasons := _reasons(dataset):
-        parts.append(section("What failed, and why", bullets(reasons)))
-    parts.append(section("Scene of the first case", text_block(str(dataset.attrs["scene"]))))
-    return page(str(dataset.attrs["title"]), lead, parts)
+        sections.append({"title": "What failed, and why", "bullets": reasons})
+    sections.append({"title": "Scene of the first case", "text": str(dataset.attrs["scene"])})
+    return page(str(dataset.attrs["title"]), lead, sections)
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,37 +60,37 @@ class _Column:
 
     Attributes:
         name: Its variable.
-        words: What it is called.
-        label: The same with its unit.
-        factor: From SI to that unit.
+        number: What it is, and how it is shown.
         texts: The number of each case with its error and unit; NO_VALUE where the case failed.
         values: The number of each case in SI; NaN where the case failed.
         error: Greatest error of these numbers; NaN if none is known.
-        unit: Their SI unit.
     """
 
     name: str
-    words: str
-    label: str
-    factor: float
+    number: Number
     texts: np.ndarray
     values: np.ndarray
     error: float
-    unit: str
 
     @classmethod
-    def of(cls, dataset: "xarray.Dataset", name: str, words: str, unit: str, factor: float) -> "_Column":
+    def of(cls, dataset: "xarray.Dataset", name: str) -> "_Column":
         """Collect a quantity of a sweep."""
-        texts = np.empty(dataset[name].shape, object)
-        for place, value in np.ndenumerate(dataset[name].values):
-            texts[place] = NO_VALUE
-            if math.isfinite(value):  # if all cases failed, the dataset has no variables for errors
-                error = float(dataset[f"{name}_error"].values[place])
-                texts[place] = told(Quantity(value, error, is_ratio=name in RATIO_KEYS), factor, unit)
-        errors = dataset[f"{name}_error"].values if f"{name}_error" in dataset else np.array([math.nan])
-        error = float(np.fmax.reduce(errors, axis=None))
-        label = f"{words} [{unit}]" if unit else words
-        return cls(name, words, label, factor, texts, dataset[name].values, error, dataset[name].attrs["units"])
+        number, values, texts = NUMBERS[name], dataset[name].values, np.full(dataset[name].shape, NO_VALUE, object)
+        # If all cases failed, the dataset has no variables for errors.
+        errors = dataset[f"{name}_error"].values if f"{name}_error" in dataset else np.full(values.shape, math.nan)
+        for place in zip(*np.isfinite(values).nonzero(), strict=True):
+            texts[place] = number.text(Quantity(values[place], float(errors[place]), is_ratio=number.is_ratio))
+        return cls(name, number, texts, values, float(np.fmax.reduce(errors, axis=None)))
+
+    @property
+    def words(self) -> str:
+        """What it is called."""
+        return self.number.name or self.number.words
+
+    @property
+    def label(self) -> str:
+        """The same with the unit shown."""
+        return f"{self.words} [{self.number.shown}]" if self.number.shown else self.words
 
     @property
     def is_there(self) -> bool:
@@ -120,7 +112,7 @@ class _Column:
         size = float(np.fmax.reduce(np.abs(self.values), axis=None))
         change = float(np.fmax.reduce(np.abs(self.values - first), axis=None, initial=0.0))
         failures = np.isnan(self.values) != np.isnan(first)
-        return bool(failures.any()) or not is_flat([size, size + change], self.unit, self.error)
+        return bool(failures.any()) or not is_flat([size, size + change], self.number.unit, self.error)
 
 
 def _axis(dataset: "xarray.Dataset", key: str) -> tuple[np.ndarray, str]:
@@ -138,7 +130,7 @@ def _pictures(dataset: "xarray.Dataset", definition: Definition, shown: list[_Co
     Any further key is fixed at its first value.
     """
     for each in shown:
-        values = dataset[each.name] * each.factor
+        values = dataset[each.name] * each.number.factor
         if definition.mode != "grid":
             for key in definition.keys:
                 caption = f"{each.label} over {key}, case by case"
@@ -156,7 +148,7 @@ def _pictures(dataset: "xarray.Dataset", definition: Definition, shown: list[_Co
             caption += f"; {' and '.join(without)} do{'es' if len(without) == 1 else ''} not change it"
         drawn = values.isel(rest)
         if len(dims) == 1 or dataset.sizes[dims[1]] <= MOST_LINES:
-            error = dataset[f"{each.name}_error"].isel(rest) * each.factor
+            error = dataset[f"{each.name}_error"].isel(rest) * each.number.factor
             yield each.name, caption, partial(_line_figure, dataset, drawn, error, dims, each.label)
         else:
             yield each.name, caption, partial(_heat_map, dataset, drawn.transpose(*dims[::-1]), each.label)
@@ -178,7 +170,7 @@ def _line_figure(
     figure, axes = _labelled_figure(places, texts, words, label)
     lines, bars = (each.transpose(..., dims[0]).values.reshape(-1, len(places)) for each in (values, error))
     bars = np.stack([np.nan_to_num(bars, posinf=0.0)] * 2, axis=1)
-    if values.name in RATIO_KEYS:  # within 0 and 1
+    if NUMBERS[str(values.name)].is_ratio:  # within 0 and 1
         bars = np.clip(bars, 0.0, np.stack([lines, 1.0 - lines], axis=1).clip(0.0))
     keys, meaning = _axis(dataset, dims[1]) if len(dims) > 1 else (np.array([""]), "")
     colours = ["#0b6e99"] if len(lines) == 1 else colormaps["viridis"](np.linspace(0.0, 0.85, len(lines)))

@@ -5,7 +5,7 @@ import datetime
 import platform
 import tempfile
 import time
-from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -28,7 +28,6 @@ from aerokernels.scene import Scene, warn_of_unused
 if TYPE_CHECKING:
     import xarray
 
-    from aerokernels.jobs.sweeps.case import Case
 
 Progress = Callable[[str, float], None]
 EXECUTORS = ("local", "dask")
@@ -54,8 +53,8 @@ def sweep(
     Args:
         scene: The scene, the path of its TOML file, or the name of a shipped one.
         vary: Values by dotted key, {"target.tilt": ["0 deg", "10 deg"]}: numbers in SI units, or texts with a unit.
-        executor: "local": processes of this machine; "dask": Dask workers, of this machine or of a scheduler; or a
-            `distributed.Client` or cluster, whose workers are used.
+        executor: "local": processes of this machine; "dask": Dask workers, of this machine or of a scheduler; or any
+            `concurrent.futures.Executor`, `distributed.Client` or Dask cluster, whose workers are used.
         out: Folder for sweep.nc and the finished cases. An interrupted sweep is resumed from there, and a finished one
             is read from there. None: nothing is stored.
         workers: Processes on this machine; None: one for each GPU, or, without GPUs, for each core.
@@ -78,9 +77,9 @@ def sweep(
             writing; no such device or scheduler.
         ImportError: executor="dask" without Dask.
     """
-    if not isinstance(executor, str):
-        executor, scheduler = "dask", _given(executor, scheduler)
     check_options(executor, workers, scheduler)
+    if hasattr(executor, "nthreads") or hasattr(executor, "scheduler_address"):  # a client or a cluster of Dask
+        executor, scheduler = "dask", executor
     definition = define(scene, vary, settings=settings, together=zip, sample=sample, seed=seed)
     with contextlib.ExitStack() as ending:
         folder = (
@@ -89,25 +88,6 @@ def sweep(
         if not is_finished(definition, folder, retry_failed):
             run_sweep(definition, folder, executor, workers, scheduler, retry_failed, progress)
         return read_result(folder / DATASET_FILE)
-
-
-def _given(executor: Any, scheduler: Any) -> Any:
-    """Check an executor that is a client or a cluster, and return it.
-
-    Raises:
-        TypeError: It is neither.
-        ValueError: A scheduler is given too.
-    """
-    if scheduler is not None:
-        raise ValueError("executor is a client or a cluster already: leave scheduler out")
-    # Other pools of workers have `submit` too, but no scheduler.
-    if not (hasattr(executor, "submit") and hasattr(executor, "nthreads")) and not hasattr(
-        executor, "scheduler_address"
-    ):
-        raise TypeError(
-            f"executor must be 'local', 'dask', a distributed.Client or a cluster, got {type(executor).__name__}"
-        )
-    return executor
 
 
 def is_finished(definition: Definition, folder: Path, retry_failed: bool = False) -> bool:
@@ -130,7 +110,7 @@ def is_finished(definition: Definition, folder: Path, retry_failed: bool = False
 def run_sweep(
     definition: Definition,
     folder: Path,
-    executor: str = "local",
+    executor: Any = "local",
     workers: int | None = None,
     scheduler: Any = None,
     retry_failed: bool = False,
@@ -148,6 +128,7 @@ def run_sweep(
         warn_of_unused(next(scene for scene in scenes if scene is not None), "run")
         devices = _check_devices(scenes)
         from aerokernels.jobs.sweeps.case import make_cases
+        from aerokernels.jobs.sweeps.executors import outcomes
 
         cases = make_cases(scenes)
         found = read_definition(folder)
@@ -158,9 +139,9 @@ def run_sweep(
         if retry_failed:
             finished = {number for number, record in records.done.items() if "error" not in record}
         waiting = [case for case in cases if case.number not in finished]
-        outcomes = _started(waiting, executor, workers, scheduler, devices)
-        with contextlib.closing(outcomes):
-            next(outcomes)  # starts the executor, whose errors must come before anything is written
+        computed = outcomes(waiting, executor, workers, scheduler, devices)
+        with contextlib.closing(computed):
+            next(computed)  # starts the executor, whose errors must come before anything is written
             folder.mkdir(parents=True, exist_ok=True)
             if found is None:
                 write_definition(folder, described)
@@ -169,16 +150,16 @@ def run_sweep(
             with records.writing():
                 for number, text in faults.items():
                     records.add(number, {"error": text})
-                _collect(outcomes, records, definition.case_count, progress)
+                _collect(computed, records, definition.case_count, progress)
             progress("writing the dataset", 1.0)
             _write(definition, described, scenes, records, folder, executor)
 
 
-def _collect(outcomes: Iterator, records: Records, total: int, progress: Progress) -> None:
+def _collect(computed: Iterator, records: Records, total: int, progress: Progress) -> None:
     """Store each case when it is finished, and report the progress."""
     begin, before = time.monotonic(), len(records.done)
     progress(_progress_text(records, total, None), before / total)
-    for number, outcome in outcomes:
+    for number, outcome in computed:
         if records.add(number, outcome):
             each = (time.monotonic() - begin) / (len(records.done) - before)
             progress(_progress_text(records, total, each * (total - len(records.done))), len(records.done) / total)
@@ -199,38 +180,22 @@ def _duration(seconds: float) -> str:
     return f"{seconds:.0f} s"
 
 
-def _started(
-    cases: list["Case"], executor: str, workers: int | None, scheduler: Any, devices: set[str | None]
-) -> Generator[Any, None, None]:
-    """Yield None once the workers are there, then the outcomes of the cases."""
-    if not cases:
-        yield None
-        return
-    from aerokernels.jobs.sweeps.gpus import worker_environments
-
-    environments = [] if scheduler else worker_environments(workers, len(cases), devices)
-    if executor == "local":
-        from aerokernels.jobs.sweeps.local import run_local
-
-        yield None
-        yield from run_local(cases, environments)
-    else:
-        from aerokernels.jobs.sweeps.dask_cases import run_dask
-        from aerokernels.jobs.sweeps.dask_workers import connected
-
-        with connected(scheduler, environments) as (client, given_up):
-            yield None
-            yield from run_dask(client, cases, given_up)
-
-
-def check_options(executor: str, workers: int | None, scheduler: Any) -> None:
+def check_options(executor: Any, workers: int | None, scheduler: Any) -> None:
     """Reject options that do not go together.
 
     Raises:
+        TypeError: An executor of the wrong kind.
         ValueError: No such executor, a scheduler without Dask or together with `workers`, fewer than 1 worker.
     """
-    if executor not in EXECUTORS:
+    if isinstance(executor, str) and executor not in EXECUTORS:
         raise ValueError(f"executor {executor!r}: choose one of {', '.join(EXECUTORS)}")
+    if not isinstance(executor, str) and not hasattr(executor, "submit") and not hasattr(executor, "scheduler_address"):
+        raise TypeError(
+            "executor must be 'local', 'dask', a concurrent.futures.Executor, a distributed.Client or a cluster, "
+            f"got {type(executor).__name__}"
+        )
+    if scheduler is not None and not isinstance(executor, str):
+        raise ValueError("executor has its workers already: leave scheduler out")
     if scheduler is not None and executor != "dask":
         raise ValueError(f"scheduler {scheduler} needs the executor dask: give it, or leave the scheduler out")
     if scheduler is not None and workers is not None:
@@ -258,18 +223,17 @@ def _write(
     scenes: list[Scene | None],
     records: Records,
     folder: Path,
-    executor: str,
+    executor: Any,
 ) -> None:
-    from aerokernels.jobs.sweeps.dataset import sweep_dataset
-
     now = datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
     provenance = {
         "created": now,
         "machine": f"{platform.node()}, {platform.machine()}, Python {platform.python_version()}",
-        "executor": executor,
+        "executor": executor if isinstance(executor, str) else type(executor).__name__,
     }
-    dataset = sweep_dataset(definition, described, scenes, records.done, provenance)
-    replace_result(folder / DATASET_FILE, dataset)
+    from aerokernels.jobs.sweeps.dataset import sweep_dataset
     from aerokernels.jobs.sweeps.report import sweep_report
 
+    dataset = sweep_dataset(definition, described, scenes, records.done, provenance)
+    replace_result(folder / DATASET_FILE, dataset)
     write_text(folder / REPORT_FILE, sweep_report(dataset, definition))

@@ -25,51 +25,49 @@ Cells that are not cut ("bilinear") are swept twice where the flow is smooth; af
 order.
 """
 
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
 import numpy as np
 
-from ..mesh import QuadMesh
-from ..refined import cut_in_four, has_seam
-from .vertex_values import linear_values_and_smooth, of_parents, values_and_smooth, vertex_gradients
-from .vertex_weights import VertexWeights, vertex_weights
+from aerokernels.derived import Derived, cached_on
+from aerokernels.display.shown import shown
+from aerokernels.medium.averages.vertex_values import (
+    linear_values_and_smooth,
+    of_parents,
+    values_and_smooth,
+    vertex_gradients,
+)
+from aerokernels.medium.mesh import QuadMesh
+from aerokernels.medium.refined import cut_in_four, has_seam
 
-PASSES = 2  # sweeps over cells that are not cut
-SWEEPS, FIRST_SWEEPS = 200, 40  # most sweeps near cells with a deficit, and over all cells
 CHECK_INTERVAL = 10  # sweeps between two checks whether the deficits still change
-SETTLED = 1e-8  # change of a deficit, over the range of the averages, at which the sweeps end
-RINGS = 4  # rings of cells around those with a deficit over which the sweeps continue
-OVERSHOOT = 0.25  # how far a vertex may leave the range of the averages around it in smooth flow, over that range
-AT_VERTEX = 1e-8  # points of a wall nearer than this to a vertex, over the mesh's size, are taken to be at the vertex
-LEAST_FRACTION = 0.1  # least value of a vertex over the least average around it, both measured from vacuum
 
 
 def conserving_values(mesh: QuadMesh, average: np.ndarray, vacuum: float = -np.inf) -> np.ndarray:
-    """Return vertex values, shape (vertex_count,), without cutting cells.
+    """Return vertex values, shape (vertex_count,), from averages over cells that are not cut.
 
-    Args:
-        mesh: The mesh.
-        average: Averages, shape (cell_count,).
-        vacuum: The value in vacuum; vertex values stay above it where the averages do.
+    Vertex values stay above `vacuum`, the value in vacuum, where the averages do.
     """
     values, smooth = values_and_smooth(mesh, average)
     if mesh.parents is not None:
-        return keep_averages(mesh, values, average, smooth, vacuum)
+        return _keep_averages(mesh, values, average, smooth, vacuum)
     weights, vertex = mesh.corner_weights, mesh.cells.ravel()
     share = np.bincount(vertex, weights.ravel(), len(mesh.vertices))
     share = np.where(share > 0.0, share, 1.0)
-    for _ in range(PASSES):
+    for _ in range(2):
         deficit = np.where(smooth, cell_deficits(mesh, average, values), 0.0)
         values = values + np.bincount(vertex, (weights * deficit[:, None]).ravel(), len(mesh.vertices)) / share
     return np.asarray(values)
 
 
 def cell_deficits(mesh: QuadMesh, average: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Return each cell's deficit: the flow's cell average minus the mean of the interpolant over that cell.
-
-    A cell that is a part of a flow's cell has the deficit of the flow's cell.
+    """Return each cell's deficit: the flow's cell average minus the mean of the interpolant over it.
 
     Args:
         mesh: The mesh.
-        average: Averages, shape (cell_count,).
+        average: Average over the flow's cell that each cell is or is a part of, shape (cell_count,).
         values: Values at the vertices, shape (vertex_count,).
     """
     weights = mesh.corner_weights
@@ -85,14 +83,7 @@ def cut_and_kept(
 ) -> tuple[QuadMesh, np.ndarray, np.ndarray]:
     """Return the mesh cut in four, values at its vertices that keep the averages, and the average for each part.
 
-    Args:
-        mesh: The mesh; it is returned as it is where its cells are parts already.
-        average: Averages, shape (cell_count,).
-        vacuum: The value in vacuum; vertex values stay above it where the averages do.
-        walls: Positions [m], shape (n, 2), and the values that the interpolant has to take there.
-
-    Raises:
-        ValueError: A mesh that cannot be cut because it has two vertices in one place.
+    A mesh whose cells are parts already is not cut. `walls` has positions [m], shape (n, 2), and the values there.
     """
     if has_seam(mesh):
         raise ValueError(
@@ -107,49 +98,78 @@ def cut_and_kept(
         average = average[mesh.parents]
         average.setflags(write=False)
     fixed = None if walls is None else _vertices_at(mesh, *walls)
-    return mesh, keep_averages(mesh, values, average, smooth, vacuum, fixed), average
+    return mesh, _keep_averages(mesh, values, average, smooth, vacuum, fixed), average
 
 
-def keep_averages(
-    mesh: QuadMesh,
-    values: np.ndarray,
-    average: np.ndarray,
-    smooth: np.ndarray,
-    vacuum: float = -np.inf,
-    fixed: tuple[np.ndarray, np.ndarray] | None = None,
-) -> np.ndarray:
-    """Return values near the given ones that keep the averages.
+def _keep_averages(mesh: QuadMesh, values, average, smooth, vacuum: float, fixed=None) -> np.ndarray:
+    """Return values near initial ones that keep the averages; `fixed` are vertices whose values are fixed, and these.
 
-    Args:
-        mesh: A mesh of parts of the flow's cells.
-        values: Initial values, shape (vertex_count,).
-        average: Averages, shape (cell_count,).
-        smooth: Which of the flow's cells neither contain a captured shock nor touch a cell that does.
-        vacuum: The value in vacuum.
-        fixed: Vertices whose values are fixed, and these values.
+    The mesh's cells are parts of the flow's cells, of which `smooth` tells those apart from captured shocks.
     """
-    target, weights = of_parents(mesh, average), vertex_weights(mesh)
+    target, weights = of_parents(mesh, average), _vertex_weights(mesh)
     low, high = _bounds(weights.matrix, weights.transposed, target, smooth, values, vacuum)
     if fixed is not None:
         low[fixed[0]] = high[fixed[0]] = fixed[1]
-    found = np.clip(values, low, high)
-    settled = SETTLED * float(np.ptp(target))
-    _sweep(weights, np.arange(len(target)), target, found, low, high, settled, FIRST_SWEEPS)
-    near = (np.abs(weights.deficit(target, found)) > settled).astype(float)
+    values = np.clip(values, low, high)
+    settled = 1e-8 * float(np.ptp(target))  # a smaller change of the deficits ends the sweeps
+    _sweep(weights, np.arange(len(target)), target, values, low, high, settled, 40)
+    near = (np.abs(weights.deficit(target, values)) > settled).astype(float)
     if near.any():
-        for _ in range(RINGS):
+        for _ in range(4):  # rings of cells around those with a deficit
             near = ((weights.matrix @ (weights.transposed @ near)) > 0.0).astype(float)
-        _sweep(weights, np.flatnonzero(near), target, found, low, high, settled, SWEEPS)
+        _sweep(weights, np.flatnonzero(near), target, values, low, high, settled, 200)
     single = np.flatnonzero(weights.single)
     inner = weights.matrix[:, single]
     room = np.asarray(inner.sum(axis=1))
-    deficit = weights.deficit(target, found) * weights.cell_total / np.where(room > 0.0, room, 1.0)
+    deficit = weights.deficit(target, values) * weights.cell_total / np.where(room > 0.0, room, 1.0)
     cell = weights.transposed.indices[weights.transposed.indptr[single]]
-    found[single] = np.clip(found[single] + deficit[cell], low[single], high[single])
-    return np.asarray(found)
+    values[single] = np.clip(values[single] + deficit[cell], low[single], high[single])
+    return np.asarray(values)
 
 
-def _sweep(weights: VertexWeights, some, target, found, low, high, settled: float, sweeps: int) -> None:
+@dataclass(frozen=True, eq=False)
+class _VertexWeights(Derived):
+    """Weights of vertices in integrals of a bilinear interpolant over the flow's cells [m2, or m3 per radian].
+
+    `matrix` has shape (flow's cells, vertices); it and its transpose are sparse by rows.
+    """
+
+    matrix: Any
+    transposed: Any
+
+    @cached_property
+    def cell_total(self) -> np.ndarray:
+        """Sum of the weights of each of the flow's cells."""
+        return np.asarray(self.matrix.sum(axis=1))
+
+    @cached_property
+    def vertex_total(self) -> np.ndarray:
+        """Sum of the weights of each vertex."""
+        return np.asarray(self.matrix.sum(axis=0))
+
+    @cached_property
+    def single(self) -> np.ndarray:
+        """Which vertices belong to only one of the flow's cells."""
+        return np.diff(self.transposed.indptr) == 1
+
+    def deficit(self, average: np.ndarray, values: np.ndarray) -> np.ndarray:
+        """Return the averages minus the means of the interpolant of `values`, shape (flow's cells,)."""
+        return np.asarray(average - (self.matrix @ values) / self.cell_total)
+
+
+@cached_on("mesh")
+def _vertex_weights(mesh: QuadMesh) -> _VertexWeights:
+    """Return the weights of a mesh."""
+    from scipy.sparse import csr_array
+
+    parents = np.arange(len(mesh.cells)) if mesh.parents is None else mesh.parents
+    shape = int(parents.max()) + 1, len(mesh.vertices)
+    matrix = csr_array((mesh.corner_weights.ravel(), (np.repeat(parents, 4), mesh.cells.ravel())), shape=shape)
+    matrix.sum_duplicates()
+    return _VertexWeights(matrix, matrix.T.tocsr())
+
+
+def _sweep(weights: _VertexWeights, some, target, found, low, high, settled: float, sweeps: int) -> None:
     """Sweep over some of the flow's cells and the vertices that belong to no other cells, in place.
 
     Ends when no deficit has changed by more than `settled` in CHECK_INTERVAL sweeps: all deficits are then
@@ -187,9 +207,8 @@ def _vertices_at(mesh: QuadMesh, points: np.ndarray, values: np.ndarray) -> tupl
     """Return the vertices at some points, and the mean of the values at each."""
     from scipy.spatial import KDTree
 
-    size = float(np.ptp(mesh.vertices, axis=0).max())
     distance, vertex = KDTree(mesh.vertices).query(points)
-    near = distance < AT_VERTEX * size
+    near = distance < 1e-8 * float(np.ptp(mesh.vertices, axis=0).max())
     count = np.bincount(vertex[near], minlength=len(mesh.vertices))
     some = np.flatnonzero(count)
     return some, np.bincount(vertex[near], values[near], len(mesh.vertices))[some] / count[some]
@@ -202,11 +221,11 @@ def _bounds(share, transposed, target, smooth, values, vacuum: float) -> tuple[n
     single = np.diff(transposed.indptr) == 1  # one cell's average gives no range, so that of its neighbours is used
     low, high = np.where(single, wide[0], low), np.where(single, wide[1], high)
     touched = (transposed @ (~smooth).astype(float)) > 0.0
-    more = OVERSHOOT * (wide[1] - wide[0])
+    more = 0.25 * (wide[1] - wide[0])
     least, greatest = np.where(touched, low, wide[0] - more), np.where(touched, high, wide[1] + more)
     least = np.minimum(least, values)
     if np.isfinite(vacuum):
-        least = np.maximum(least, np.where(low > vacuum, vacuum + LEAST_FRACTION * (low - vacuum), -np.inf))
+        least = np.maximum(least, np.where(low > vacuum, vacuum + 0.1 * (low - vacuum), -np.inf))
     return least, np.maximum(greatest, values)
 
 
@@ -217,3 +236,71 @@ def _extremes(rows, low, high, empty) -> tuple[np.ndarray, np.ndarray]:
     least[some] = np.minimum.reduceat(low[rows.indices], begin[some])
     greatest[some] = np.maximum.reduceat(high[rows.indices], begin[some])
     return least, greatest
+
+
+@shown
+@dataclass(frozen=True)
+class AveragesLacking:
+    """Deficits of an interpolant from averages over cells, as fractions of the range R of the averages.
+
+    With a the average over a cell of area A and m the interpolant's mean over it (in an axisymmetric mesh over its
+    volume), a row's deficit is | sum A (a - m) | / (R sum A), the mean over the lines along it.
+
+    Attributes:
+        rows_max: Greatest deficit or excess of a row or column of cells; None where the flow's mesh is not structured.
+        rows_rms: Root mean square over the rows and columns, weighted by area; None as above.
+        row_path: Greatest error of the optical path along a whole row [m]; None as above.
+        cells_max: Greatest deficit or excess of a cell.
+        cells_rms: Root mean square over the cells, weighted by area.
+    """
+
+    rows_max: float | None
+    rows_rms: float | None
+    row_path: float | None
+    cells_max: float
+    cells_rms: float
+
+    @property
+    def keeps_rows(self) -> bool:
+        """Whether there are rows and columns, and all their deficits are below a millionth of the range."""
+        return self.rows_max is not None and self.rows_max < 1e-6
+
+    def in_words(self) -> str:
+        """Return the numbers in words, as the object of a sentence with "lacks"."""
+        cells = f"of single cells {100.0 * self.cells_rms:.2g} % rms, {100.0 * self.cells_max:.2g} % at most"
+        if self.rows_max is None or self.rows_rms is None or self.row_path is None:
+            return f"{cells}, of the range of densities"
+        if self.keeps_rows:
+            return f"nothing of rows and columns of cells (below {max(self.rows_max, 1e-15):.0e} of the range); {cells}"
+        return (
+            f"of a row or column of cells {100.0 * self.rows_max:.2g} % of the range of densities at most "
+            f"({100.0 * self.rows_rms:.2g} % rms), an optical path of {1e6 * self.row_path:.2g} µm; {cells}"
+        )
+
+
+def averages_lacking(mesh: QuadMesh, average: np.ndarray, values: np.ndarray) -> AveragesLacking:
+    """Return the deficits of bilinear values on a mesh; arguments as for `cell_deficits`.
+
+    Where its cells were cut in four, the rows are those of the cells before the cut.
+    """
+    lacks = of_parents(mesh, cell_deficits(mesh, average, values))
+    area = mesh.cell_area if mesh.parents is None else np.bincount(mesh.parents, mesh.cell_area)
+    scale = float(np.ptp(average)) or 1.0  # equal averages have no range, and no deficit
+    whole = area > 0.0  # `parents` may leave out numbers
+    lacks, area = np.where(whole, lacks, 0.0), np.where(whole, area, 0.0)
+    cells_max = float(np.abs(lacks).max()) / scale
+    cells_rms = float(np.sqrt(np.sum(area * lacks**2) / area.sum())) / scale
+    flow_mesh = mesh if mesh.parents is None else mesh.whole
+    if flow_mesh is None or flow_mesh.shape is None:
+        return AveragesLacking(None, None, None, cells_max, cells_rms)
+    shape = flow_mesh.shape[0] - 1, flow_mesh.shape[1] - 1
+    middle = 0.5 * (flow_mesh.corners + np.roll(flow_mesh.corners, -1, axis=1))  # of sides
+    sizes, means, paths = [], [], []
+    for axis in (0, 1):  # along axis 1 cells are joined across their sides 0 and 2
+        width = np.linalg.norm(middle[:, 3 - axis] - middle[:, 1 - axis], axis=1)
+        sizes.append(area.reshape(shape).sum(axis=axis))
+        means.append(np.abs((area * lacks).reshape(shape).sum(axis=axis)) / sizes[-1])
+        paths.append(means[-1] * width.reshape(shape).sum(axis=axis))
+    size, mean = np.concatenate(sizes), np.concatenate(means)
+    rms = float(np.sqrt(np.sum(size * mean**2) / size.sum())) / scale
+    return AveragesLacking(float(mean.max()) / scale, rms, float(np.concatenate(paths).max()), cells_max, cells_rms)

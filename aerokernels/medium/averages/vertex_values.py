@@ -16,7 +16,8 @@ mesh (which the paper omits), with one-sided fourth-order forms at the two outer
 
 import numpy as np
 
-from ..mesh import QuadMesh
+from aerokernels.derived import cached_on
+from aerokernels.medium.mesh import QuadMesh
 
 # Row k: derivative at the k-th of five consecutive nodes; row 2 is eq 7.
 FIVE_POINT = (
@@ -31,7 +32,6 @@ FIVE_POINT = (
     )
     / 12.0
 )
-
 # A second difference above this fraction of the field's whole range counts as a captured shock; those of smooth flow
 # resolved by twenty cells or more are below it.
 SHOCK_SHARE = 0.05
@@ -53,15 +53,7 @@ def values_and_smooth(mesh: QuadMesh, average: np.ndarray) -> tuple[np.ndarray, 
 
 
 def _along_both_axes(mesh: QuadMesh, average, smooth, limited: bool = True, lesser: bool = False) -> np.ndarray:
-    """Return vertex values on a structured mesh, computed one direction after the other.
-
-    Args:
-        mesh: The mesh.
-        average: Averages, shape (cell_count,).
-        smooth: Cells without a captured shock, shape (ni - 1, nj - 1).
-        limited: Limit values to the range of the averages of the cells that they join.
-        lesser: Beside a shock, extrapolate to the edge of the mesh with the smaller of the two nearest changes.
-    """
+    """Return vertex values on a structured mesh, computed one direction after the other."""
     ni, nj = mesh.shape or (0, 0)
     vertex = mesh.vertices.reshape(ni, nj, 2)
     centroid = mesh.cell_centroid.reshape(ni - 1, nj - 1, 2)
@@ -72,38 +64,6 @@ def _along_both_axes(mesh: QuadMesh, average, smooth, limited: bool = True, less
     smooth = np.pad(smooth, ((1, 0), (0, 0)), mode="edge") & np.pad(smooth, ((0, 1), (0, 0)), mode="edge")
     places = face.swapaxes(0, 1), vertex.swapaxes(0, 1)
     return np.asarray(_faces_along_first_axis(at_face.T, smooth.T, *places, on_axis, limited, lesser).T.ravel())
-
-
-def edge_means(mesh: QuadMesh, average: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return means over edges of a structured mesh: along rows of vertices, (ni, nj - 1), and columns, (ni - 1, nj).
-
-    Args:
-        mesh: The mesh.
-        average: Averages, shape (cell_count,).
-    """
-    ni, nj = mesh.shape or (0, 0)
-    vertex = mesh.vertices.reshape(ni, nj, 2)
-    centroid, average = mesh.cell_centroid.reshape(ni - 1, nj - 1, 2), average.reshape(ni - 1, nj - 1)
-    rows, columns = 0.5 * (vertex[:, :-1] + vertex[:, 1:]), 0.5 * (vertex[:-1] + vertex[1:])
-    on_axis = mesh.geometry == "axisymmetric"
-    first = _edge_means(average, centroid, rows, on_axis)
-    return first, _edge_means(average.T, centroid.swapaxes(0, 1), columns.swapaxes(0, 1), on_axis).T
-
-
-def _edge_means(average, centroid, middle, on_axis: bool) -> np.ndarray:
-    """Return means over edges along axis 1, corrected along it for the offset of centroids from the edges' midpoints.
-
-    The means will be summed along lines of edges, and these sums change smoothly from line to line even across a shock:
-    no term is left out, and nothing is limited.
-    """
-    smooth = np.ones(average.shape, dtype=bool)
-    found = _faces_along_first_axis(average, smooth, centroid, middle, on_axis, False, False)
-    if found.shape[1] < 3:
-        return found
-    place = [_faces_along_first_axis(centroid[..., k], smooth, centroid, middle, False, False, False) for k in (0, 1)]
-    step = np.gradient(middle, axis=1)
-    missed = np.sum((middle - np.stack(place, axis=-1)) * step, axis=-1) / np.sum(step * step, axis=-1)
-    return np.asarray(found + missed * np.gradient(found, axis=1))
 
 
 def linear_values_and_smooth(mesh: QuadMesh, average: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -193,9 +153,7 @@ def _lesser(average, slope, distance, edge: int) -> np.ndarray:
 def vertex_gradients(mesh: QuadMesh, values: np.ndarray) -> np.ndarray:
     """Return gradients at the vertices [1/m], shape (vertex_count, 2)."""
     if mesh.shape is None or min(mesh.shape) < 5:
-        gradient = _least_squares_gradient(
-            mesh.vertices, values, *mesh.derive("vertex pairs", lambda: _vertex_pairs(mesh))
-        )
+        gradient = _least_squares_gradient(mesh.vertices, values, *_vertex_pairs(mesh))
     else:
         ni, nj = mesh.shape
         columns = [mesh.vertices[:, 0], mesh.vertices[:, 1], values]
@@ -221,6 +179,7 @@ def _five_point(array: np.ndarray, axis: int) -> np.ndarray:
     return np.moveaxis(result, 0, axis)
 
 
+@cached_on("mesh")
 def _vertex_pairs(mesh: QuadMesh) -> tuple[np.ndarray, np.ndarray]:
     """Return all pairs of different vertices that share a cell, each pair in both orders."""
     from scipy.sparse import csr_matrix

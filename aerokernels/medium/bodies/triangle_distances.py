@@ -15,7 +15,7 @@ Detection (2005).
 
 import numpy as np
 
-from .wall_tree import LEAF, WallTree
+from aerokernels.medium.bodies.wall_tree import LEAF, WallTree
 
 NEAREST = 3  # triangles with the nearest centroids, with which the search for the nearest one begins
 POINTS = 1 << 10  # points that descend the tree together; speed only
@@ -80,15 +80,7 @@ class NearestTriangles:
             nodes = np.stack([nodes, after[nodes]], axis=1).reshape(-1)
 
     def _replace_farther(self, points, foot, least, rows, pieces) -> None:
-        """Replace surface points `foot` and squared distances `least`, in place, by nearer ones on triangles.
-
-        Args:
-            points: The points [m], by component, shapes (n,).
-            foot: A point of the surface for each [m], by component, shapes (n,).
-            least: Its squared distance [m2], shape (n,).
-            rows: Number of a point for each triangle, ascending, shape (m,).
-            pieces: Numbers of the triangles, shape (m,).
-        """
+        """Replace surface points `foot` and squared distances `least`, in place, by nearer ones on triangles."""
         at = [one.take(rows) for one in points]
         found = self._foot(at, pieces)
         distance = _squares([one - other for one, other in zip(found, at, strict=True)])

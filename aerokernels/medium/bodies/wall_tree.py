@@ -13,6 +13,8 @@ import numpy as np
 LEAF = 4  # speed only
 # Margin of the boxes around their pieces, as a fraction of the body's size: some million rounding errors.
 MARGIN = 1e-9
+SMOOTH = np.radians(10.0)
+CORNERS = 1 << 18  # corners of triangles whose neighbours are in memory together; speed only
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,3 +84,67 @@ def wall_tree(corners: np.ndarray, normals: np.ndarray) -> WallTree:
         waiting += [number, rows[half:], rows[:half]]
     sorted_rows = np.concatenate(order)
     return WallTree(corners[sorted_rows], normals[sorted_rows], np.array(boxes), np.array(links, dtype=np.int32))
+
+
+def segment_normals(start: np.ndarray, end: np.ndarray, axisymmetric: bool) -> np.ndarray:
+    """Return unit normals at both ends of segments, with the body on their left, shape (w, 2, 2).
+
+    Args:
+        start: First points [m], shape (w, 2): (y, z) or (r, z).
+        end: Second points [m], shape (w, 2). The next segment begins exactly where one ends.
+        axisymmetric: Whether the segments go on, mirrored, behind the axis.
+    """
+    step = end - start
+    length = np.linalg.norm(step, axis=1)
+    number = np.unique(np.concatenate([start, end]), axis=0, return_inverse=True)[1].reshape(2, -1)
+    meeting = np.bincount(number.ravel())
+    angles = []  # of the chord with the curve at both of its ends
+    for side, corner in enumerate((start, end)):
+        neighbour = np.zeros(len(meeting), dtype=np.int64)
+        neighbour[number[1 - side]] = np.arange(len(start))
+        row = neighbour[number[side]]
+        known = meeting[number[side]] == 2
+        beside, beyond = step[row], length[row]
+        if axisymmetric:
+            mirrored = corner[:, 0] == 0.0
+            known |= mirrored
+            beside = np.where(mirrored[:, None], step * [1.0, -1.0], beside)
+            beyond = np.where(mirrored, length, beyond)
+        first, second = (beside, step) if side == 0 else (step, beside)
+        turn = np.arctan2(first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0], np.sum(first * second, axis=1))
+        angles.append(np.where(known & (np.abs(turn) <= SMOOTH), turn * length / (length + beyond), 0.0))
+    one, other = angles
+    angle = np.where(one * other > 0.0, np.sign(one) * np.minimum(np.abs(one), np.abs(other)), 0.0)
+    along = step / length[:, None]
+    upright = np.cos(angle)[:, None] * along @ [[0.0, -1.0], [1.0, 0.0]]
+    swing = np.sin(angle)[:, None] * along
+    return np.stack([upright - swing, upright + swing], axis=1)
+
+
+def triangle_normals(corners: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """Return unit normals at the corners of triangles, shape (w, 3, 3).
+
+    Args:
+        corners: Their corners [m], counter-clockwise seen from outside, shape (w, 3, 3).
+        triangles: Numbers of their corners, shape (w, 3).
+    """
+    edges = np.roll(corners, -1, axis=1) - corners
+    area = np.cross(edges[:, 0], edges[:, 1])
+    normal = area / np.maximum(np.linalg.norm(area, axis=1), 1e-300)[:, None]
+    back = -np.roll(edges, 1, axis=1)
+    angle = np.arctan2(np.linalg.norm(np.cross(edges, back), axis=2), np.sum(edges * back, axis=2)).ravel()
+    order = np.argsort(triangles.ravel(), kind="stable")
+    first = np.searchsorted(triangles.ravel()[order], np.arange(triangles.max() + 2))
+    found = np.empty((triangles.size, 3))
+    for begin in range(0, triangles.size, CORNERS):
+        some = np.arange(begin, min(begin + CORNERS, triangles.size))
+        vertex = triangles.ravel()[some]
+        count = first[vertex + 1] - first[vertex]
+        mine = np.repeat(np.arange(len(some)), count)
+        place = np.arange(len(mine)) - np.repeat(np.cumsum(count) - count, count) + np.repeat(first[vertex], count)
+        other = order[place]
+        near = np.sum(normal[some[mine] // 3] * normal[other // 3], axis=1) > np.cos(SMOOTH)
+        weight = np.where(near, angle[other], 0.0)[:, None] * normal[other // 3]
+        found[some] = np.stack([np.bincount(mine, weight[:, k], len(some)) for k in range(3)], axis=1)
+    found /= np.maximum(np.linalg.norm(found, axis=1), 1e-300)[:, None]
+    return found.reshape(corners.shape)

@@ -6,8 +6,7 @@ from ..engines.layout import OPTIONS
 from ..result import output_mask
 from ..stop import ArcLength, Plane
 from .family import LEAST_COSINE, Family
-from .nodes import FAR
-from .table import BundleTable
+from .table import FAR, BundleTable
 
 
 def _numbered(option: str) -> dict[str, int]:

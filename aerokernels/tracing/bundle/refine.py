@@ -21,12 +21,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from .clearance import Clearance
 from .family import Family
 from .lattice import Lattice
-from .nodes import FaceClasses, Tracer, trace_lines
-from .table import BundleTable, map_of
-from .tubes import RESOLVED, Tubes
+from .table import BundleTable, FaceClasses, Tracer, map_of, trace_lines
+from .tubes import RESOLVED, Clearance, Tubes
 
 # Levels that are always divided: 33 x 33 lines on a square.
 LEAST_LEVEL = 2

@@ -10,24 +10,21 @@ from ...derived import cached_on
 from ...device_arrays import DeviceArray, on_host, rows_begun
 from ...medium import IndexField
 from ...rays import RayBundle
+from ..cuts import face_strengths
 from ..engines import engine_of
 from ..engines.device_memory import memory_of
 from ..error_limit import error_limit
-from ..flow_ends import face_strengths
 from ..launch import in_chunks, starts_of
-from ..leapfrog.sample_cost import LEAST_RAYS, pays_once
-from ..lever_arms import lever_arms_of
-from ..lines import box_size
-from ..meeting import check_meeting
+from ..leapfrog.pilot import LEAST_RAYS, pays_once
+from ..lines import box_size, check_meeting
 from ..plan import BundleCounts, TracePlan
 from ..planning import make_plan, plan_bundle
 from ..status import NOT_DELIVERED
-from .clearance import Clearance
+from ..straight_lines import lever_arms_of
 from .family import Family, counted_parameters, find_family
-from .nodes import CHANNELS, TRACED, FaceClasses, channels_of
 from .refine import Limits, Refinement
-from .table import BundleTable
-from .tubes import Tubes
+from .table import CHANNELS, TRACED, BundleTable, FaceClasses, channels_of
+from .tubes import Clearance, Tubes
 
 # Smaller bundles are traced ray by ray.
 LEAST_BUNDLE = 10_000
@@ -38,8 +35,6 @@ LEAST_SHARE = 0.5
 # Air at a face of the box counts as undisturbed if its OPD over the length of the box is below this fraction of the
 # tolerance.
 UNDISTURBED = 0.02
-# Bundles whose tables a field caches.
-CACHED = 4  # speed only
 # (field, rays, plan, until, wavelength, outputs) -> per-ray arrays by name
 Run = Callable[[IndexField, RayBundle, TracePlan, Any, float, frozenset], dict[str, np.ndarray]]
 
@@ -106,7 +101,7 @@ def trace_bundle(request: BundleRequest) -> tuple[TracePlan, dict[str, np.ndarra
     return replace(plan, bundle=counts, reasons=reasons, predicted_evaluations=predicted), arrays
 
 
-@cached_on("field", CACHED)
+@cached_on("field", 4)
 def _recognised(
     field: IndexField, rays: RayBundle, until, wavelength: float, channels: int, choices: dict[str, Any], run: Run
 ) -> tuple[Family, BundleTable, TracePlan] | str:

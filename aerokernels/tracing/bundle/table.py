@@ -1,18 +1,79 @@
 """The patches of a family as kernels read them: from a ray's parameters to a block, and to one of its cells."""
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, fields
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from ...derived import Derived
-from .family import Family
-from .hermite import CELLS, NODES
-from .nodes import FaceClasses
+from ...medium import IndexField
+from ...rays import RayBundle
+from ..lines import FACES, SIDE, BoxSpan, box_span
+from ..status import RayStatus
+from ..stop import stop_distance
+from .family import CLOSE, Family
 
 # Numbers in the header of a block: parameters of its first node (2), cells per unit of each parameter (2), the class of
 # its lines (nodes.FaceClasses), and the greatest step error [m], step count and evaluation count of its lines.
 HEADER = 8
+
+
+@dataclass(frozen=True, eq=False)
+class FaceClasses:
+    """Classify lines by the faces through which they enter and leave a field's box.
+
+    Attributes:
+        field: The refractive index.
+        until: The stop.
+        matters: For each of FACES, whether it matters that a line enters or leaves through it, shape (7,).
+        margin: Least distance [m] between the place where a line leaves and any other face; a deflected ray might leave
+            through a nearer face.
+    """
+
+    field: IndexField
+    until: Any
+    matters: np.ndarray
+    margin: float = 0.0
+
+    @property
+    def are_all_alike(self) -> bool:
+        """Whether no face matters: rays end elsewhere, and enter and leave through uniform air."""
+        return self.until is not None and not self.matters.any()
+
+    def numbers(self, position: np.ndarray, direction: np.ndarray) -> np.ndarray:
+        """The class of each line, shape (n,): lines of one class pass the same faces. Negative where that is unsure."""
+        if self.are_all_alike:
+            return np.zeros(len(position), dtype=np.int64)
+        span = box_span(self.field, position, direction)
+        count, close = len(FACES), CLOSE * float(np.min(self.field.spacing))
+        # A line that begins in the box is like one that enters through the face behind it, if that does not matter.
+        behind = span.face_behind
+        enter = np.where(span.enter <= close, count, behind)
+        enter = np.where((behind >= 0) & ~self.matters[behind], count + 1, enter)
+        leaves, near = span.exit_face, self._is_near_edge(position, direction, span)
+        if self.until is not None:
+            leaves = np.where(self.matters[span.exit_face], span.exit_face, count)
+            # A line that stops inside the box does not leave it.
+            stop = stop_distance(position, direction, self.until)
+            leaves = np.where(stop < span.leave - close, count + 1, leaves)
+            near &= leaves <= count
+        beside = -1 if self.until is None else (count + 2) * (count + 3)
+        number = np.where(near, -1, (count + 2) * leaves + enter)
+        return np.where(span.meets, number, beside)
+
+    def _is_near_edge(self, position: np.ndarray, direction: np.ndarray, span: BoxSpan) -> np.ndarray:
+        """Whether lines leave the box within `margin` of a face other than their exit face, shape (n,)."""
+        low, high = self.field.box
+        place = position + np.where(span.meets, np.minimum(span.leave, FAR), 0.0)[:, None] * direction
+        depth = np.minimum(place - low, high - place)
+        if self.field.geometry == "axisymmetric":
+            depth[:, 0] = high[0] - np.hypot(place[:, 0], place[:, 1])
+            depth[:, 1] = np.inf
+        own = np.where(span.exit_face == SIDE, 0, span.exit_face // 2)
+        depth[np.arange(len(own)), own] = np.inf
+        return np.asarray(depth.min(axis=1) < self.margin)
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,4 +125,65 @@ def map_of(shape: tuple[int, int], blocks: list[tuple[int, np.ndarray]]) -> np.n
     return made
 
 
-assert NODES == CELLS + 1
+CHANNELS = 8
+# Number of channels that the outputs need: for "opd" alone, and for "direction".
+OPD, WITH_DIRECTION = 1, 4
+# Outputs that are requested of the traced lines.
+TRACED = frozenset(
+    ("opd", "direction", "position", "arc_length", "step_error", "step_count", "evaluation_count", "optical_path")
+)
+# Replaces infinity in kernels.
+FAR = 1e300
+# (rays) -> per-ray arrays by name
+Tracer = Callable[[RayBundle], dict[str, np.ndarray]]
+
+
+def channels_of(outputs: frozenset) -> int:
+    """Number of channels that these outputs need."""
+    if outputs & {"position", "arc_length"}:
+        return CHANNELS
+    return WITH_DIRECTION if "direction" in outputs else OPD
+
+
+def undisturbed_length(field: IndexField, position: np.ndarray, direction: np.ndarray, until) -> np.ndarray:
+    """Lengths of undisturbed lines up to their stop [m], shape (n,)."""
+    if until is None:
+        return box_span(field, position, direction).leave
+    return stop_distance(position, direction, until)
+
+
+@dataclass(frozen=True, eq=False)
+class Traced:
+    """Some lines of a family, traced.
+
+    Attributes:
+        values: CHANNELS of each, shape (n, 8); NaN where a ray is not OK.
+        line_class: Class of each line in `FaceClasses`, shape (n,).
+        costs: Step error [m], steps and evaluations of each, shape (n, 3).
+    """
+
+    values: np.ndarray
+    line_class: np.ndarray
+    costs: np.ndarray
+
+    @classmethod
+    def joined(cls, *parts: "Traced") -> "Traced":
+        """The lines of some lists, one list after the other."""
+        names = [entry.name for entry in fields(cls)]
+        return cls(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
+
+
+def trace_lines(family: Family, classes: FaceClasses, tracer: Tracer, parameters: np.ndarray) -> Traced:
+    """Trace the lines with these parameters, shape (n, 2)."""
+    position, direction = family.rays(parameters)
+    arrays = tracer(RayBundle(position, direction))
+    length = undisturbed_length(classes.field, position, direction, classes.until)
+    values = np.full((len(position), CHANNELS), np.nan)
+    line_class = classes.numbers(position, direction)
+    good = (arrays["status"] == RayStatus.OK) & np.isfinite(length) & (line_class >= 0)
+    values[good, 0] = arrays["opd"][good]
+    values[good, 1:4] = (arrays["direction"] - direction)[good]
+    values[good, 4:7] = (arrays["position"] - position)[good] - length[good, None] * direction[good]
+    values[good, 7] = arrays["arc_length"][good] - length[good]
+    costs = np.stack([arrays[name] for name in ("step_error", "step_count", "evaluation_count")], axis=1)
+    return Traced(values, line_class, costs)

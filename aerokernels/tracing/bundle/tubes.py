@@ -13,11 +13,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...medium import IndexField
-from ...medium.grid import local_coordinates
+from ...medium.grid import UniformGrid, local_coordinates
+from ..blocks import greatest_around
 from ..lines import box_span
+from ..step_bound import roughness_of_blocks
 from .family import Family
-from .nodes import undisturbed_length
-from .roughness import Roughness, roughness_of
+from .table import undisturbed_length
 
 # Distance between lines, in cells, below which they resolve everything that a grid holds.
 RESOLVED = 0.75
@@ -29,6 +30,40 @@ OF_DIRECTION = 2.0
 ABOUT_AXIS = 2.0
 # Error of an interpolant at a kink, divided by the kink times the spacing.
 OF_KINK = 1.0 / 8.0
+
+
+@dataclass(frozen=True, eq=False)
+class Roughness:
+    """Greatest roughness within a block's width of any place of a field, for a series of widths.
+
+    Attributes:
+        low: Corner of the first block along the local axes [m].
+        size: Widths of the narrowest blocks [m], shape (d,).
+        cell: Widths of cells [m], shape (d,).
+        levels: For each level the greatest fourth root of the fourth derivative along each axis [1/m] and kink [1],
+            shape (*blocks, 2 d).
+    """
+
+    low: np.ndarray
+    size: np.ndarray
+    cell: np.ndarray
+    levels: tuple[np.ndarray, ...]
+
+    def at(self, place: np.ndarray, width: np.ndarray) -> np.ndarray:
+        """Greatest roughness within `width` [m, per axis] of places, shapes (n, d): shape (n, 2 d), 0 outside."""
+        with np.errstate(divide="ignore"):
+            level = np.ceil(np.log2(np.maximum(width / self.size, 1e-9)).max(axis=1))
+        level = np.clip(level, 0, len(self.levels) - 1).astype(int)
+        found = np.zeros((len(place), 2 * len(self.low)))
+        for number in np.unique(level):
+            table = self.levels[number]
+            count = np.array(table.shape[:-1])
+            rows = np.flatnonzero(level == number)
+            index = np.floor((place[rows] - self.low) / (self.size * 2.0**number)).astype(np.int64)
+            near = ((index >= -1) & (index <= count)).all(axis=1)
+            index = np.clip(index, 0, count - 1)
+            found[rows] = np.where(near[:, None], table[tuple(index.T)], 0.0)
+        return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,3 +162,141 @@ class Tubes:
             rate = CONSTANT * factor * (apart[:, axis] * (fourth @ across[axis])) ** 4 + OF_KINK * kink
             found += np.where(resolved, 0.0, rate)
         return found
+
+
+# Levels of blocks, each of twice the width.
+LEVELS = 12
+
+
+def roughness_of(field: IndexField) -> Roughness | None:
+    """The roughness of a field, cached on its grid; None where it is not known."""
+    if not isinstance(field.samples, UniformGrid):
+        return None
+    grid = field.samples
+    return grid.derive("roughness at every width", lambda: _of_grid(grid))
+
+
+def _of_grid(grid: UniformGrid) -> Roughness:
+    block, fourth, kink = roughness_of_blocks(grid)
+    table = np.stack([*(np.sqrt(np.sqrt(part)) for part in fourth), *kink], axis=-1)
+    levels = []
+    for _ in range(LEVELS):
+        wide = table
+        for axis in range(table.ndim - 1):
+            wide = greatest_around(wide, -1, 1, axis)
+        levels.append(np.ascontiguousarray(wide))
+        if max(table.shape[:-1]) == 1:
+            break
+        table = _halved(table)
+    cell = np.asarray(grid.spacing, dtype=float)
+    return Roughness(np.asarray(grid.low, dtype=float), block * cell, cell, tuple(levels))
+
+
+def _halved(table: np.ndarray) -> np.ndarray:
+    for axis in range(table.ndim - 1):
+        if table.shape[axis] % 2:
+            width = [(0, 1) if other == axis else (0, 0) for other in range(table.ndim)]
+            table = np.pad(table, width)
+        even, odd = (table.take(range(first, table.shape[axis], 2), axis) for first in (0, 1))
+        table = np.maximum(even, odd)
+    return table
+
+
+# Places along each axis at which the distance is tabulated, by the number of axes, and steps after which a tube does
+# not count as clear.
+PLACES, MOST_STEPS = {2: 192, 3: 48}, 96
+# Margin around the tube, in cells of the table.
+ROOM = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class Distances:
+    """A table of distances from a body along the local axes.
+
+    Attributes:
+        low: First place of the table [m], shape (d,).
+        step: Distance of places [m], shape (d,).
+        table: Distance to the body [m], negative inside, of d axes.
+    """
+
+    low: np.ndarray
+    step: np.ndarray
+    table: np.ndarray
+
+    def at_least(self, place: np.ndarray) -> np.ndarray:
+        """Lower bounds of the distances from places (n, d) to the body [m]."""
+        index = np.rint((place - self.low) / self.step)
+        index = np.clip(index, 0, np.array(self.table.shape) - 1).astype(int)
+        nearest = self.low + index * self.step
+        off = np.linalg.norm(place - nearest, axis=1)
+        # The body is inside the table, so a place outside is at least as far from the body as from the table's edge.
+        high = self.low + self.step * (np.array(self.table.shape) - 1)
+        outside = np.linalg.norm(np.maximum(np.maximum(self.low - place, place - high), 0.0), axis=1)
+        return np.asarray(np.maximum(self.table[tuple(index.T)] - off, outside))
+
+
+def distances_of(field: IndexField) -> Distances:
+    """The distances from a field's body, cached on the field."""
+    found: Distances = field.derive("distances from the body", lambda: _distances_of(field))
+    return found
+
+
+def _distances_of(field: IndexField) -> Distances:
+    body = field.body
+    assert body is not None
+    low = np.minimum(np.asarray(field.samples.low, dtype=float), body.box[0])
+    high = np.maximum(np.asarray(field.samples.high, dtype=float), body.box[1])
+    count = PLACES[len(low)]
+    step = (high - low) / (count - 1)
+    places = np.meshgrid(*(low[axis] + step[axis] * np.arange(count) for axis in range(len(low))), indexing="ij")
+    distance = body.signed_distance(np.stack([place.ravel() for place in places], axis=1))
+    return Distances(low, step, distance.reshape(places[0].shape))
+
+
+@dataclass(frozen=True, eq=False)
+class Clearance:
+    """Test tubes around a family's lines against a body."""
+
+    field: IndexField
+    family: Family
+    until: object
+
+    def of_blocks(self, middle: np.ndarray, half: np.ndarray, bent: float) -> np.ndarray:
+        """Which blocks stay clear, shape (n,).
+
+        Args:
+            middle: Parameters of their middles, shape (n, 2).
+            half: Half their width in parameters, shape (2,).
+            bent: Greatest displacement of the lines [m].
+        """
+        distances = distances_of(self.field)
+        position, direction = self.family.rays(middle)
+        end = undisturbed_length(self.field, position, direction, self.until)
+        # Beyond this distance from the table no line can meet the body.
+        extent = float(np.linalg.norm(distances.step * (np.array(distances.table.shape) - 1))) + float(
+            np.abs(distances.low).max()
+        )
+        away = np.linalg.norm(position, axis=1) + 2.0 * extent
+        end = np.where(np.isfinite(end) & (end < away), end, away)
+        radius = float(np.linalg.norm(half)) * self._greatest_scale(position, direction, end) + bent
+        radius = radius + ROOM * float(distances.step.max())
+        at, clear = np.zeros(len(middle)), np.ones(len(middle), bool)
+        going = np.ones(len(middle), bool)
+        for _ in range(MOST_STEPS):
+            rows = np.flatnonzero(going)
+            if not len(rows):
+                break
+            place = position[rows] + at[rows, None] * direction[rows]
+            free = distances.at_least(local_coordinates(place, self.field.geometry)) - radius[rows]
+            clear[rows] = free > 0.0
+            at[rows] += np.maximum(free, 0.0)
+            going[rows] = (free > 0.0) & (at[rows] < end[rows])
+        return clear & ~going
+
+    def _greatest_scale(self, position: np.ndarray, direction: np.ndarray, end: np.ndarray) -> np.ndarray:
+        """Metres per unit of the parameters where the lines are farthest apart, shape (n,)."""
+        if not self.family.converges:
+            return np.ones(len(position))
+        axis = self.family.axes[2]
+        ends = [(position + at[:, None] * direction - self.family.origin) @ axis for at in (np.zeros(len(end)), end)]
+        return np.asarray(np.maximum(*np.abs(ends)) / (direction @ axis) ** 2)

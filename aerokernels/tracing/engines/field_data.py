@@ -12,14 +12,13 @@ import numpy as np
 from ...derived import Derived
 from ...medium import IndexField
 from ...medium.grid import UniformGrid
-from ..error_limit import error_limit
+from ..error_limit import error_limit, left_out, support_box
 from ..leapfrog.unresolved import lookup_table, missed_at_ends
 from ..plan import TracePlan
 from ..result import output_mask
 from ..scheme import LAXEST, MESH_STEP_LIMIT, STEP_LIMIT
 from ..step_bound import CONES, cones_of, step_bound
 from ..stop import ArcLength, Plane
-from ..support import left_out, support_box
 
 # How many FieldData of recent bodies and precisions are cached for one set of grid nodes.
 KEPT = 16  # speed only

@@ -1,19 +1,29 @@
 """The interface of every engine: device memory, kernel launches, and fields prepared for kernels.
 
-Kernels have the same names and arguments in Warp and in OpenCL, so code that uses only this interface
-is written once for both: a bundle in chunks (launch.py), a pupil and its sums (pupil/run.py).
+Kernels have the same names and arguments in Warp and in OpenCL, so code that uses only this interface is written once
+for both: a bundle in chunks (launch.py), a pupil and its sums (pupil/run.py). Arrays of fields and of bundles are
+uploaded here, and cached with the field or the bundle.
 """
 
+import math
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
+from ...derived import cached_on, key_of
 from ...medium import IndexField
+from ...medium.grid import UniformGrid
+from ...process.clock import stage
+from ..bundle.frame import kernel_arrays, kernel_numbers
 from ..bundle.table import BundleTable
+from ..leapfrog.cube_polynomials import cube_polynomials
 from ..plan import TracePlan
-from .layout import STRUCTS
+from .field_data import FieldData, array_of, field_data, plan_members, step_bound_tables, stop_kind, trace_members
+from .layout import REAL_TYPES, STRUCTS, Value, arrays_of
+from .transfers import Fetched, Sent
 
 # Tables that kernels may compute from a grid, besides its spline coefficients.
 GRID_TABLES = ("roughness", "potential by blocks", "potential peaks")
@@ -24,9 +34,11 @@ PROGRAMS = {
 }
 # Per-ray outputs of the tracing kernels, in their order: how many numbers per ray, and their type.
 OUTPUT_TYPES = {member.name: (member.parts[1], member.number_type()) for member in STRUCTS["RayOutputs"]}
+# Structs of a field that are cached for the last plans; sets of outputs and devices cached with a field or a bundle.
+STRUCTS_CACHED, ARRAYS_CACHED = 4, 8  # speed only
 
 
-class Engine(Protocol):
+class Engine(ABC):
     """One library on one device. Buffers are the engine's own objects; one row of a buffer belongs to one ray.
 
     Attributes:
@@ -43,6 +55,11 @@ class Engine(Protocol):
     grid_tables: tuple[str, ...]
     grid_key: tuple
 
+    @property
+    def key(self) -> tuple:
+        """A key for caches that differs for other engines and devices."""
+        return self.grid_key[1:]
+
     def prepare(
         self, field: IndexField, plan: TracePlan, until, wavelength: float, outputs: frozenset, directions: np.ndarray
     ) -> "Prepared":
@@ -53,80 +70,151 @@ class Engine(Protocol):
         Raises:
             ValueError: The device does not exist, or is too small for the field.
         """
+        if plan.controls_error:
+            outputs = outputs | {"step_error"}
+        with stage("upload"):
+            structs, control = self._uploaded(field, plan, until, wavelength, outputs, directions)
+            arguments = self.arguments(structs, control, plan.precision)
+        options = {
+            "precision": plan.precision,
+            "geometry": field.geometry,
+            "interpolation": field.interpolation,
+            "on_mesh": not field.is_uniform,
+            "method": plan.compiled_method,
+            "stop": stop_kind(until),
+            "has_body": field.body is not None,
+            "measured": "step_error" in outputs,
+            "cubes": plan.looks_up_cubes,
+        }
+        with stage("compile"):
+            return self.compiled(options, plan.sample_count > 0, arguments, outputs)
 
+    @abstractmethod
+    def compiled(self, options: dict[str, Any], leapfrog: bool, arguments: list, outputs: frozenset) -> "Prepared":
+        """Return the kernel of a scene with its arguments before the rays; `options` are those of layout.py."""
+
+    @abstractmethod
+    def place_structs(self, data: FieldData, precision: str, arrays: dict[str, Any], bounds: dict[str, Any]) -> Any:
+        """Return the structs Field and Bounds as kernels take them; `arrays` are those of Field on the device."""
+
+    @abstractmethod
+    def arguments(self, structs: Any, control: dict[str, Any], precision: str) -> list:
+        """Return the arguments of a tracing kernel before the rays, from `place_structs` and the members of Control."""
+
+    @abstractmethod
     def tuned(self, arguments: list, numbers: dict[str, Any]) -> list:
         """Return arguments of a `Prepared` with new values of struct Control, by name; `arguments` may be modified."""
 
+    @abstractmethod
+    def bundle_kernel(self, precision: str, channels: int) -> Any:
+        """Return the kernel deliver_bundle."""
+
     def prepare_bundle(self, table: BundleTable, outputs: frozenset) -> "Prepared":
         """Prepare the patches between traced rays to interpolate these outputs for rays of the same family."""
+        with stage("upload"):
+            arguments = [*_bundle_arrays(table, self), *_bundle_numbers(table, outputs)]
+        with stage("compile"):
+            kernel = self.bundle_kernel(table.precision, table.channels)
+        return Prepared(self, kernel, arguments, outputs, None, unused=_unused_buffers(table, self))
 
+    @abstractmethod
     def kernels(self, names: Iterable[str]) -> dict[str, Any]:
-        """Return the named kernels, which have no options: those of a pupil and of a grid."""
+        """Return the named kernels of PROGRAMS."""
 
     def another(self, kernel: Any) -> Any:
         """Return the same kernel for launches with other arguments: neither then sets those of the other again."""
+        return kernel
 
     def renew(self, field: IndexField, precision: str, on_host: np.ndarray | None) -> None:
         """Make again what `prepare` has made from a grid's coefficients, whose memory on the device has changed.
 
         `on_host` is that memory, on a CPU.
         """
+        if precision == "float64":
+            return  # the structs refer to the coefficients themselves
+        coefficients = _field_arrays(field, self, precision, False)["coefficients"]
+        if on_host is None:
+            count = math.prod(field.samples.coefficient_shape)
+            self.round_into(field.samples.held(self.grid_key), coefficients, count, precision)
+        else:
+            self.wait()
+            self.put_into(coefficients, on_host.astype(REAL_TYPES[precision]))
+
+    @abstractmethod
+    def round_into(self, coefficients: Any, rounded: Any, count: int, precision: str) -> None:
+        """Start to round a grid's coefficients, a buffer of float64, into a buffer of this precision."""
 
     def keeps(self, size: float) -> bool:
-        """Whether results of `size` bytes, and the rays, stay on the device until they are read."""
+        """Return whether results of `size` bytes, and the rays, stay on the device until they are read."""
+        return False
 
     def bring(self, starts: Sequence[Any]) -> tuple[list[Any], Iterable[slice]]:
         """Return buffers for the rays, and an iterator over the slices of rows that have arrived, in order.
 
-        Only for an engine that `keeps` the rays. A kernel launched on rows already yielded finds them there. `starts`
-        are NumPy arrays or DeviceArrays.
+        A kernel launched on rows already yielded finds them there. `starts` are NumPy arrays or DeviceArrays.
         """
+        return [self.put(np.asarray(each)) for each in starts], [slice(0, len(starts[0]))]
 
     def fetching(self, results: dict[str, Any], starts: Sequence[Any]) -> Any:
         """Return an object that copies results to the host chunk by chunk (device_arrays/fetching.py).
 
-        Only for an engine that `keeps` the results. None if they stay on the device until they are read.
+        None if they stay on the device until they are read.
         """
+        return None
 
+    @abstractmethod
     def put(self, array: np.ndarray) -> Any:
         """Return a buffer with a copy of the array, whose rows are numbers, positions or directions.
 
         An array that repeats one row in memory may be stored as one row on the device; kernels read it like any other.
         """
 
+    @abstractmethod
     def share(self, array: np.ndarray) -> Any:
         """Return a buffer in the memory of an array of numbers on a CPU, a buffer with a copy of the array on a GPU.
 
         The array lives as long as the buffer. On a CPU the array holds what kernels wrote once `wait` has returned.
         """
 
+    @abstractmethod
+    def struct_array(self, member: Value, values: np.ndarray, precision: str) -> Any:
+        """Upload an array of a struct to the device."""
+
+    @abstractmethod
     def put_into(self, buffer: Any, array: np.ndarray) -> None:
         """Copy an array over the first rows of a buffer."""
 
+    @abstractmethod
     def empty(self, count: int, width: int = 1, kind: type = np.float64) -> Any:
         """Return an uninitialised buffer of `count` rows of `width` numbers."""
 
     def room(self, shape: tuple[int, ...], kind: type) -> np.ndarray:
         """Return an uninitialised array on the host for `get`: on a GPU of memory that it copies to at full speed."""
+        return np.empty(shape, kind)
 
+    @abstractmethod
     def get(self, buffer: Any, array: np.ndarray) -> None:
         """Wait for the launched kernels, and copy the first rows of a buffer into the array."""
 
-    def sent(self, array: np.ndarray) -> "Sent":
+    def sent(self, array: np.ndarray) -> Sent:
         """Return a buffer for an array of numbers that is uploaded repeatedly, the first time by `Sent.send`."""
+        return Sent(array, self.share(array))
 
-    def fetched(self, arrays: Sequence[np.ndarray]) -> "Fetched":
+    def fetched(self, arrays: Sequence[np.ndarray]) -> Fetched:
         """Return uninitialised buffers for the numbers of arrays, which are copied to the host together, repeatedly.
 
-        Rows of two or three float64 are vectors for the kernels. On a CPU the buffers may share the arrays' memory.
+        Rows of two or three float64 are vectors for the kernels. On a CPU the buffers share the arrays' memory.
         """
+        return Fetched(self, arrays, [self.share(array) for array in arrays])
 
     def recorded(self) -> Callable[[Callable[[], None]], None]:
         """Return a callable that runs the same work repeatedly: launches, `Sent` and `Fetched` on the same buffers.
 
         A device that can replay the work as one graph does so from the second call on.
         """
+        return lambda work: work()
 
+    @abstractmethod
     def launch(self, kernel: Any, before: list, after: list, count: int, first: int = 0) -> Any:
         """Start a kernel over `count` rays, or groups of rays, from number `first` on, without waiting for it.
 
@@ -134,54 +222,123 @@ class Engine(Protocol):
         buffers stands for the struct of outputs.
         """
 
+    @abstractmethod
     def clear(self, buffer: Any) -> None:
         """Set the first number of a buffer of int32 to 0, without waiting on a GPU."""
 
+    @abstractmethod
     def wait(self) -> None:
         """Wait for the kernels that this thread launched."""
 
     def settle(self) -> None:
         """Wait for the launched kernels if other threads may use their results and would not wait themselves."""
+        return
 
+    def _uploaded(
+        self, field: IndexField, plan: TracePlan, until, wavelength: float, outputs: frozenset, directions: np.ndarray
+    ) -> tuple[Any, dict[str, Any]]:
+        """Return the structs of `place_structs`, and the members of struct Control, whose arrays are on the device.
 
-class Sent(Protocol):
-    """An array on the host and the buffer to which it is uploaded; see `Engine.sent`.
-
-    Attributes:
-        array: Write it before `send`; leave it unchanged until the kernels launched after `send` have ended.
-        buffer: The buffer on the device.
-    """
-
-    array: np.ndarray
-    buffer: Any
-
-    def send(self, values: np.ndarray | None = None) -> None:
-        """Start the upload; kernels launched after this call read the new values.
-
-        With `values`, an array like this one, those are uploaded instead: leave them unchanged too. They need not be
-        the ones of a recorded upload, see `Engine.recorded`.
+        For leapfrog samples both are cached on the field: a pilot and the rays that follow its plan share them.
         """
 
+        def make() -> tuple[Any, dict[str, Any]]:
+            with_paper_step = plan.method == "paper"
+            data = field_data(field, plan.precision, with_paper_step)
+            bounds, control = trace_members(field, data, plan, until, wavelength)
+            tables, blocks = step_bound_tables(field, plan, wavelength, directions)
+            arrays = _field_arrays(field, self, plan.precision, with_paper_step)
+            if plan.looks_up_cubes:
+                arrays = {**arrays, "coefficients": _cubes(field, self)}
+            structs = self.place_structs(data, plan.precision, arrays, data.bounds | bounds)
+            return structs, data.control | control | blocks | self._control_arrays(field, plan.precision, tables)
 
-class Fetched(Protocol):
-    """Buffers and the host arrays that receive them; see `Engine.fetched`.
+        if plan.sample_count:
+            numbers = plan.step, plan.max_steps, plan.lever_arms, plan.tolerance * wavelength
+            key = key_of((plan.precision, plan.method, plan.looks_up_cubes, plan.sampling, *numbers, until))
+            structs, control = field.derive(("structs", *self.key, key), make, STRUCTS_CACHED)
+        else:
+            structs, control = make()
+        return structs, control | plan_members(plan, outputs)
 
-    Attributes:
-        buffers: One for each array; they are valid as long as this object.
-        arrays: Those that `wait` returns, always the same ones.
-    """
+    def _control_arrays(self, field: IndexField, precision: str, tables: dict) -> dict[str, Any]:
+        """Return the arrays of Control on the device, by name; they are cached if the field has no step bounds."""
 
-    buffers: Sequence[Any]
-    arrays: Sequence[np.ndarray]
+        def upload() -> dict[str, Any]:
+            return {
+                member.name: self.struct_array(member, tables[member.name], precision)
+                for member in arrays_of("Control")
+            }
 
-    def start(self) -> None:
-        """Start to copy the buffers in the state that the kernels launched so far leave them in."""
+        if tables["step_bound_start"].max() >= 0:
+            return upload()
+        holder = getattr(field.samples, "places", field)
+        arrays: dict[str, Any] = holder.derive((*self.key, "without step bounds", precision), upload)
+        return arrays
 
-    def wait(self) -> Sequence[np.ndarray]:
-        """Wait for the copies and return the arrays, which are valid until the next `start`."""
+    def computed_coefficients(self, field: IndexField, precision: str) -> Any:
+        """Return a grid's coefficients if this device has computed them, or has the same memory; else None.
 
-    def taken(self) -> Sequence[np.ndarray]:
-        """Wait for the last copies; return arrays that stay valid."""
+        A CPU leaves it to NumPy to round them: for the kernel one more program would have to be loaded.
+        """
+        held = field.samples.held(self.grid_key)
+        if held is None and not self.is_gpu and isinstance(field.samples, UniformGrid):
+            coefficients = field.samples.coefficients
+            return self.share(coefficients.reshape(-1)) if coefficients.dtype == REAL_TYPES[precision] else None
+        if held is None or precision == "float64":
+            return held
+        if not self.is_gpu:
+            return None
+        count = math.prod(field.samples.coefficient_shape)
+        rounded = self.empty(count, kind=REAL_TYPES[precision])
+        self.round_into(held, rounded, count, precision)
+        return rounded
+
+
+@cached_on("field", ARRAYS_CACHED)
+def _field_arrays(field: IndexField, engine: Engine, precision: str, with_paper_step: bool) -> dict[str, Any]:
+    """Return the arrays of Field on the device, by name."""
+    data = field_data(field, precision, with_paper_step)
+    coefficients = engine.computed_coefficients(field, precision)
+    shared = _shared_arrays(data, engine, precision)
+    return {
+        member.name: shared[member.name]
+        if member.name in shared
+        else engine.struct_array(member, array_of(field, data, member.name), precision)
+        if coefficients is None
+        else coefficients
+        for member in arrays_of("Field")
+    }
+
+
+@cached_on("data", ARRAYS_CACHED)
+def _shared_arrays(data: FieldData, engine: Engine, precision: str) -> dict[str, Any]:
+    """Upload the arrays in `data`, by name, which fields on the same nodes may share."""
+    members = [member for member in arrays_of("Field") if member.name in data.arrays]
+    return {member.name: engine.struct_array(member, data.arrays[member.name], precision) for member in members}
+
+
+@cached_on("field", ARRAYS_CACHED)
+def _cubes(field: IndexField, engine: Engine) -> Any:
+    """Return the table of polynomials of cubes on the device."""
+    assert isinstance(field.samples, UniformGrid)
+    return engine.put(cube_polynomials(field.samples).ravel())
+
+
+@cached_on("table", ARRAYS_CACHED)
+def _bundle_arrays(table: BundleTable, engine: Engine) -> list:
+    return [engine.put(array) for array in kernel_arrays(table)]
+
+
+@cached_on("table", STRUCTS_CACHED)
+def _bundle_numbers(table: BundleTable, outputs: frozenset) -> list:
+    return kernel_numbers(table, outputs)
+
+
+@cached_on("table", ARRAYS_CACHED)
+def _unused_buffers(table: BundleTable, engine: Engine) -> dict[tuple[int, type], Any]:
+    """Return the buffers for outputs of a bundle that are not requested, see `Prepared`."""
+    return {}
 
 
 @dataclass(eq=False)

@@ -7,10 +7,8 @@ import numpy as np
 
 from ...medium import IndexField
 from ...rays import RayBundle
-from ..error_limit import path_exceeds
-from ..lever_arms import LeverArms
-from ..straight_lines import lines_through
-from ..support import support_box
+from ..error_limit import path_exceeds, support_box
+from ..straight_lines import LeverArms, lines_through
 from .missed_on_lines import disturbed_ends, greatest_error, missed_along
 from .unresolved import Sampling
 

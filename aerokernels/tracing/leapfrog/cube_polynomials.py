@@ -17,11 +17,11 @@ from itertools import product
 import numpy as np
 from numpy.polynomial import Legendre, Polynomial, legendre
 
+from aerokernels.medium.grid import GridPlaces
 from aerokernels.process.threads import product_on_one_core
 
 from ...derived import cached_on
 from ...medium.grid import UniformGrid
-from ...medium.grid_places import GridPlaces
 from ...medium.spline import SUPPORT, weights
 from ...process.threads import in_threads
 from ..scheme import CUBE_ROW, CUBE_SIDE
@@ -37,8 +37,6 @@ POWERS = sorted(
 WHOLE = sum(sum(powers) < DEGREE for powers in POWERS)
 # Points of a Gauss rule in each cell, for which the projection is exact.
 GAUSS = 4
-# Kinds of cubes, whole or cut off by the grid's end along each axis, whose operators are cached.
-CACHED = 8  # speed only
 # Windows of coefficients that are processed together.
 SLAB = 1 << 14  # speed only
 # The greatest deviation of the potential anywhere over the greatest at the tested points: nodes and the middles of
@@ -143,7 +141,7 @@ def _slabs(cubes: slice, count: int) -> Iterator[slice]:
         yield slice(first, min(first + layers, cubes.stop))
 
 
-@cached_on("places", CACHED)
+@cached_on("places", 8)
 def _operators_on(places: GridPlaces, inside: tuple[int, ...]) -> tuple[np.ndarray, int]:
     return _operators(inside, places.spacing)
 

@@ -18,16 +18,16 @@ two cells.
 """
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
+from aerokernels.medium.grid import GridPlaces
+
 from ...derived import cached_on
 from ...medium.grid import UniformGrid
-from ...medium.grid_places import GridPlaces
-from ...process.threads import in_threads, own_cores, slabs
+from ...process.threads import in_threads, own_cores, product_on_one_core, slabs
 from ..step_bound import block_size, potential_at_nodes
-from .beyond_faces import continued
-from .high_pass_along import PassAlong
 
 # The share of a component that is passed at phi H = x is 1 - exp(-(x / edge)^24): for edge = 0.92 it is 0.03 at
 # x = 0.8 and 0.99 at x = 0.98.
@@ -43,6 +43,56 @@ LEAST_ALONG, LEAST_IMAGED = 0.01, 0.8
 CACHED, MOST_CACHED = 3, 1 << 21  # speed only
 # Nodes along an axis up to which matrices are faster than transforms, and number of pairs of matrices in the cache.
 MOST_ALONG, CACHED_ALONG = 512, 16  # speed only
+
+
+@dataclass(frozen=True, eq=False)
+class PassAlong:
+    """The matrices of a high pass along an axis, applied to values at its nodes.
+
+    Attributes:
+        even: For sums of values and their mirror images, shape (nodes + 1) // 2 squared.
+        odd: For their differences, shape nodes // 2 squared.
+        whole: For the values themselves, shape (nodes, nodes).
+    """
+
+    even: np.ndarray
+    odd: np.ndarray
+    whole: np.ndarray
+
+    @classmethod
+    def of_shares(cls, share: np.ndarray) -> "PassAlong":
+        """Make the matrices from the weights of the cosines that are passed, shape (nodes,)."""
+        from scipy.fft import dct, idct
+
+        count = len(share)
+        half, whole = count // 2, idct(share * dct(np.eye(count), 1), 1)
+        mirrored = whole[:, ::-1]
+        even = 0.5 * (whole + mirrored)[: count - half, : count - half]
+        odd = 0.5 * (whole - mirrored)[:half, :half]
+        return cls(*(np.ascontiguousarray(part, share.dtype) for part in (even, odd, whole)))
+
+    def of_all(self, values: np.ndarray) -> np.ndarray:
+        """Return the passed part of values along the last axis."""
+        count = values.shape[-1]
+        half = count // 2
+        rows = values.reshape(-1, count)
+        mirrored = rows[:, ::-1]
+        sums = rows[:, : count - half].copy()
+        sums[:, :half] += mirrored[:, :half]
+        both = product_on_one_core(sums, self.even)
+        sided = product_on_one_core(rows[:, :half] - mirrored[:, :half], self.odd)
+        found = np.empty_like(rows)
+        found[:, : count - half] = both
+        found[:, :half] += sided
+        np.subtract(both[:, :half], sided, out=found[:, ::-1][:, :half])
+        return found.reshape(values.shape)
+
+    def of_some(self, values: np.ndarray, nodes: np.ndarray) -> np.ndarray:
+        """Return the passed part at some nodes of the last axis, given by number, and 0 at the others."""
+        rows = values.reshape(-1, values.shape[-1])
+        found = np.zeros_like(rows)
+        found[:, nodes] = product_on_one_core(rows, np.ascontiguousarray(self.whole[:, nodes]))
+        return found.reshape(values.shape)
 
 
 def high_pass(
@@ -207,3 +257,65 @@ def _images(rates: np.ndarray) -> list[tuple[int, int]]:
 def _held_share(cycles: np.ndarray) -> np.ndarray:
     """B: the share of a cosine with these cycles a cell in a cubic spline through nodes, also for an image."""
     return 3.0 * np.sinc(cycles) ** 4 / (2.0 + np.cos(2.0 * np.pi * cycles))
+
+
+# Cells behind a face in which values fade to that at the face, which has no slope at the new end.
+WIDTH = 4
+# A face is left as it is where its slopes are no more than this share of its second differences, as on a plane of
+# symmetry, or of the greatest value: an even continuation then has the weaker kink.
+AS_ON_SYMMETRY, NO_SLOPE = 0.5, 1e-6
+
+
+def continued(grid: UniformGrid, axes: list[int], kind: np.dtype) -> tuple[np.ndarray, tuple[slice, ...]]:
+    """Continue the potential over the ambient index beyond a grid's faces across some axes.
+
+    Args:
+        grid: The grid; about its first axis values may be even.
+        axes: The axes.
+        kind: Type of the values.
+
+    Returns:
+        The values with those behind the faces, and the slices that take the grid's own from them.
+    """
+    least = NO_SLOPE * float(np.abs(grid.potential_of(np.array(grid.extremes))).max()) / grid.ambient_index
+    inner, shape = [slice(0, count) for count in grid.shape], list(grid.shape)
+    for axis in axes:
+        is_even = axis == 0 and grid.even_first_axis
+        first = 0 if is_even or not _has_slope(grid, axis, (0, 1, 2), least) else WIDTH
+        last = WIDTH if _has_slope(grid, axis, (-1, -2, -3), least) else 0
+        inner[axis] = slice(first, first + grid.shape[axis])
+        shape[axis] += first + last
+    whole = np.empty(shape, kind)
+    own = whole[tuple(inner)]
+
+    def fill(rows: slice) -> None:
+        own[rows] = potential_at_nodes(grid, rows)
+
+    in_threads(fill, slabs(len(own), own.size))
+    for number, axis in enumerate(axes):
+        # What is behind the faces across the next axes is not there yet.
+        part = whole[
+            tuple(slice(None) if at not in axes[number:] or at == axis else inner[at] for at in range(whole.ndim))
+        ]
+        rows = np.moveaxis(part, axis, 0)
+        _fill(rows[: inner[axis].stop], inner[axis].start)
+        _fill(rows[inner[axis].start :][::-1], len(rows) - inner[axis].stop)
+    return whole, tuple(inner)
+
+
+def _has_slope(grid: UniformGrid, axis: int, layers: tuple[int, int, int], least: float) -> bool:
+    """Whether the potential has slopes at a face across an axis, by the layers of nodes there."""
+    if grid.shape[axis] <= WIDTH:
+        return False
+    rows = [potential_at_nodes(grid, (slice(None),) * axis + (layer,)) for layer in layers]
+    slope = np.abs(1.5 * rows[0] - 2.0 * rows[1] + 0.5 * rows[2]).max()
+    second = np.abs(rows[0] - 2.0 * rows[1] + rows[2]).max()
+    return bool(slope > max(AS_ON_SYMMETRY * second, least))
+
+
+def _fill(rows: np.ndarray, count: int) -> None:
+    """Fill the first `count` rows, behind a face, from those that follow."""
+    for node in range(1, count + 1):
+        part = node / count
+        faded = rows.dtype.type((1.0 - part) ** 2 * (1.0 + 2.0 * part))
+        rows[count - node] = rows[count] + faded * (rows[count] - rows[count + node])

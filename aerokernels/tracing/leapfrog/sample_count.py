@@ -20,17 +20,14 @@ from ...medium import IndexField
 from ...medium.grid import UniformGrid
 from ...rays import RayBundle
 from ..engines import engine_of
-from ..error_limit import error_limit
+from ..error_limit import error_limit, support_box
 from ..launch import Trials
-from ..lever_arms import LeverArms, lever_arms_of
 from ..plan import TracePlan
 from ..stop import ArcLength
-from ..straight_lines import outermost, outermost_rays
-from ..support import support_box
+from ..straight_lines import LeverArms, lever_arms_of, outermost, outermost_rays
 from .between_samples import MARGIN, SPREAD_RAYS, MissedStructure, multiple_of_three
 from .cube_polynomials import approximate_deviation, may_have_cubes
-from .pilot_levels import Level, error_scales, greatest_bend, level_pair, levels_of
-from .sample_cost import LEAST_RAYS, SampleCost
+from .pilot import LEAST_RAYS, Level, SampleCost, error_scales, greatest_bend, level_pair, levels_of
 from .unresolved import Sampling
 
 # Greatest distance of samples in cells. Structure between the samples is bounded from the field as well.

@@ -42,7 +42,6 @@ from ..blocks import block_maxima, block_means, by_slabs, greatest_around
 from ..scheme import MISSED_SLOPE
 from ..step_bound import block_size, potential_at_nodes, roughness_of_blocks
 from .high_pass import high_pass
-from .path_through_blocks import along_axes
 
 # Frequencies along a ray, times H, from which on components are passed: along the ray, and at its ends, where half of
 # the share that is passed (high_pass.py) is then 9.9 x^3 for small x.
@@ -69,9 +68,6 @@ LEAST_MAIN, LEVEL = 0.7, 0.25
 LOOKED_OVER, LOOKED_SHORT = 3, 1.1
 # In place of the blocks in which rays end: all of them.
 EVERYWHERE = b"everywhere"
-
-# Tables of blocks cached on a grid: a few for each sample count that is tried for a bundle, and some bundles.
-CACHED = 32  # speed only
 
 
 @dataclass(frozen=True)
@@ -163,7 +159,7 @@ def lookup_table(field: IndexField, sampling: Sampling) -> tuple[int, np.ndarray
     return block, missed
 
 
-@cached_on("grid", CACHED)
+@cached_on("grid", 32)
 def _missed(grid: UniformGrid, geometry: str, sampling: Sampling, by_rule: bool) -> tuple[int, np.ndarray]:
     block = block_size(grid)
     missed = _by_rule(grid, geometry, sampling)
@@ -184,7 +180,7 @@ def turned(grid: UniformGrid, lever_arm: float) -> float:
     return 1.0 + MISSED_SLOPE * lever_arm / float(grid.spacing.min())
 
 
-@cached_on("grid", CACHED)
+@cached_on("grid", 32)
 def _at_ends(grid: UniformGrid, geometry: str, sampling: Sampling, by_rule: bool) -> np.ndarray:
     found = RULE_AT_END * sampling.spacing * _by_rule(grid, geometry, sampling)
     if not by_rule:
@@ -210,7 +206,7 @@ def rule_scales(geometry: str, sampling: Sampling) -> list[float]:
     return [PEANO * float(u * sampling.spacing) ** 4 for u in along_axes(sampling.steepness, geometry)]
 
 
-@cached_on("grid", CACHED)
+@cached_on("grid", 32)
 def _changes(grid: UniformGrid, geometry: str, sampling: Sampling) -> np.ndarray:
     part, _, share = _not_resolved(grid, geometry, sampling, EDGE)
     main = _main_axis(sampling.steepness, geometry)
@@ -308,3 +304,9 @@ def _main_axis(steepness, geometry: str) -> int | None:
     axis = first + int(np.argmax(least[first:]))
     shift = 1 if geometry != "volume" else 0
     return axis - shift if least[axis] > LEAST_MAIN else None
+
+
+def along_axes(steepness, geometry: str) -> np.ndarray:
+    """Greatest absolute components along the grid's own axes, which are r and z for an axisymmetric grid."""
+    x, y, z = steepness
+    return np.array({"volume": (x, y, z), "planar": (y, z), "axisymmetric": (min(np.hypot(x, y), 1.0), z)}[geometry])

@@ -10,16 +10,12 @@ from aerokernels.inputs.checks import warn_caller
 from ...derived import cached_on
 from ...medium import IndexField
 from ...rays import Pupil, RayBundle
-from ..cuts import cuts_crossed, lost, may_lose
-from ..flow_ends import flow_ends
-from ..lines import bundle_span, face_text
-from ..meeting import check_meeting
+from ..cuts import cuts_crossed, flow_ends, lost, may_lose
+from ..lines import bundle_span, check_meeting, face_text
 
 SAMPLE_RAYS = 4096
 # At most about so many of them are integrated through the source of a field.
 INTEGRATED = 512
-# Pupils and tolerances for which a field, or its nodes, cache what is examined.
-CACHED = 4  # speed only
 RAY_OF_PUPIL = "ray of the pupil"
 # The greatest share of a pupil's weight that may lose more than the tolerance by cuts without allow_truncation.
 GREATEST_SHARE = 1e-3
@@ -114,7 +110,7 @@ class PupilAir:
             warn_caller(self.past_described, TruncationWarning)
 
 
-@cached_on("field", CACHED)
+@cached_on("field", 4)
 def pupil_air(
     field: IndexField, pupil: Pupil, look: np.ndarray, tolerance: float, rays: RayBundle | None = None
 ) -> PupilAir:
@@ -166,7 +162,7 @@ def _loss(field: IndexField, rays: RayBundle, tolerance: float) -> tuple[float, 
     return float(part[over].sum()), float(np.sqrt(max(square, 0.0))), place
 
 
-@cached_on("places", CACHED)
+@cached_on("places", 4)
 def _sample_of(places: Any, pupil: Pupil, look: np.ndarray) -> RayBundle:
     """Some of a pupil's rays; one object for all fields on the same nodes, because rays cache where they cross them."""
     return RayBundle.collimated(pupil, SAMPLE_RAYS, direction=look)

@@ -1,4 +1,4 @@
-"""Pupil jobs: plan a pupil's rays and prepare them on the backend of the plan."""
+"""Pupil jobs: what is asked of a pupil, by which quadrature it is answered, and the plan and the runs of its rays."""
 
 import threading
 from collections.abc import Callable
@@ -12,33 +12,144 @@ from ...derived import cached_on
 from ...medium import IndexField
 from ...medium.grid import UniformGrid
 from ...rays import PILOT_RAYS, Pupil, RayBundle
-from ..beyond import plane_beyond
 from ..engines import engine_of
 from ..engines.device_memory import memory_of
 from ..grid_tables import begun_grid
 from ..lines import box_size
 from ..plan import TracePlan
 from ..planning import check_choices, plan_rays
-from ..stop import Plane
+from ..stop import Plane, plane_beyond
 from .air import SAMPLE_RAYS, PupilAir, pupil_air
-from .lattice_quadrature import ACCEPTED, ENOUGH, LATTICES, lattice_sizes, may_still_settle
-from .radial_quadrature import RADIAL_RAYS, SETTLED, choose_radial, fewer_rays, radial_bundle
+from .quadrature import (
+    ACCEPTED,
+    ENOUGH,
+    LATTICES,
+    RADIAL_RAYS,
+    SETTLED,
+    choose_radial,
+    fewer_rays,
+    lattice_sizes,
+    may_still_settle,
+    radial_bundle,
+)
 from .run import PupilRun
 from .sums import PupilTask
 
 REPLICATES = 16
 # The seed of the points that decide which lattice is taken.
 PILOT_SEED = 0x1A771CE
-# Plans of pupils that are cached on a field.
-CACHED = 4  # speed only
 # The greatest reach of a pupil, over half of the diagonal of the field's box.
 GREATEST_RATIO = 10.0
-# In place of what is not examined yet.
-UNKNOWN = object()
 # A known number of samples is confirmed by one in this many of the rays that were used to find it.
 CONFIRMING = 2
 # The sample rays of a symmetric pupil lie along a radius, so that this share of them is enough.
 ALONG_RADIUS = 0.25
+
+
+@dataclass(frozen=True)
+class Quadrature:
+    """The rays of a replicate.
+
+    Attributes:
+        per_replicate: Requested rays.
+        radial: Rays of radial quadrature, which replaces the disc; 0 for the whole disc.
+        sizes: Points of the lattices that may replace the requested ones.
+        is_known: Whether the first lattice is taken without a trial.
+        reason: The choice in words.
+    """
+
+    per_replicate: int
+    radial: int
+    sizes: tuple[int, ...]
+    is_known: bool
+    reason: str
+
+    @property
+    def first(self) -> int:
+        """Rays of the first run, predicted before any is traced."""
+        return self.sizes[0] if self.sizes else self.radial or self.per_replicate
+
+    @property
+    def most(self) -> int:
+        """Rays of all replicates, at most, for which planning may pay."""
+        return REPLICATES * (min(self.per_replicate, RADIAL_RAYS) if self.radial else self.per_replicate)
+
+
+@dataclass(frozen=True, eq=False)
+class PupilRequest:
+    """What is asked of a pupil, through whatever field.
+
+    Attributes:
+        pupil: The pupil.
+        look: Direction of its rays, a unit vector, shape (3,).
+        remove: Terms removed from the wavefront.
+        ray_count: Requested rays.
+        symmetry: See `estimate_strehl`.
+        bundle: See `estimate_strehl`.
+        choices: The options of the trace, see TraceOptions.
+    """
+
+    pupil: Pupil
+    look: np.ndarray
+    remove: tuple[str, ...]
+    ray_count: int
+    symmetry: str | bool
+    bundle: str
+    choices: dict[str, Any]
+
+    def job(
+        self, field: IndexField, wavelength: float, like: "PupilJob | None" = None, plan: TracePlan | None = None
+    ) -> "PupilJob":
+        """Plan the pupil's rays through a field.
+
+        `like` is a job of this request through a field like this one: its results are confirmed, not searched again.
+        With `plan` nothing is planned: it is the job's plan.
+
+        Raises:
+            ValueError: A name or number that makes no sense; symmetry=True without symmetry; no ray meets the field.
+        """
+        pupil, look, choices = self.pupil, self.look, self.choices
+        _check_size(field, pupil)
+        check_choices(field, **{name: choices[name] for name in ("method", "precision", "tolerance", "step")})
+        pilot, air_rays = (None, None) if like is None else like.samples
+        begun = _begun(field, like)  # the device computes tables while the host examines what the pupil misses
+        try:
+            air = pupil_air(field, pupil, look, choices["tolerance"] * wavelength, air_rays)
+        finally:
+            begun()
+        until, quadrature = plane_beyond(field, pupil, look), self._quadrature(field, like)
+        is_radial = quadrature.radial > 0
+        task = PupilTask(
+            field,
+            pupil,
+            look,
+            until,
+            plan,  # type: ignore[arg-type]  # the plan of the first run, below
+            wavelength,
+            quadrature.radial or quadrature.per_replicate,
+            REPLICATES,
+            # A symmetric wavefront has no tilt, and the piston changes no Strehl ratio.
+            terms=tuple(term for term in self.remove if term == "focus" or (term == "tilt" and not is_radial)),
+            # In an axisymmetric field, rays at one radius from a pupil centre on the axis meet the same air.
+            by_radius=field.geometry == "axisymmetric"
+            and pupil.inner_ratio is not None
+            and float(np.hypot(*pupil.center[:2])) < 0.05 * pupil.reach,
+            is_radial=is_radial,
+        )
+        pilot = pilot or _pilot_of(field.samples.places, pupil, look)
+        job = PupilJob(self, task, quadrature, air, pilot, None if like is None else like.plan, plan)
+        job.task = replace(task, plan=job.plan_for(REPLICATES * quadrature.first))
+        return job
+
+    def _quadrature(self, field: IndexField, like: "PupilJob | None") -> Quadrature:
+        """Choose the rays of a replicate: those of a job `like` this one, if they may be enough here."""
+        pupil, per_replicate = self.pupil, -(-self.ray_count // REPLICATES)  # rounded up
+        sizes = lattice_sizes(field, pupil, per_replicate, REPLICATES, self.bundle)
+        most = RADIAL_RAYS if like is None else fewer_rays(field, pupil, REPLICATES)
+        radial, why = choose_radial(field, pupil, self.look, per_replicate, REPLICATES, self.symmetry, most)
+        taken = 0 if like is None or not like.run.task.generator else like.run.task.per_replicate
+        is_known = taken in sizes and not radial
+        return Quadrature(per_replicate, radial, () if radial else (taken,) if is_known else sizes, is_known, why)
 
 
 @dataclass(eq=False)
@@ -46,39 +157,58 @@ class PupilJob:
     """A planned pupil that can be traced for any number of seeds.
 
     Attributes:
-        plan: How the rays of the first run are traced.
-        plan_of: Returns the plan for a number of rays; tables are made only if there are enough rays for them to pay.
-        until: The plane at which its rays stop.
-        per_replicate: Requested rays of a replicate.
+        request: What is asked.
         task: The pupil to trace; with fewer rays if radial quadrature replaces the disc.
+        quadrature: The choice of rays.
         air: What the rays miss of the flow.
         pilot: Some of its rays.
-        sizes: Points of the lattices that may replace the points of `task`, see lattice_quadrature.py.
-        is_known: Whether the first of them is taken without a trial.
-        is_alike: Whether the job was made from a job for another field.
-        given_run: A run, like PupilRun, that is prepared already; None prepares one when it is needed.
-        new_values: The NewValues of new_values.py that jobs made from this one share; None where their fields are each
-            planned; UNKNOWN until a job is made from this one, while `lock` is held.
+        known_plan: The plan of a job for another field, from which this one was made; None where it was not.
+        fixed_plan: The plan for any number of rays; None plans for each.
+        base: The job whose plan this one's field follows (new_values.py); None where it has its own.
+        prepared: A run, like PupilRun, that is prepared already; None prepares one when it is needed.
+        shared: The NewValues that jobs made from this one share, or None where their fields are each planned; empty
+            until the first is made, while `lock` is held.
     """
 
-    plan: TracePlan
-    plan_of: Callable[[int], TracePlan]
-    until: Plane
-    per_replicate: int
+    request: PupilRequest
     task: PupilTask
+    quadrature: Quadrature
     air: PupilAir
     pilot: RayBundle
-    sizes: tuple[int, ...] = ()
-    is_known: bool = False
-    is_alike: bool = False
-    given_run: Any = None
-    new_values: Any = UNKNOWN
+    known_plan: TracePlan | None = None
+    fixed_plan: TracePlan | None = None
+    base: "PupilJob | None" = None
+    prepared: Any = None
+    shared: list[Any] = field(default_factory=list)
     lock: Any = field(default_factory=threading.Lock)
+
+    @property
+    def plan(self) -> TracePlan:
+        """How the rays of the first run are traced, as planned before any is traced."""
+        return self.task.plan
+
+    def plan_for(self, rays: int) -> TracePlan:
+        """The plan for a number of rays; tables are made only if there are enough rays for them to pay."""
+        task = self.task
+        if self.base is not None:
+            return self.request.job(task.field, task.wavelength, like=self.base).plan_for(rays)
+        plan = self.fixed_plan or _plan_of(
+            task.field,
+            self.pilot,
+            task.until,
+            task.look,
+            task.wavelength,
+            self.quadrature.most,
+            rays,
+            self.known_plan,
+            self.request.choices,
+        )
+        return replace(plan, reasons=(*plan.reasons, *self.air.reasons, self.quadrature.reason))
 
     @property
     def predicted_ray_count(self) -> int:
         """Rays of the first run, predicted before any is traced."""
-        return (self.sizes[0] if self.sizes else self.task.per_replicate) * REPLICATES
+        return self.quadrature.first * REPLICATES
 
     @property
     def traced_ray_count(self) -> int:
@@ -99,7 +229,7 @@ class PupilJob:
     @cached_property
     def samples(self) -> tuple[RayBundle | None, RayBundle | None]:
         """The pilot rays, and the rays that show what the pupil misses, for jobs made from this one."""
-        if self.is_alike:
+        if self.known_plan is not None:
             return self.pilot, self.air.rays
         if not self.is_radial:
             return self.pilot.rows(slice(None, None, CONFIRMING)), self.air.rays
@@ -114,126 +244,61 @@ class PupilJob:
         The smallest lattice is taken that is accurate enough for the points of PILOT_SEED, so that no answer depends on
         other calls.
         """
-        if self.given_run is not None:
-            return self.given_run
+        if self.prepared is not None:
+            return self.prepared
         errors: dict[int, float] = {}
-        for size in self.sizes:
+        for size in self.quadrature.sizes:
             if may_still_settle(errors, size):
                 tried = _runner(self._of_lattice(size))
-                if self.is_known:
+                if self.quadrature.is_known:
                     return tried
                 errors[size] = tried(PILOT_SEED).standard_error
                 if errors[size] <= ENOUGH:
                     return tried
-        return _runner(replace(self.task, plan=self.plan_of(self.task.per_replicate * REPLICATES)))
+        return _runner(replace(self.task, plan=self.plan_for(self.task.per_replicate * REPLICATES)))
 
     def _of_lattice(self, size: int) -> PupilTask:
         """The task with the points of a lattice."""
-        plan = self.plan_of(size * REPLICATES)
+        plan = self.plan_for(size * REPLICATES)
         return replace(self.task, plan=plan, per_replicate=size, generator=LATTICES[size])
 
     @property
     def known_task(self) -> PupilTask:
         """The task of the first run, if that is known without a trial."""
-        return self._of_lattice(self.sizes[0]) if self.sizes else self.task
+        return self._of_lattice(self.quadrature.sizes[0]) if self.quadrature.sizes else self.task
 
     @cached_property
     def finer_runs(self) -> list[Callable[[], PupilRun]]:
         """Runs with more rays than the first, up to the requested number; each is made when it is first called."""
-        possible = {RADIAL_RAYS, self.per_replicate} if self.is_radial else {self.per_replicate}
-        sizes = sorted(size for size in possible if self.run.task.per_replicate < size <= self.per_replicate)
-        return [cache(partial(_finer_run, self.task, self.plan_of, size)) for size in sizes]
+        most = self.quadrature.per_replicate
+        possible = {RADIAL_RAYS, most} if self.is_radial else {most}
+        sizes = sorted(size for size in possible if self.run.task.per_replicate < size <= most)
+        return [cache(partial(_finer_run, self.task, self.plan_for, size)) for size in sizes]
 
     @cached_property
     def planned(self) -> TracePlan:
         """The plan of the first run, including the reasons for its choice of rays."""
-        plan, chosen = self.run.task.plan, self._chosen
-        return replace(plan, reasons=(*plan.reasons, *chosen)) if chosen else plan
+        return self._with_reasons(self.run.task.plan)
 
     def planned_for(self, run: PupilRun, *more: str) -> TracePlan:
         """The plan of a run, including the reasons for its choice of rays and for taking more of them."""
-        plan = run.task.plan
-        return self.planned if run is self.run else replace(plan, reasons=(*plan.reasons, *self._chosen, *more))
+        return self.planned if run is self.run else self._with_reasons(run.task.plan, *more)
 
-    @property
-    def _chosen(self) -> tuple[str, ...]:
-        """The reasons for the choice of rays, in words."""
+    def _with_reasons(self, plan: TracePlan, *more: str) -> TracePlan:
+        """The plan with the reasons for the choice of rays."""
         size = self.run.task.per_replicate if self.run.task.generator else 0
-        asked = f"{self.per_replicate * REPLICATES:,} over the pupil"
+        asked = f"{self.quadrature.per_replicate * REPLICATES:,} over the pupil"
         if size:
-            return (f"the wavefront is smooth: {REPLICATES} x {size} points of shifted lattices instead of {asked}",)
-        return (f"{asked}: the wavefront is too rough, or cut, for fewer",) if self.sizes else ()
+            more = (
+                f"the wavefront is smooth: {REPLICATES} x {size} points of shifted lattices instead of {asked}",
+                *more,
+            )
+        elif self.quadrature.sizes:
+            more = f"{asked}: the wavefront is too rough, or cut, for fewer", *more
+        return replace(plan, reasons=(*plan.reasons, *more)) if more else plan
 
 
-def make_job(
-    field: IndexField,
-    pupil: Pupil,
-    look: np.ndarray,
-    wavelength: float,
-    ray_count: int,
-    remove,
-    symmetry,
-    bundle: str = "auto",
-    like: PupilJob | None = None,
-    plan: TracePlan | None = None,
-    **choices,
-) -> PupilJob:
-    """Plan a pupil; `choices` are those of `make_plan`.
-
-    `like` is a job with the same choices through a field like this one: its results are confirmed, not searched again.
-    With `plan` nothing is planned: it is the job's plan.
-
-    Raises:
-        ValueError: A name or number that makes no sense; symmetry=True without symmetry; no ray that meets the field.
-    """
-    _check_size(field, pupil)
-    tolerance = choices["tolerance"]
-    check_choices(field, **{name: choices[name] for name in ("method", "precision", "tolerance", "step")})
-    pilot, air_rays = (None, None) if like is None else like.samples
-    begun = _begun(field, like)  # the device computes tables while the host examines what the pupil misses
-    try:
-        air = pupil_air(field, pupil, look, tolerance * wavelength, air_rays)
-    finally:
-        begun()
-    pilot = pilot or _pilot_of(field.samples.places, pupil, look)
-    until = plane_beyond(field, pupil, look)
-    per_replicate = -(-int(ray_count) // REPLICATES)  # rounded up
-    sizes = lattice_sizes(field, pupil, per_replicate, REPLICATES, bundle)
-    most = RADIAL_RAYS if like is None else fewer_rays(field, pupil, REPLICATES)
-    radial_rays, why = choose_radial(field, pupil, look, per_replicate, REPLICATES, symmetry, most)
-    count = min(per_replicate, RADIAL_RAYS) if radial_rays else per_replicate
-    known_plan = None if like is None else like.plan  # so that `like` itself need not stay alive
-
-    def plan_of(rays: int) -> TracePlan:
-        made = plan or _plan_of(field, pilot, until, look, wavelength, REPLICATES * count, rays, known_plan, choices)
-        return replace(made, reasons=(*made.reasons, *air.reasons, why))
-
-    taken = 0 if like is None or not like.run.task.generator else like.run.task.per_replicate
-    is_known = taken in sizes and not radial_rays
-    sizes = () if radial_rays else (taken,) if is_known else sizes
-    first = sizes[0] if sizes else radial_rays or per_replicate
-    first_plan = plan_of(REPLICATES * first)
-    task = PupilTask(
-        field,
-        pupil,
-        look,
-        until,
-        first_plan,
-        wavelength,
-        radial_rays or per_replicate,
-        REPLICATES,
-        # A symmetric wavefront has no tilt, and the piston changes no Strehl ratio.
-        terms=tuple(term for term in remove if term == "focus" or (term == "tilt" and not radial_rays)),
-        # In an axisymmetric field, rays at one radius from a pupil centre on the axis meet the same air.
-        by_radius=field.geometry == "axisymmetric"
-        and pupil.inner_ratio is not None
-        and float(np.hypot(*pupil.center[:2])) < 0.05 * pupil.reach,
-        is_radial=radial_rays > 0,
-    )
-    return PupilJob(first_plan, plan_of, until, per_replicate, task, air, pilot, sizes, is_known, like is not None)
-
-
-@cached_on("field", CACHED)
+@cached_on("field", 4)
 def _plan_of(
     field: IndexField,
     pilot: RayBundle,
@@ -259,7 +324,7 @@ def _plan_of(
     )
 
 
-@cached_on("places", CACHED)
+@cached_on("places", 4)
 def _pilot_of(places: Any, pupil: Pupil, look: np.ndarray) -> RayBundle:
     """Some of a pupil's rays; one object for all fields on the same nodes, because rays cache where they cross them."""
     return RayBundle.collimated(pupil, PILOT_RAYS, direction=look)
@@ -297,6 +362,6 @@ def _runner(task: PupilTask):
         return PupilRun(task)
 
 
-def _finer_run(task: PupilTask, plan_of: Callable[[int], TracePlan], per_replicate: int):
+def _finer_run(task: PupilTask, plan_for: Callable[[int], TracePlan], per_replicate: int):
     """Prepare the task with so many rays of a replicate."""
-    return _runner(replace(task, plan=plan_of(per_replicate * REPLICATES), per_replicate=per_replicate))
+    return _runner(replace(task, plan=plan_for(per_replicate * REPLICATES), per_replicate=per_replicate))

@@ -15,32 +15,35 @@ fields asked of one job are compared with that job's field alone, so that no ans
 """
 
 import threading
-from collections.abc import Callable
+import weakref
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from ...medium import IndexField
-from ...medium.grid import UniformGrid
+from ...medium.grid import FETCH, UniformGrid
+from ...rays import RayBundle
 from ..engines import engine_of
 from ..engines.device_memory import DeviceMemoryError, memory_of
-from ..error_limit import error_limit
-from ..grid_tables import has_tables, keep_tables, prepare_grid
+from ..error_limit import error_limit, left_out, peaks_along_axes, potential_peaks, support_box
+from ..grid_tables import GridTables, has_tables, keep_tables, prepare_grid
+from ..launch import RepeatedTrials, Trials
 from ..leapfrog.between_samples import MissedStructure
-from ..leapfrog.pilot_levels import GREATEST_BEND, GREATEST_SHARE, SAFETY, pair_of
-from ..leapfrog.sample_count import judged_pair, leapfrog_reason, least_samples
+from ..leapfrog.pilot import GREATEST_BEND, GREATEST_SHARE, SAFETY, pair_numbers, pair_of
+from ..leapfrog.sample_count import PILOT_OUTPUTS, judged_pair, leapfrog_reason, least_samples
 from ..leapfrog.unresolved import potential_by_blocks
-from ..lever_arms import LeverArms
 from ..plan import TracePlan
 from ..step_bound import roughness_of_blocks
-from ..support import left_out, support_box
+from ..straight_lines import LeverArms
 from .air import pupil_air
-from .job import UNKNOWN, PupilJob
+from .job import PupilJob
 from .run import PupilRun
 from .sums import PupilSums, PupilTask
-from .values_in_turn import MemoryInTurn, ValuesInTurn
 
 # The plan is made for fields that are stronger by this factor.
 STRONGER = 1.5
@@ -56,25 +59,148 @@ WIDER, GREATER, NEGLIGIBLE = 4.0, 1.5, 0.01
 # Bytes of memory for each node, and the share of a device's memory that it may take.
 BYTES, MEMORY_SHARE = 32, 0.05
 
-# Makes the job of a field by planning it: `make_job` with all that the jobs have in common.
-MakeJob = Callable[..., PupilJob]
+
+# Fields that may be in memory at a time, each used by one thread of a CPU.
+MOST = 2  # speed only
 
 
-def next_job(make: MakeJob, like: PupilJob, field: IndexField, wavelength: float) -> PupilJob:
+class ValuesInTurn:
+    """The memory, which one thread uses at a time.
+
+    Attributes:
+        lock: Held by the thread that uses it.
+        run: The pupil's rays.
+    """
+
+    run: PupilRun
+
+    def __init__(self, task: PupilTask, pilot: RayBundle):
+        """Prepare the pilot of a task whose field nothing else uses: only those of others are loaded."""
+        field, plan = task.field, task.plan
+        grid = field.samples
+        assert isinstance(grid, UniformGrid)
+        self.lock = threading.Lock()
+        self.field, self.precision = field, plan.precision
+        self.engine = engine = engine_of(plan.backend, plan.device)
+        self.tables = tables = GridTables(engine, grid)
+        grid.derive(engine.grid_key, lambda: tables.coefficients)
+        if tables.on_host is not None:
+            on_host = tables.on_host.reshape(grid.coefficient_shape)
+            grid.derive(FETCH, lambda: lambda: on_host)
+        self.samples: Any = None  # on a CPU kernels read those of the fields themselves
+        if engine.is_gpu:
+            self.samples = engine.sent(engine.room((grid.samples.size,), np.float64))
+        trials = Trials(field, pilot, plan, task.until, task.wavelength, PILOT_OUTPUTS)
+        self.trials = RepeatedTrials(trials, pair_numbers(plan.sample_count))
+        self.reading = engine.fetched(self.trials.arrays)  # in one copy
+        self.trials.into(self.reading.buffers)
+        self.repeat = engine.recorded()
+        self._holds: Any = None  # refers weakly to the samples whose values are in memory
+
+    def prepare(self, task: PupilTask) -> "ValuesInTurn":
+        """Prepare the pupil's rays too, by a plan whose scales of a ray's error are known."""
+        self.run = PupilRun(task)
+        return self
+
+    def holds(self, field: IndexField) -> bool:
+        """Whether the values in memory are those of a field."""
+        return self._holds is not None and self._holds() is field.samples
+
+    def load(self, field: IndexField) -> None:
+        """Start the launches for the values of a field; `read` must be called before anything else."""
+        samples = field.samples
+        assert isinstance(samples, UniformGrid)
+        self._holds = None
+        if self.samples is None:
+            self._start(self.engine.share(samples.doubles))
+        else:
+            self.samples.send(samples.doubles)  # not with the launches, which may be replayed as one graph
+            self.repeat(self._start_from_buffer)
+        self._holds = weakref.ref(samples)
+
+    def read(self, field: IndexField) -> list[dict[str, np.ndarray]]:
+        """Wait for the launches, cache the tables on the loaded field, and return the pilot's rays (see pair_numbers).
+
+        The rays are valid until the next load.
+        """
+        arrays = self.reading.wait()
+        grid = field.samples
+        assert isinstance(grid, UniformGrid)
+        keep_tables(grid, self.tables.read())
+        if self.tables.on_host is not None:
+            potential_peaks.keep(peaks_along_axes(self.tables.on_host.reshape(grid.coefficient_shape)), grid)
+        return self.trials.outputs(arrays)
+
+    def leave(self, field: IndexField) -> None:
+        """Leave a copy of the coefficients with the loaded field, which needs them again, on a CPU."""
+        if self.tables.on_host is not None:
+            coefficients = self.tables.on_host.reshape(field.samples.coefficient_shape).copy()
+            coefficients.setflags(write=False)
+            field.samples.derive(FETCH, lambda: lambda: coefficients)
+
+    def _start_from_buffer(self) -> None:
+        self._start(self.samples.buffer)
+
+    def _start(self, samples: Any) -> None:
+        """Start the launches for the samples in a buffer."""
+        self.tables.start(samples)
+        self.engine.renew(self.field, self.precision, self.tables.on_host)
+        self.trials.launch()
+        self.reading.start()
+
+
+class MemoryInTurn:
+    """Memory for as many fields at a time as threads use it."""
+
+    def __init__(self, first: ValuesInTurn, another: Callable[[], ValuesInTurn]):
+        """Take the first memory, and a function that prepares more of it."""
+        self._another, self._places, self._lock = another, [first], threading.Lock()
+        self._most = 1 if first.engine.is_gpu else MOST  # threads share the stream of a GPU
+
+    @contextmanager
+    def taken(self) -> Iterator[ValuesInTurn]:
+        """Memory that no other thread uses meanwhile."""
+        place = self._take()
+        try:
+            yield place
+        finally:
+            place.lock.release()
+
+    def _take(self) -> ValuesInTurn:
+        with self._lock:
+            for place in self._places:
+                if place.lock.acquire(blocking=False):
+                    return place
+            if len(self._places) < self._most:
+                self._places.append(self._another())
+            place = self._places[-1]
+        place.lock.acquire()
+        return place
+
+    def sums(self, seed: int | None, field: IndexField) -> PupilSums | None:
+        """Trace and sum the rays of a seed, if the field's values are still in memory."""
+        for place in self._places:
+            with place.lock:
+                if place.holds(field):
+                    return place.run(seed, field)
+        return None
+
+
+def next_job(like: PupilJob, field: IndexField, wavelength: float) -> PupilJob:
     """Return the job of a field by the plan of another job, where that holds for it, or by one of its own.
 
     Raises:
-        ValueError: As for `make_job`.
+        ValueError: As for `PupilRequest.job`.
     """
     with like.lock:
-        if like.new_values is UNKNOWN:
-            like.new_values = NewValues.of(make, like)
-    known: NewValues | None = like.new_values
+        if not like.shared:
+            like.shared.append(NewValues.of(like))
+    known: NewValues | None = like.shared[0]
     field = _bare(field)
     job = None if known is None else known.job_of(field, wavelength)
     if job is None:
-        job = make(field, wavelength=wavelength, like=like)
-        job.new_values = known
+        job = like.request.job(field, wavelength, like=like)
+        job.shared.append(known)
     return job
 
 
@@ -83,7 +209,6 @@ class NewValues:
     """A plan that fields on the same nodes may follow, what it rests on, and the memory in which they do.
 
     Attributes:
-        make: Makes a job by planning.
         job: The job of a field that is the known one but for its identity, which may go out of use.
         task: Its task, with the plan that others follow.
         structure: The structure that rays may miss between samples.
@@ -92,7 +217,6 @@ class NewValues:
         memory: The memory.
     """
 
-    make: MakeJob
     job: PupilJob
     task: PupilTask
     structure: MissedStructure
@@ -101,7 +225,7 @@ class NewValues:
     memory: MemoryInTurn
 
     @classmethod
-    def of(cls, make: MakeJob, like: PupilJob) -> "NewValues | None":
+    def of(cls, like: PupilJob) -> "NewValues | None":
         """Find the plan that other fields may follow, from a job whose plan is to hold for them; None without one."""
         known, plan = _bare(like.task.field), like.run.task.plan
         if not _may_be_followed(known, plan):
@@ -114,13 +238,13 @@ class NewValues:
             return None  # the slopes that may be left out depend on the field
         told = len(like.air.reasons) + 1  # the last are those of the pupil's air and of the rays
         plan = replace(plan, sampling=None, reasons=plan.reasons[:-told])
-        job = make(known, wavelength=like.task.wavelength, like=like, plan=plan)
-        if job.sizes and not job.is_known:
+        job = like.request.job(known, like.task.wavelength, like, plan)
+        if job.quadrature.sizes and not job.quadrature.is_known:
             return None
         box = support_box(known, limit / STRICTER, arms)
         field = _twin(known, tolerance, limit, arms, box)
         # With samples for STRONGER fields; their number is hardly greater, since errors fall with its fourth power.
-        structure = MissedStructure(field, job.pilot, job.until, limit, arms, job.pilot)
+        structure = MissedStructure(field, job.pilot, job.task.until, limit, arms, job.pilot)
         strict = structure.of_values(field, known_limit / STRONGER)
         count = strict.sufficient(max(plan.searched_count, least_samples(field, job.pilot, limit, arms)))
         if not count:
@@ -140,15 +264,13 @@ class NewValues:
                 place.prepare(task)
         except DeviceMemoryError:
             return None  # each field by itself may fit
-        # Without the known job's own function, which would keep its field.
-        asked = replace(job.task, field=field, plan=plan)
-        job = replace(job, task=asked, plan_of=_nothing_more, given_run=place.run, lock=threading.Lock())
+        job = replace(job, task=replace(job.task, field=field, plan=plan), fixed_plan=plan, prepared=place.run)
 
         def another() -> ValuesInTurn:
             alike = replace(task, field=found.twin(field))
             return ValuesInTurn(alike, job.pilot).prepare(alike)
 
-        found = cls(make, job, task, structure, limit, box, MemoryInTurn(place, another))
+        found = cls(job, task, structure, limit, box, MemoryInTurn(place, another))
         return found
 
     def job_of(self, field: IndexField, wavelength: float) -> PupilJob | None:
@@ -179,12 +301,11 @@ class NewValues:
         plan = replace(task.plan, predicted_error=worst, reasons=reasons)
         return replace(
             job,
-            plan=plan,
-            plan_of=lambda rays: self.make(field, wavelength=wavelength, like=job).plan_of(rays),  # for more rays
             task=replace(job.task, field=field, plan=plan),
             air=air,
-            given_run=FollowedRun(self, field, plan),
-            new_values=self,
+            base=job,
+            prepared=FollowedRun(self, field, plan),
+            shared=[self],
             lock=threading.Lock(),
         )
 
@@ -269,10 +390,6 @@ def _may_be_followed(field: IndexField, plan: TracePlan) -> bool:
         return False
     engine = engine_of(plan.backend, plan.device)
     return has_tables(engine, grid) and BYTES * grid.samples.size <= MEMORY_SHARE * engine.memory[0]
-
-
-def _nothing_more(rays: int) -> TracePlan:
-    raise AssertionError(f"the plan that others follow is not asked for one of {rays} rays")
 
 
 def _strength(grid: UniformGrid) -> float:

@@ -18,9 +18,7 @@ from ..engines.device_memory import memory_of
 from ..launch import RAY_BYTES
 from ..retrace import retrace_rejected
 from ..status import RayStatus
-from .fit import fit_surface, metres_of, moments_in_metres
-from .lattice_quadrature import lattice_order, smoothed_axes
-from .radial_quadrature import radial_points
+from .quadrature import lattice_order, radial_points, smoothed_axes
 from .sums import (
     MOMENT_COUNT,
     PUPIL_OUTPUTS,
@@ -28,17 +26,18 @@ from .sums import (
     PupilSums,
     PupilTask,
     batches_of,
+    fit_surface,
     group_count,
     holds_tolerance,
     joined_counts,
+    metres_of,
+    moments_in_metres,
     point_order,
     radial_rays,
 )
 
 # Bytes of a ray that stay on the device for the second sum: pupil coordinates, OPD and status.
 KEPT_BYTES = 16 + 8 + 4
-# Constants of pupils that are cached on a device with a grid's node positions.
-CACHED = 8  # speed only
 # Rays along a radius that stay on a device with a grid's node positions: so many, of so many seeds and pupils.
 FEW, FEW_CACHED = 1 << 14, 4  # speed only
 
@@ -269,7 +268,7 @@ class PupilRun:
         return int(np.count_nonzero(arrays["status"] == RayStatus.TOLERANCE_NOT_MET))
 
 
-@cached_on("places", CACHED)
+@cached_on("places", 8)
 def _constant(places: Any, engine: Engine, make: Callable[..., np.ndarray], *given: Any) -> Any:
     return engine.put(make(*given))
 

@@ -21,19 +21,17 @@ from typing import Any
 
 import numpy as np
 
-from ...display.error_budget import CAUSES
+from ...display.quantities import CAUSES, ErrorBudget, combine
 from ...medium import IndexField
 from ...medium.grid import UniformGrid
 from ...medium.refined import refined
 from ...rays import RayBundle
-from ..allowance import step_allowance
 from ..plan import TracePlan
 from ..status import reached
-from . import planes, surfaces
-from .jumps import jumps, patterns
-from .meshes import lacking, next_order
-from .paths import Paths, paths_of, shortest_cell
-from .rays import Cause, Rays
+from ..step_bound import step_allowance
+from .jumps import jumps, lacking, next_order, patterns
+from .orders import change_in_planes, change_on_two_axes, thinned_along_r, thinned_sums
+from .paths import Cause, Paths, Rays, paths_of, shortest_cell
 
 # Rays whose changes are integrated, of a volume and of a field of two axes; how many of them are traced again.
 SAMPLE, SAMPLE_OF_TWO_AXES, TRACED = 512, 256, 128
@@ -214,8 +212,8 @@ def _by_index(field: IndexField, paths: Paths, change: Change) -> dict[str, Caus
     """Return the changes by the order of interpolation and by jumps of a field that was not resampled."""
     if isinstance(field.samples, UniformGrid):
         orders = ORDERS[field.interpolation]
-        order = (planes if field.geometry == "volume" else surfaces).order_change(field, paths, orders)
-        sums = (planes.thinned_sums(field, paths, orders[0]), surfaces.thinned_along_r(field, paths, orders[0]))
+        order = (change_in_planes if field.geometry == "volume" else change_on_two_axes)(field, paths, orders)
+        sums = (thinned_sums(field, paths, orders[0]), thinned_along_r(field, paths, orders[0]))
         return {"interpolation": Cause(like=(order,)), "jumps": jumps(field, paths, sums)}
     finer = field.derive("refined", lambda: refined(field)) if field.interpolation == "bilinear" else None
     if finer is None:
@@ -291,3 +289,75 @@ class _Traced:
         _, nearest = cKDTree(places[self.groups[there]]).query(places)
         rows = (there[nearest][:, None] * group + np.arange(group)).ravel()
         return {name: (chain[name][0] - chain[before][0])[rows] for before, name in pairwise(names)}
+
+
+FACTOR = 2.0
+# What rays bring -> a number, or an array of them.
+Number = Callable[[Rays], Any]
+
+
+def spread(number: Number, base: Rays, cause: Cause) -> np.ndarray:
+    """Return the error of a number, or of each in an array, by one cause."""
+    plain, count = np.asarray(number(base)), len(base.opd)
+    block = np.arange(count) * BLOCKS // max(count, 1)
+    total = np.zeros(plain.shape)
+    for change in filter(_differs, (*cause.known, *cause.like)):
+        total += np.square(number(base + change) - plain)
+        centred = change.lifted(-change.opd.mean())
+        samples = np.array([BLOCKS * (number(base + centred * (block == part)) - plain) for part in range(BLOCKS)])
+        total += samples.var(axis=0) / (BLOCKS - 1 if change in cause.known else 1)
+    for draw in cause.draws:
+        total += np.square(number(base + draw) - plain) / len(cause.draws)
+    return np.asarray(FACTOR * np.sqrt(total))
+
+
+def of_each(pick: Number, found: Variants, near: np.ndarray | None = None) -> dict[str, np.ndarray]:
+    """Return the error by cause of what each ray has of its own.
+
+    Args:
+        pick: Returns it for changes of the rays, shape (n, ...), 0 for none; n pixels may have several rays each.
+        found: The rays and their changes.
+        near: Rays about each ray, or pixels about each pixel, by which its error is found, shape (m, k); None for one
+            error of all rays.
+    """
+    everywhere = np.arange(len(found.base.opd))[None] if near is None else near
+
+    def square(change: Rays) -> np.ndarray:
+        return np.asarray(np.square(pick(change))[everywhere].mean(axis=1))
+
+    errors = {}
+    for name, cause in found.causes.items():
+        total = square(Rays.still(len(found.base.opd))) + sum(map(square, (*cause.known, *cause.like)))
+        total = total + sum(map(square, cause.draws)) / max(len(cause.draws), 1)
+        errors[name] = FACTOR * np.sqrt(total)
+    return errors
+
+
+def of_a_ray(pick: Number, found: Variants, unit: str = "", others: Mapping[str, Number] | None = None) -> ErrorBudget:
+    """Return the error budget of what each ray has of its own: the same for all of them.
+
+    Args:
+        pick: As for `of_each`.
+        found: The rays and their changes.
+        unit: Unit of the errors.
+        others: What is taken in place of `pick`, by cause.
+    """
+    picks = {name: (others or {}).get(name, pick) for name in found.causes}
+    errors = {
+        name: of_each(one, replace(found, causes={name: found.causes[name]}))[name] for name, one in picks.items()
+    }
+    return combine({name: float(error[0]) for name, error in errors.items()}, unit)
+
+
+def _differs(change: Rays) -> bool:
+    return bool(np.any(change.opd) or np.any(change.direction) or np.any(change.position))
+
+
+def errors(number: Number, found: Variants) -> dict[str, np.ndarray]:
+    """Return the error of a number, or of each in an array, by cause."""
+    return {name: spread(number, found.base, cause) for name, cause in found.causes.items()}
+
+
+def budget(number: Number, found: Variants, unit: str = "", **others: float) -> ErrorBudget:
+    """Return the error budget of one number; `others` are errors by causes that no ray shows, such as "sampling"."""
+    return combine({name: float(error) for name, error in errors(number, found).items()} | others, unit)

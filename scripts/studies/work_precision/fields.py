@@ -19,8 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import expit
 
-from aerokernels.benchmark.cone import CONE_HALF, CONE_SPACING, cone_field, cone_truth
-from aerokernels.benchmark.truth import Truth, integrate, potential_of
+from aerokernels.benchmark.scenes import CONE_HALF, CONE_SPACING, Truth, cone_field, cone_truth, integrate, potential_of
 from aerokernels.flow import shipped
 from aerokernels.medium import IndexField
 from aerokernels.prepare import prepare_field

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from aerokernels.benchmark.truth import Truth, integrate, potential_of
+from aerokernels.benchmark.scenes import Truth, integrate, potential_of
 from aerokernels.medium import IndexField
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import TraceResult, trace

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from aerokernels import flow
-from aerokernels.flow.reading.arrays import known_names, quantity_name
+from aerokernels.flow.reading.arrays import known_names
 from aerokernels.flow.reading.density import DENSITY_NAMES
 
 Y, X = (axis.ravel() for axis in np.meshgrid(np.linspace(0.0, 0.8, 4), np.linspace(0.0, 1.0, 5), indexing="ij"))
@@ -36,11 +36,6 @@ def test_another_quantity_of_the_name_is_not_the_density(name):
     assert known_names([name], DENSITY_NAMES) == []
 
 
-def test_the_density_itself_counts_before_its_mean():
-    assert known_names(["rhoMean", "density"], DENSITY_NAMES) == ["density"]
-    assert quantity_name("p [kPa]") == "p" and quantity_name("Pressure (total)") == "pressuretotal"
-
-
 @pytest.mark.parametrize("temperature", ["T", "temperature", "T (static)"])
 def test_a_time_called_t_is_no_temperature(tmp_path, temperature):
     """Set-up: columns t = 0.5 s, p and T. Expected: p / (R T); the time was taken, and the density was 600 times it."""
@@ -56,16 +51,6 @@ def test_a_time_called_t_is_no_temperature(tmp_path, temperature):
 def test_a_total_pressure_is_not_taken_for_the_static_one(tmp_path):
     path = table(tmp_path / "a.csv", **{"Pressure (total)": 9e5, "Pressure": RHO * R * 300.0, "T": 300.0})
     assert flow.read(path, gas_constant=R).density.max() == pytest.approx(RHO.max())
-
-
-def test_a_unit_after_a_comma_counts(tmp_path):
-    """Set-up: "x, mm" and "Density, g/cm3". Expected: metres and kg/m3."""
-    path = tmp_path / "a.csv"
-    names = '"x, mm","y, mm","Density, g/cm3"'
-    np.savetxt(path, np.stack([1e3 * X, 1e3 * Y, 1e-3 * RHO], 1), "%.17g", ",", header=names, comments="")
-    field = flow.read(path)
-    assert np.ptp(field.mesh.vertices, axis=0) == pytest.approx([0.8, 1.0])
-    assert field.density.max() == pytest.approx(RHO.max())
 
 
 @pytest.mark.parametrize(

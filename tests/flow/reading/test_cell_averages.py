@@ -14,8 +14,6 @@ from aerokernels.flow.reading.dataset import (
     Cells,
     Faces,
 )
-from aerokernels.flow.reading.volumes.point_values import PointValues
-from aerokernels.flow.reading.volumes.reconstruction import cell_corners
 from aerokernels.flow.reading.volumes.solids import solid_chunks
 
 KINDS = [HEXAHEDRON, PRISM, PYRAMID, TETRAHEDRON, POLYHEDRON]
@@ -65,8 +63,7 @@ def with_averages(block: Block, averages: np.ndarray, spacing=None):
     return field(Block(block.points, block.cells, cell_data={"rho": averages}), spacing=spacing)
 
 
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("spacing", [0.05, 0.3])
+@pytest.mark.parametrize(("kind", "spacing"), [(kind, (0.05, 0.3)[k % 2]) for k, kind in enumerate(KINDS)])
 def test_linear_averages_are_kept_up_to_the_outermost_faces(kind, spacing):
     """Set-up: averages of a linear density, in cells of each kind, to nodes much finer and coarser than the cells.
 
@@ -81,18 +78,7 @@ def test_linear_averages_are_kept_up_to_the_outermost_faces(kind, spacing):
     assert found.resampling.density_max < 1e-12 and found.resampling.unresolved_column_rms < 1e-12
 
 
-def test_linear_averages_are_kept_up_to_a_body():
-    """Set-up: a cube of hexahedra without its middle ones, nodes beside the hole's walls. Expected: as above."""
-    block = mesh(HEXAHEDRON, 8, lambda middle: np.abs(middle - 0.5).max(axis=1) > 0.2)
-    found = with_averages(block, linear(middles(block)), 0.037)
-    at = found.density_at(np.random.default_rng(4).uniform(0.0, 1.0, (4000, 3)))
-    assert found.body is not None and 0.02 < np.isnan(at).mean() < 0.2
-    places = np.random.default_rng(4).uniform(0.0, 1.0, (4000, 3))[~np.isnan(at)]
-    assert at[~np.isnan(at)] == pytest.approx(linear(places), abs=1e-12)
-
-
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("turned", [False, True])
+@pytest.mark.parametrize(("kind", "turned"), [(kind, k % 2 == 0) for k, kind in enumerate(KINDS)])
 def test_a_shock_does_not_ring(kind, turned):
     """Set-up: 1 and 4 kg/m3 on two sides of a plane, behind the first cells along x or askew through the cube.
 
@@ -105,25 +91,6 @@ def test_a_shock_does_not_ring(kind, turned):
     found = with_averages(block, np.where(behind, 4.0, 1.0), 0.05).density
     slack = 0.3 if turned else 0.03
     assert found.min() >= 1.0 - slack and found.max() <= 4.0 + slack
-
-
-def test_a_steep_slope_leaves_a_gas():
-    """Set-up: averages 0.01, 1 and 2 along x, whose line passes through 0. Expected: a tenth of the least remains."""
-    block = mesh(HEXAHEDRON, 3)
-    slab = np.clip((3.0 * middles(block)[:, 0]).astype(int), 0, 2)
-    found = with_averages(block, np.array([0.01, 1.0, 2.0])[slab], 0.1)
-    assert found.density.min() >= 0.001 * (1.0 - 1e-12)
-
-
-def test_points_between_cells_take_means():
-    """Set-up: random averages. Expected: points inside are within the range of their cells, with weights >= 0."""
-    block = mesh(TETRAHEDRON)
-    corners, middle = cell_corners(block), middles(block)
-    found = PointValues.of(corners, middle, block.points, None)
-    assert (found.weight >= 0.0).all()
-    values = found.values(np.random.default_rng(5).uniform(1.0, 2.0, block.cell_count))
-    inside = np.setdiff1d(np.arange(len(block.points)), found.rim)
-    assert len(inside) > 100 and values[inside].min() > 1.0 and values[inside].max() < 2.0
 
 
 def test_the_error_told_holds_what_averages_lack_of_a_curved_density():
@@ -167,36 +134,11 @@ def test_the_error_told_holds_what_averages_lack_of_a_curved_density():
     assert told[0] / told[1] == pytest.approx(4.0, rel=0.4)
 
 
-def box_share(low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """Share of cells from `low` to `high`, shape (n, 3), that lies in a rod along z from x = 0.53, below y = 0.13."""
-    along = np.clip((high[:, 0] - 0.53) / (high[:, 0] - low[:, 0]), 0.0, 1.0)
-    return along * np.clip((0.13 - low[:, 1]) / (high[:, 1] - low[:, 1]), 0.0, 1.0)
-
-
-def test_lines_along_a_shock_are_covered():
-    """Set-up: 1 kg/m3 and 2 in a rod along z, exact averages over 10^3 cells: few lines of measure go along its faces.
-
-    Formula: columns along z at 400 places. Expected: the greatest error is below three times what is reported, as
-    budgets take it; before the greatest of the lines was reported it was above.
-    """
-    points, corners = cube(10)
-    points = np.round(10 * points) / 10
-    low, high = points[corners].min(axis=1), points[corners].max(axis=1)
-    block = Block(points, Cells.of_one_type(HEXAHEDRON, corners))
-    found = with_averages(block, 1.0 + box_share(low, high), 0.05)
-    lines = np.random.default_rng(7).uniform(0.0, 1.0, (400, 2))
-    truth = 1.0 + ((lines[:, 0] > 0.53) & (lines[:, 1] < 0.13))
-    true = np.abs(found.density_at(np.column_stack([lines, np.full(400, 0.5)])) - truth)
-    told = found.resampling
-    assert 0.3 < true.max() < 3.0 * told.column_error
-    assert true.max() > 3.0 * np.hypot(told.column_rms, told.unresolved_column_rms)
-
-
 def curved(points):
     return 2.0 + np.sin(3.0 * points[:, 0] + 1.0) * np.cos(4.0 * points[:, 1])
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", [TETRAHEDRON, POLYHEDRON])
 def test_values_at_points_tell_what_lies_between_them(kind):
     """Set-up: a linear density, and 2 + sin(3 x + 1) cos(4 y), at the points of cells of each kind, nodes much finer.
 
@@ -213,16 +155,3 @@ def test_values_at_points_tell_what_lies_between_them(kind):
     true, told = np.sqrt(np.mean(error**2)), 3.0 * found.resampling.column_error
     assert 0.01 * told < true < told
     assert true < 3.0 * found.resampling.unresolved_column_rms  # and not by what the grid changes
-
-
-def test_a_shock_between_points_is_told():
-    """Set-up: 1 kg/m3 and 2 behind x = 0.53, at the points of 10^3 hexahedra: it lies anywhere from 0.5 to 0.6.
-
-    Expected: three times what is reported of columns along z covers what those between the points may be off by, one
-    half and more, by less than tenfold.
-    """
-    points, corners = cube(10)
-    points = np.round(10 * points) / 10
-    values = 1.0 + (points[:, 0] > 0.53)
-    found = field(Block(points, Cells.of_one_type(HEXAHEDRON, corners), point_data={"rho": values}), spacing=0.05)
-    assert 0.5 < 3.0 * found.resampling.column_error < 5.0

@@ -4,12 +4,13 @@ import numpy as np
 import pytest
 
 from aerokernels import flow
-from aerokernels.flow.reading.readers import cgns_walls
+from aerokernels.flow.reading.formats import load
 
 pytest.importorskip("h5py")
 pytest.importorskip("vtkmodules")
 import cgns_writer
 import h5py
+import writers
 
 
 def ring():
@@ -97,39 +98,10 @@ def test_faces_of_several_kinds_in_one_section(tmp_path, form):
         cgns_writer.node(section, "ElementConnectivity", "DataArray_t", flat)
         if form == "polygons with offsets":
             cgns_writer.node(section, "ElementStartOffset", "DataArray_t", [0, 4, 8, 11, 14])
-    (patch,), notes = cgns_walls.patches(path)
+    (patch,) = load(path, None, {}).patches
     corners = np.split(patch.polygons.points, patch.polygons.start[1:-1])
     areas = [np.linalg.norm(np.cross(own[2] - own[0], own[3 % len(own)] - own[1])) / 2.0 for own in corners]
-    assert sorted(areas) == pytest.approx([0.5, 0.5, 1.0, 1.0], abs=1e-12) and patch.kind == "wall" and not notes
-
-
-@pytest.mark.parametrize(
-    ("kind", "parts", "families", "expected"),
-    [
-        ("FamilySpecified", [("FamilyName", "FamilyName_t", "MyWall")], [("MyWall", "UserDefined")], "wall"),
-        ("FamilySpecified", [("FamilyName", "FamilyName_t", "inlet")], [], "inlet"),
-        ("BCWall", [("GridLocation", "GridLocation_t", "KFaceCenter")], [], None),  # a plane has no third direction
-        ("BCWall", [("PointRange", "IndexRange_t", [[1, 1], [33, 9]])], [], None),  # all of the zone is no edge
-        ("BCWall", [("PointRange", "IndexRange_t", [[1, 99], [33, 99]])], [], None),
-        ("BCWall", [("PointList", "IndexArray_t", [[1, 1]])], [], None),
-    ],
-)
-def test_conditions_of_a_plane(tmp_path, kind, parts, families, expected):
-    """What a family makes of its patches; ranges that are no edge of the zone are reported by name."""
-    if not any(label.startswith("Index") for _, label, _ in parts):
-        parts = [("PointRange", "IndexRange_t", [[1, 1], [33, 1]]), *parts]
-    x, y = ring()
-    path = cgns_writer.cgns(tmp_path / "a.cgns", (x, y), y, [("nose", kind, parts)], families=families)
-    found, notes = cgns_walls.patches(path)
-    if expected is None:
-        assert not found and notes == ["boundary patch nose names faces that do not exist"]
-    else:
-        assert [patch.kind for patch in found] == [expected] and len(found[0].edges) == 32
-
-
-def test_walls_of_a_file_that_is_no_hdf5(tmp_path):
-    (tmp_path / "a.cgns").write_bytes(b"@(#)ADF Database Version")
-    assert cgns_walls.patches(tmp_path / "a.cgns") == ([], ["boundary patches of CGNS files in ADF are not read"])
+    assert sorted(areas) == pytest.approx([0.5, 0.5, 1.0, 1.0], abs=1e-12) and patch.kind == "wall"
 
 
 @pytest.mark.parametrize("corner", [0, 10])
@@ -139,25 +111,10 @@ def test_a_corner_that_is_not_there_is_no_other_point(corner, tmp_path):
     Expected: refused with the patch's name; point 0 was taken for the last one.
     """
     x, y = np.meshgrid(np.arange(3.0), np.arange(3.0))
-    parts = [("PointRange", "IndexRange_t", [1, 1])]
+    parts = [("PointRange", "IndexRange_t", [5, 5]), ("GridLocation", "GridLocation_t", "EdgeCenter")]
     path = cgns_writer.cgns(
-        tmp_path / "a.cgns", (x.ravel(), y.ravel()), np.ones(9), [("nose", "BCWall", [*parts, ("GridLocation",
-        "GridLocation_t", "EdgeCenter")])], elements=[(3, np.array([[0, corner - 1]]))]
+        tmp_path / "a.cgns", (x.ravel(), y.ravel()), np.ones(9), [("nose", "BCWall", parts)],
+        elements=[(7, writers.quads(3, 3)), (3, np.array([[0, corner - 1]]))],
     )  # fmt: skip
     with pytest.raises(ValueError, match="'nose' names points that are not there"):
-        cgns_walls.patches(path)
-
-
-def test_elements_that_a_file_only_announces_get_no_room(tmp_path):
-    """Set-up: an ElementRange of 2**31 elements beside four numbers. Expected: refused before 16 GB are asked for."""
-    import h5py
-
-    x, y = np.meshgrid(np.arange(3.0), np.arange(3.0))
-    wall = ("nose", "BCWall", [("PointRange", "IndexRange_t", [1, 2])])
-    path = cgns_writer.cgns(
-        tmp_path / "a.cgns", (x.ravel(), y.ravel()), np.ones(9), [wall], elements=[(3, np.array([[0, 1], [1, 2]]))]
-    )
-    with h5py.File(path, "r+") as file:
-        file["Base/Zone/Elements 1/ElementRange/ data"][...] = [1, 2**31 - 1]
-    with pytest.raises(ValueError, match="announces elements 1 to 2147483647 in 4 numbers"):
-        cgns_walls.patches(path)
+        load(path, None, {})

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from aerokernels import DensityField
-from aerokernels.flow.reading.volumes.even_averages import integral_weights
 from aerokernels.medium import spline
 
 
@@ -68,43 +67,6 @@ def test_the_spline_keeps_the_averages():
     cells = smooth_averages(32)
     lacks = np.abs(means_of_spline(field_of_averages(cells).density) - cells) / np.ptp(cells)
     assert lacks[6:-6, 6:-6, 6:-6].max() < 1e-7 and lacks.max() < 1e-5
-
-
-@pytest.mark.parametrize("flow", ["waves", "shock", "noise"])
-def test_the_whole_is_kept_and_every_row_of_a_plane_flow(flow):
-    """Set-up: waves with a shock across them, or random averages down to a hundredth; the same of z alone.
-
-    Expected: the integral of the spline over the box is the sum of the averages to rounding; of a flow of z alone the
-    integral along z is the row's sum. No value is below a tenth of the least average.
-    """
-    n = 12
-    x, y, z = np.meshgrid(*3 * [(np.arange(n) + 0.5) / n], indexing="ij")
-    cells = {
-        "waves": 1.0 + 0.3 * np.sin(4.0 * x + 2.0 * y + z),
-        "shock": 1.0 + 0.3 * np.sin(4.0 * x + 2.0 * y) + 2.0 * (x + 0.6 * y + 0.3 * z > 0.9),
-        "noise": np.random.default_rng(1).uniform(0.01, 3.0, (n, n, n)),
-    }[flow]
-    weight = integral_weights(n + 1)
-    found = field_of_averages(cells).density
-    whole = np.einsum("ijk,i,j,k->", found, weight, weight, weight)
-    assert whole == pytest.approx(cells.sum(), rel=1e-13) and found.min() >= 0.1 * cells.min() * (1.0 - 1e-12)
-    plane = np.broadcast_to(cells[3, 5], (n, n, n)).copy()
-    assert field_of_averages(plane).density @ weight == pytest.approx(plane[0, 0].sum(), rel=1e-13)
-
-
-def test_a_jump_between_even_cells_does_not_ring():
-    """Set-up: 1 and 4 kg/m3 with a jump inside, and behind the first cell.
-
-    Expected: 1, 2.5 between them, 4. Behind the first cell what lies between them makes up for the spline's ringing
-    at the edge, so that the row's sum is kept: it stays within 0.1 of 2.5.
-    """
-    for jump, slack in ((1, 0.1), (5, 1e-14)):
-        cells = np.full((10, 4, 4), 4.0)
-        cells[:jump] = 1.0
-        found = field_of_averages(cells).density[:, 2, 2]
-        assert found == pytest.approx([1.0] * jump + [2.5] + [4.0] * (10 - jump), abs=slack)
-        assert np.delete(found, jump) == pytest.approx([1.0] * jump + [4.0] * (10 - jump), abs=1e-14)
-        assert integral_weights(11) @ found == pytest.approx(cells[:, 2, 2].sum(), rel=1e-14)
 
 
 def test_what_averages_lack_at_a_shock_is_told():

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from aerokernels.flow.reading.formats import files_behind, stamp
-from aerokernels.jobs.sweeps.sources import content_hashes
+from aerokernels.jobs.sweeps.definition import content_hashes
 
 
 def touch(folder: Path, *names: str) -> list[Path]:

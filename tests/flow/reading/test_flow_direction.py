@@ -5,11 +5,9 @@ import warnings
 
 import numpy as np
 import pytest
+import writers
 
-from aerokernels.flow.reading.dataset import Block, Dataset
-from aerokernels.flow.reading.density import Reference
-from aerokernels.flow.reading.frame import Frame
-from aerokernels.flow.reading.read import field_of, reading_of
+from aerokernels.flow.reading.dataset import Block
 
 
 def provenance(direction, *, frame=None, layers: int = 1, parts=("Velocity",), noise: float = 0.0) -> str:
@@ -19,8 +17,7 @@ def provenance(direction, *, frame=None, layers: int = 1, parts=("Velocity",), n
     velocity = 600.0 * np.array(direction, float) + noise * np.random.default_rng(0).normal(size=points.shape)
     own = {parts[0]: velocity} if len(parts) == 1 else {name: velocity[:, k] for k, name in enumerate(parts)}
     block = Block(points, None, (4, 3, layers), {"rho": np.ones(len(points)), **own})
-    asked = (None, Frame.of(frame), None, Reference(), None, None, None)
-    return field_of(reading_of("file", Dataset([block], "x"), *asked)).provenance
+    return writers.field([block], name="file", frame=frame).provenance
 
 
 NOTE = "the flow runs along {} by its {!r}, which is not against the optical axis: with flow = {!r}"

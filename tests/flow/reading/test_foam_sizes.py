@@ -23,11 +23,6 @@ def test_numbers_have_the_sizes_that_the_header_states(tmp_path, order, label, s
     np.testing.assert_array_equal(file.numbers(file.scalar, 3), np.arange(6.0).reshape(2, 3))
 
 
-def test_text_keeps_all_digits_whatever_size_the_header_states(tmp_path):
-    file = foam(tmp_path / "f", "LSB;label=32;scalar=32", b"2(0.1 1e-60)", "ascii")
-    np.testing.assert_array_equal(file.numbers(file.scalar), [0.1, 1e-60])
-
-
 @pytest.mark.parametrize("size", ["label=0", "label=9", "scalar=16", "scalar=128"])
 def test_other_sizes_are_refused(tmp_path, size):
     with pytest.raises(ReadError, match=f"states {size}: numbers have 32 or 64 bits"):

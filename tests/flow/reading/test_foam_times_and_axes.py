@@ -52,45 +52,6 @@ def test_the_axis_of_a_wedge_with_a_side_in_a_coordinate_plane(tmp_path, shift):
     assert np.ptp(corners[..., 1]) == pytest.approx(np.ptp(x))
 
 
-def test_the_last_cell_may_own_no_face(tmp_path):
-    """27 cubes, the one in the middle listed last: all of its faces belong to cells of lower numbers."""
-    axis = np.linspace(0.0, 0.03, 4)
-    points = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), axis=-1)
-    place, cell = np.arange(64).reshape(4, 4, 4), np.full((5, 5, 5), -1)
-    cell[1:-1, 1:-1, 1:-1] = np.insert(np.arange(26), 13, 26).reshape(3, 3, 3)
-    faces = []
-    for along in range(3):
-        step, one, other = np.roll(np.eye(3, dtype=int), along, axis=0)
-        for at in map(np.array, np.ndindex(*(3 + step))):
-            corners = [place[tuple(at + shift)] for shift in (0 * step, one, one + other, other)]
-            ahead, behind = (int(cell[tuple(at + 1 - shift)]) for shift in (0 * step, step))
-            turned = behind < 0 or 0 <= ahead < behind  # out of the owner, which has the lower number
-            own, beside = (ahead, behind) if turned else (behind, ahead)
-            faces.append((beside < 0, own, beside, corners[::-1] if turned else corners))
-    faces.sort()
-    inner = sum(not outside for outside, *_ in faces)
-    mesh, result = tmp_path / "constant" / "polyMesh", tmp_path / "1"
-    mesh.mkdir(parents=True)
-    result.mkdir()
-    boundary = f"\n1(out {{ type patch; nFaces {len(faces) - inner}; startFace {inner}; }})\n".encode()
-    corners = "\n".join(f"4({' '.join(map(str, one))})" for *_, one in faces)
-    density = 1.0 + np.arange(27) / 100.0
-    head = b"dimensions [1 -3 0 0 0 0 0];\ninternalField nonuniform List<scalar> "
-    tail = b";\nboundaryField { out { type zeroGradient; } }\n"
-    for folder, name, kind, body in (
-        (mesh, "points", "vectorField", writers.foam_list(points.reshape(-1, 3), False)),
-        (mesh, "faces", "faceList", f"\n{len(faces)}\n(\n{corners}\n)\n".encode()),
-        (mesh, "owner", "labelList", writers.foam_list(np.array([one[1] for one in faces]), False)),
-        (mesh, "neighbour", "labelList", writers.foam_list(np.array([one[2] for one in faces[:inner]]), False)),
-        (mesh, "boundary", "polyBoundaryMesh", boundary),
-        (result, "rho", "volScalarField", head + writers.foam_list(density, False) + tail),
-    ):
-        (folder / name).write_bytes(writers.foam_header(kind, name, False) + body)
-    field = flow.read(tmp_path, spacing=0.0025)
-    found = field.index_field(905e-9, "gladstone-dale").contrast_at([[0.015, 0.015, 0.015], [0.005, 0.005, 0.025]])
-    assert found[0] > found[1] + 0.1 * flow.gladstone_dale_constant(905e-9)
-
-
 @pytest.mark.parametrize("name", ["processors", "processors4"])
 def test_collated_fields_are_refused_as_such(tmp_path, name):
     """A folder without the number of processors, as of some versions, was answered by "no fields at any time"."""

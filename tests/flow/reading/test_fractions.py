@@ -5,10 +5,7 @@ import pytest
 import writers
 
 from aerokernels import flow
-from aerokernels.flow.reading.dataset import HEXAHEDRON, TRIANGLE, Block, Cells, Dataset
-from aerokernels.flow.reading.density import Reference
-from aerokernels.flow.reading.frame import Frame
-from aerokernels.flow.reading.read import field_of, reading_of
+from aerokernels.flow.reading.dataset import TRIANGLE, Block, Cells
 
 WAVELENGTH = 905e-9
 NAMES = {"N2": "Y_N2", "O2": "O2", "H2O": "steam"}
@@ -88,36 +85,6 @@ def test_what_is_no_mixture_is_refused(path, given, message):
         flow.read(path, species=given)
 
 
-@pytest.mark.parametrize("where", ["point", "cell"])
-@pytest.mark.parametrize("even", [True, False])
-def test_the_index_of_a_volume_is_the_mixture_s(where, even):
-    """Of density and fractions that are even, and where only the mixture varies linearly along y (points).
-
-    Expected: K at the nodes is sum Y K, to 1e-12; the grid's own, and one that cells are drawn into.
-    """
-    axis = np.linspace(0.0, 0.08, 5)
-    z, y, x = (own.ravel() for own in np.meshgrid(axis, axis, axis, indexing="ij"))
-    points = np.stack([x, y, z], axis=1)
-    if where == "cell":
-        y = np.full(64, 0.03)
-    own = {NAMES[name]: share for name, share in shares(0.01, y).items()} | {"rho": np.full(len(y), 0.8)}
-    index = np.arange(125).reshape(5, 5, 5)
-    corners = [(0, 0, 0), (0, 0, 1), (0, 1, 1), (0, 1, 0), (1, 0, 0), (1, 0, 1), (1, 1, 1), (1, 1, 0)]
-    cells = np.stack([index[a : 4 + a, b : 4 + b, c : 4 + c].ravel() for a, b, c in corners], axis=1)
-    kind = {"shape": (5, 5, 5)} if even else {"cells": Cells.of_one_type(HEXAHEDRON, cells)}
-    block = Block(points, **kind, **{f"{where}_data": {name: np.broadcast_to(v, len(y)) for name, v in own.items()}})
-    taken = reading_of(
-        "test", Dataset([block], "test"), "rho", Frame.of(None), 1.0, Reference(), None, None, None, NAMES
-    )
-    field = field_of(taken)
-    nodes = field.origin[1] + field.spacing[1] * np.arange(field.density.shape[1])
-    expected = mixture(1.0, shares(0.01, 0.03 if where == "cell" else nodes))
-    found = field.composition.constant(WAVELENGTH)
-    assert found.shape == field.density.shape
-    assert np.abs(found / np.broadcast_to(expected, len(nodes))[None, :, None] - 1.0).max() < 1e-12
-    assert field.index_field(WAVELENGTH).ambient_index > 1.0
-
-
 def test_a_scene_of_a_mixture(path):
     """[flow] species: the relation is then gladstone-dale's; with ciddor's, which is air's, it is refused."""
     from aerokernels.scene import Scene, SceneError
@@ -143,9 +110,7 @@ def test_triangles_keep_the_mixture_of_their_cells(where):
     at = points if where == "point" else points[corners].mean(axis=1)
     own = {NAMES[name]: share for name, share in shares(at[:, 0], at[:, 1]).items()} | {"rho": np.full(len(at), 0.8)}
     block = Block(points, Cells.of_one_type(TRIANGLE, corners), **{f"{where}_data": own})
-    field = field_of(
-        reading_of("test", Dataset([block], "test"), "rho", Frame.of(None), 1.0, Reference(), None, None, None, NAMES)
-    )
+    field = writers.field([block], density="rho", species=NAMES)
     found = field.composition.constant(WAVELENGTH)
     if where == "point":
         vertex = field.mesh.vertices

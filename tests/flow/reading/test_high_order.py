@@ -12,7 +12,6 @@ from vtkmodules.vtkCommonDataModel import (
     vtkHigherOrderHexahedron,
     vtkHigherOrderQuadrilateral,
     vtkImageData,
-    vtkMultiBlockDataSet,
     vtkUnstructuredGrid,
 )
 from vtkmodules.vtkFiltersCore import vtkAppendFilter
@@ -84,25 +83,6 @@ def test_values_of_elements_in_one_place_are_averaged(tmp_path):
     assert found.density_at(at) == pytest.approx([1.0, 1.5, 2.0], rel=1e-12)
 
 
-def test_elements_in_memory_are_read_as_from_a_file(tmp_path):
-    """Set-up: elements with points of their own, and a surface beside a volume. Expected: as from their files.
-
-    In memory both were refused for their coincident points.
-    """
-    grid = lagrange(3, 2, 2, linear)
-    grid.GetCellData().RemoveArray("element")
-    sheet = lagrange(2, 1, 2, linear)
-    sheet.GetCellData().RemoveArray("element")
-    both = vtkMultiBlockDataSet()
-    for number, own in enumerate((grid, sheet)):
-        both.SetBlock(number, own)
-    expected = flow.read(vtk_writers.write_vtk(tmp_path / "a.vtu", grid)).density
-    for data in (grid, both):
-        found = DensityField.from_pyvista(data)
-        assert np.array_equal(found.density, expected)
-        assert "elements that have points of their own" in found.provenance
-
-
 def side_by_side(ghost: int = 0):
     """Two even grids of 31 x 21 points that meet in a line, in one grid; rho is linear.
 
@@ -144,18 +124,6 @@ def test_pieces_of_a_partitioned_mesh_are_joined(ghost):
     assert found.mesh.cell_area.sum() == pytest.approx(0.6 * 0.2) and found.body is None
 
 
-def test_coincident_points_within_a_piece_are_refused():
-    """Set-up: the pieces with one cell cut loose from its neighbours at one corner."""
-    grid = side_by_side()
-    corners = grid.GetCell(100).GetPointIds()
-    number = grid.GetPoints().InsertNextPoint(grid.GetPoint(corners.GetId(0)))
-    grid.GetPointData().GetArray("rho").InsertNextValue(1.0)
-    others = [corners.GetId(k) for k in range(1, corners.GetNumberOfIds())]
-    grid.GetCells().ReplaceCellAtId(100, corners.GetNumberOfIds(), [number, *others])
-    with pytest.raises(flow.ReadError, match="lie in the same place as another"):
-        DensityField.from_pyvista(grid)
-
-
 @pytest.mark.parametrize(
     ("kind", "count", "message"),
     [
@@ -169,21 +137,3 @@ def test_cells_of_an_order_that_nobody_can_cut_are_refused(tmp_path, kind, count
     grid.InsertNextCell(kind, count, list(range(count)))
     with pytest.raises(flow.ReadError, match=message):
         flow.read(vtk_writers.write_vtk(tmp_path / "a.vtu", grid))
-
-
-def test_polyhedra_without_faces_are_refused(tmp_path):
-    """Set-up: a quadrilateral whose type a flipped digit made a polyhedron. Expected: reported as damage."""
-    grid = lagrange(2, 1, 2, linear)
-    path = vtk_writers.write_vtk(tmp_path / "a.vtu", grid)
-    from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridWriter
-
-    writer = vtkXMLUnstructuredGridWriter()
-    writer.SetFileName(str(path))
-    writer.SetInputData(grid)
-    writer.SetDataModeToAscii()
-    writer.Write()
-    text = path.read_text()
-    assert "70 70 70 70" in text
-    path.write_text(text.replace("70 70 70 70", "9 42 9 9"))
-    with pytest.raises(flow.ReadError, match="its polyhedra have no faces"):
-        flow.read(path)

@@ -13,10 +13,7 @@ import xarray
 
 from aerokernels import DensityField, flow
 from aerokernels.flow.reading import ReadError
-from aerokernels.flow.reading.dataset import TETRAHEDRON, TRIANGLE, Block, Cells, Dataset
-from aerokernels.flow.reading.density import Reference
-from aerokernels.flow.reading.frame import Frame
-from aerokernels.flow.reading.read import field_of, reading_of
+from aerokernels.flow.reading.dataset import TETRAHEDRON, TRIANGLE, Block, Cells
 
 X, Y = np.linspace(-0.02, 0.03, 11), np.linspace(-0.01, 0.02, 11)  # of equal length: order cannot be told by it
 AT = np.random.default_rng(0).uniform([-0.019, -0.009], [0.029, 0.019], (20, 2))
@@ -69,31 +66,6 @@ def test_tables(tmp_path: Path, text: str, options):
     assert right(flow.read(path, **options))
 
 
-@pytest.mark.parametrize(
-    ("text", "told"),
-    [
-        (table("x,y,rho", [*PLACES, VALUES]) + "0.5\n", "line 123: expected 3 numbers"),
-        (table("x [kg],y,rho", [*PLACES, VALUES]), "the unit of 'x .kg.'"),
-        (table("x,y,rho [Pa]", [*PLACES, VALUES]), "the unit of 'rho .Pa.'"),
-    ],
-)
-def test_tables_that_are_refused(tmp_path: Path, text: str, told: str):
-    (tmp_path / "flow.csv").write_text(text)
-    with pytest.raises(ReadError, match=told):
-        flow.read(tmp_path / "flow.csv")
-
-
-def test_tecplot_columns_have_units(tmp_path: Path):
-    text = table("", [1e3 * PLACES[0], 1e3 * PLACES[1], VALUES], " ").strip()
-    (tmp_path / "a.dat").write_text(f'VARIABLES = "x [mm]" "y [mm]" "rho"\nZONE I=11, J=11\n{text}\n')
-    assert right(flow.read(tmp_path / "a.dat"))
-    line = 'ZONE T="wall", NODES=2, ELEMENTS=1, ZONETYPE=FELINESEG\n0 0 1\n1 0 1\n1 2\n'
-    with (tmp_path / "a.dat").open("a") as file:
-        file.write(line)
-    found = flow.read(tmp_path / "a.dat")
-    assert right(found) and "lines" in found.provenance
-
-
 def test_labelled_arrays_in_any_order_and_unit():
     """Set-up: dimensions in another order than the axes, equal in length; units; dates; a curvilinear mesh."""
     plain = xarray.Dataset({"rho": (("y", "x"), GRID.T)}, {"x": X, "y": Y})
@@ -115,21 +87,6 @@ def test_labelled_arrays_in_any_order_and_unit():
     assert right(DensityField.from_xarray(heavy))
     with pytest.raises(ReadError, match="the unit of 'rho'"):
         DensityField.from_xarray(plain.assign(rho=plain.rho.assign_attrs(units="code_density")))
-
-
-def test_npz_with_settings_of_its_program(tmp_path: Path):
-    np.savez(tmp_path / "a.npz", x=X, y=Y, rho=GRID, settings=np.array({"cfl": 0.5}, dtype=object))
-    found = flow.read(tmp_path / "a.npz")
-    assert right(found) and "arrays taken as [x, y]" in found.provenance
-
-
-def test_times_that_are_none(tmp_path: Path):
-    np.savez(tmp_path / "a.npz", x=X, y=Y, rho=np.stack([GRID, GRID]), time=[0.0, 1.0])
-    for time in ("soon", float("nan")):
-        with pytest.raises(ValueError, match="'latest', 'first' or a time"):
-            flow.read(tmp_path / "a.npz", time=time)
-    with pytest.raises(TypeError, match="'latest', 'first' or a time"):
-        flow.read(tmp_path / "a.npz", time=[1.0])
 
 
 def foam_field(case: Path, name: str, dimensions: str, values: str, before: str = "") -> None:
@@ -201,21 +158,6 @@ def test_options_that_would_be_passed_over_are_refused(tmp_path: Path, options, 
         flow.read(tmp_path / "a.npz", **options)
 
 
-def test_a_restart_of_su2_whose_mesh_lies_elsewhere(tmp_path: Path):
-    restart = writers.su2(tmp_path, binary=False)
-    (tmp_path / "mesh").mkdir()
-    (tmp_path / "mesh.su2").rename(tmp_path / "mesh" / "mesh.su2")
-    assert "SU2" in flow.read(restart, mesh=tmp_path / "mesh" / "mesh.su2").provenance
-
-
-@pytest.mark.parametrize(("options", "told"), [({"region": 3.0}, "region must be"), ({"spacing": "a"}, "spacing must")])
-def test_grids_that_are_none(tmp_path: Path, options, told: str):
-    x, y, z = np.meshgrid(*[np.linspace(0.0, 1.0, 4)] * 3, indexing="ij")
-    np.savez(tmp_path / "a.npz", x=x, y=y, z=z, rho=1.0 + x)
-    with pytest.raises(ValueError, match=told):
-        flow.read(tmp_path / "a.npz", **options)
-
-
 def test_cells_beside_the_flow_need_no_density():
     """Set-up: a cube of tetrahedra, and one of their faces as a cell of its own, as generators leave it, with NaN."""
     corners = np.array([[0, 1, 3, 7], [0, 3, 2, 7], [0, 2, 6, 7], [0, 6, 4, 7], [0, 4, 5, 7], [0, 5, 1, 7]])
@@ -226,8 +168,7 @@ def test_cells_beside_the_flow_need_no_density():
         np.concatenate([corners.ravel(), [0, 1, 3]]),
     )
     block = Block(points, cells, cell_data={"rho": np.append(np.full(6, 1.3), np.nan)})
-    taken = reading_of("test", Dataset([block], "test"), "rho", Frame.of(None), 1.0, Reference(), None, None, None)
-    assert np.allclose(field_of(taken, 0.25).density, 1.3, rtol=1e-14)
+    assert np.allclose(writers.field([block], density="rho", spacing=0.25).density, 1.3, rtol=1e-14)
 
 
 @pytest.mark.parametrize(("order", "species"), [("<", 0), (">", 3)])
@@ -261,28 +202,6 @@ def test_a_q_file_of_overflow_is_read(tmp_path, order, species):
     assert field.density_at(at) == pytest.approx(1.0 + 0.1 * at[:, 0] + 0.01 * at[:, 2])
 
 
-@pytest.mark.parametrize(
-    ("stated", "said"),
-    [
-        ("AXISYMMETRIC= YES", r"a.cfg states AXISYMMETRIC= YES: geometry='axisymmetric' reads y as the radius"),
-        (
-            "  ref_dimensionalization = FREESTREAM_VEL_EQ_ONE % a word",
-            "a.cfg states FREESTREAM_VEL_EQ_ONE: the density",
-        ),
-        ("% AXISYMMETRIC= YES\nAXISYMMETRIC= NO\nREF_DIMENSIONALIZATION= DIMENSIONAL", None),
-    ],
-)
-def test_what_a_configuration_of_su2_states_of_the_flow_is_told(tmp_path, stated, said):
-    """Set-up: a configuration beside a restart, which alone says that y is a radius, or that there are no units."""
-    path = writers.su2(tmp_path)
-    (tmp_path / "a.cfg").write_text(f"SOLVER= EULER\n{stated}\nMACH_NUMBER= 2.0\n")
-    with warnings.catch_warnings(record=True) as warned:
-        warnings.simplefilter("always")
-        provenance = flow.read(path).provenance
-    assert said in provenance if said else "a.cfg" not in provenance
-    assert len(warned) == ("ref_dimensionalization = FREESTREAM" in stated)
-
-
 FREESTREAM = "REF_DIMENSIONALIZATION= FREESTREAM_VEL_EQ_MACH\nFREESTREAM_PRESSURE= 4006.88\n"
 
 
@@ -292,10 +211,7 @@ FREESTREAM = "REF_DIMENSIONALIZATION= FREESTREAM_VEL_EQ_MACH\nFREESTREAM_PRESSUR
         (FREESTREAM + "FREESTREAM_TEMPERATURE= 69.8 % K", 4006.88 / (287.058 * 69.8)),
         (FREESTREAM + "FLUID_MODEL= IDEAL_GAS\nGAS_CONSTANT= 300\nFREESTREAM_TEMPERATURE= 100", 4006.88 / 3e4),
         (FREESTREAM + "FREESTREAM_OPTION= DENSITY_FS\nFREESTREAM_DENSITY= 0.05", 0.05),
-        (FREESTREAM + "SOLVER= RANS\nINIT_OPTION= TD_CONDITIONS\nFREESTREAM_TEMPERATURE= 100", 4006.88 / 28705.8),
         (FREESTREAM + "SOLVER= RANS\nFREESTREAM_TEMPERATURE= 100\nREYNOLDS_NUMBER= 1e6", None),
-        (FREESTREAM + "SYSTEM_MEASUREMENTS= US\nFREESTREAM_TEMPERATURE= 100", None),
-        (FREESTREAM, None),
         (FREESTREAM + "FREESTREAM_TEMPERATURE= 0", None),
     ],
 )

@@ -39,8 +39,9 @@ def held(path):
     return path
 
 
-@pytest.mark.parametrize("end", ["h5", "nc", "cgns", "vtkhdf"])
-@pytest.mark.parametrize("how", ["link", "virtual", "raw"])
+@pytest.mark.parametrize(
+    ("how", "end"), [("link", "h5"), ("virtual", "nc"), ("raw", "cgns"), ("link", "vtkhdf"), ("raw", "nc")]
+)
 def test_hdf5_of_other_folders_is_refused(tmp_path, how: str, end: str):
     """Set-up: the density in a file below, above, behind a symbolic link, in a device, in a chain of two files.
 
@@ -155,21 +156,3 @@ def test_meshes_and_configurations_beside(tmp_path):
     os.mkfifo(own / "mesh.su2")
     with pytest.raises(ValueError, match=r"mesh\.su2', which is not a regular file"):
         flow.read(restart)
-
-
-def test_a_store_with_a_link_to_another_file_is_refused(tmp_path):
-    """Set-up: a chunk of a Zarr store is a link to a file outside, whose bytes are as many. Expected: refused."""
-    pytest.importorskip("zarr")
-    import xarray
-
-    axis = np.arange(4.0)
-    coordinates = {"time": [0.0, 1.0], "y": axis, "z": axis}
-    data = xarray.Dataset({"rho": (("time", "y", "z"), np.ones((2, 4, 4)))}, coordinates)
-    data.to_zarr(tmp_path / "a.zarr", consolidated=False)
-    assert len(flow.open_series(tmp_path / "a.zarr", ambient_density=1.0).time) == 2
-    (tmp_path / "secret").write_bytes(bytes(range(256)))
-    chunk = next(file for file in (tmp_path / "a.zarr/rho").rglob("*") if file.is_file() and "z" not in file.name)
-    chunk.unlink()
-    chunk.symlink_to(tmp_path / "secret")
-    with pytest.raises(ValueError, match=r"a\.zarr: it names 'rho/.*', which is outside of its own folder"):
-        flow.open_series(tmp_path / "a.zarr", ambient_density=1.0)

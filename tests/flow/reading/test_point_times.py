@@ -40,12 +40,6 @@ def test_a_column_of_times_divides_a_table(name: str, unit: float, tmp_path: Pat
     assert np.allclose(series.time, np.array(TIMES) * unit) and [one.density.min() for one in series] == [1.0, 2.0, 3.0]
 
 
-def test_one_time_is_that_of_the_file(tmp_path: Path):
-    path = table(tmp_path / "a.csv", "time", times=(2.5,))
-    assert "t = 2.5" in flow.read(path, time=2.5).provenance
-    assert flow.open_series(path).time.tolist() == [2.5]
-
-
 def test_temperatures_and_times_of_particles_are_arrays_like_any_other(tmp_path: Path):
     """A "t" of points that do not coincide is a temperature; times of single points divide nothing."""
     for name in ("t", "time"):
@@ -54,12 +48,3 @@ def test_temperatures_and_times_of_particles_are_arrays_like_any_other(tmp_path:
         rows = np.column_stack(list(columns.values()))
         np.savetxt(tmp_path / "a.csv", rows, delimiter=",", header=",".join(columns), comments="")
         assert flow.read(tmp_path / "a.csv").density.size == len(X)
-
-
-def test_what_is_no_column_of_times_is_refused(tmp_path: Path):
-    path = table(tmp_path / "a.csv", "time", times=(0.0, np.nan))
-    with pytest.raises(flow.ReadError, match=r"20 of its 40 times \(time\) are no numbers"):
-        flow.read(path)
-    path = table(tmp_path / "a.csv", "stage")
-    with pytest.raises(flow.ReadError, match=r"40 points lie in the same place .* a column 'time'"):
-        flow.read(path)

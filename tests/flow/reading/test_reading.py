@@ -1,7 +1,6 @@
 """What `flow.read` takes for what: density, references, units, frames; what it refuses, with file, place and remedy."""
 
 import pickle
-import sys
 
 import fuzzing
 import numpy as np
@@ -13,10 +12,6 @@ import aerokernels
 from aerokernels import flow
 from aerokernels.flow.reading.planes.polygon_cells import Polygons
 from aerokernels.flow.reading.planes.polygons import quad_mesh
-from aerokernels.medium import QuadMesh
-from aerokernels.medium.averages.kept_averages import conserving_values
-from aerokernels.process import fragile
-from tests.draws.damaged_files import DamagedCopies
 
 
 @pytest.fixture
@@ -195,26 +190,6 @@ def test_folded_cells_are_refused_and_dented_ones_cut():
         four_cells((1.0, 1.0), ((0, 1, 4, 3), (1, 5, 2, 4), (3, 4, 7, 6), (4, 5, 8, 7)))
 
 
-def test_the_parts_of_a_triangle_are_one_cell():
-    """Set-up: triangles, the average of each that of a linear density. Expected: vertex values linear, 1e-12.
-
-    Where the parts that triangles are cut into are not known to belong together, they miss it by more than 1e-3.
-    """
-    x, y = writers.grid(9, 7)
-    points = np.stack([x.ravel(), y.ravel()], axis=1)
-    a, b, c, d = writers.quads(9, 7).T
-    corners = np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
-    average = 1.0 + points[corners].mean(axis=1) @ [2.0, 3.0]
-    mesh, values, _ = quad_mesh(
-        Polygons(points, 3 * np.arange(len(corners) + 1), corners.ravel(), average, "cell"), "planar"
-    )
-    off = [
-        np.abs(conserving_values(own, values) - 1.0 - mesh.vertices @ [2.0, 3.0]).max()
-        for own in (mesh, QuadMesh(mesh.vertices, mesh.cells))
-    ]
-    assert off[0] < 1e-12 and off[1] > 1e-3
-
-
 def test_double_points_are_refused(tmp_path):
     """Set-up: a mesh of SU2 with two points in one place."""
 
@@ -232,14 +207,6 @@ def test_the_error_travels_between_processes(tmp_path):
     assert type(again) is flow.ReadError and str(again) == str(caught.value)
 
 
-def test_double_points_of_an_unstructured_grid_are_refused(tmp_path):
-    pytest.importorskip("vtkmodules")
-    data = vtk_writers.vtk_unstructured(vtk_writers.vtk_grid(cells=True))
-    data.GetPoints().SetPoint(100, data.GetPoints().GetPoint(101))
-    with pytest.raises(flow.ReadError, match=r"a\.vtu: its mesh cannot be used: .*(coincident|same place)"):
-        flow.read(vtk_writers.write_vtk(tmp_path / "a.vtu", data))
-
-
 def test_a_grid_around_a_body_closes_on_itself(tmp_path):
     """Set-up: an O-grid about a circle of 10 mm, which closes in a seam. Expected: the circle is a body."""
     angle, radius = np.meshgrid(np.linspace(0.0, 2.0 * np.pi, 41), np.linspace(0.01, 0.03, 9), indexing="ij")
@@ -248,47 +215,6 @@ def test_a_grid_around_a_body_closes_on_itself(tmp_path):
     np.savez(tmp_path / "a.npz", x=x, y=y, rho=1.2 + 0.0 * x)
     field = flow.read(tmp_path / "a.npz")
     assert list(field.body.contains(np.array([[0.0, 0.0], [0.009, 0.0], [0.011, 0.0]]))) == [True, True, False]
-
-
-def test_triangles_and_quadrilaterals_mixed(tmp_path):
-    """Set-up: every third cell of the grid cut in two. Expected: a linear density is kept exactly at any place."""
-    restart = writers.su2(tmp_path, binary=False)
-    mesh = tmp_path / "mesh.su2"
-    lines = mesh.read_text().splitlines()
-    count = int(lines[1].split("=")[1])
-    cells = []
-    for k, line in enumerate(lines[2 : 2 + count]):
-        a, b, c, d = line.split()[1:5]
-        cells += [f"5 {a} {b} {c}", f"5 {a} {c} {d}"] if k % 3 == 0 else [f"9 {a} {b} {c} {d}"]
-    mesh.write_text("\n".join([lines[0], f"NELEM= {len(cells)}", *cells, *lines[2 + count :]]) + "\n")
-    field = flow.read(restart, density="Nu_Tilde")  # 2 + x
-    random = np.random.default_rng(2)
-    corners = field.mesh.corners[random.integers(0, len(field.mesh.cells), 300)]
-    at = np.einsum("nkd,nk->nd", corners, random.dirichlet(np.ones(4), 300))
-    points = np.column_stack([np.zeros(300), at])
-    assert np.abs(field.density_at(points) - (2.0 - at[:, 1])).max() < 1e-12
-
-
-def test_index_from_xarray():
-    """A linear contrast in mm, axes in another order and one of them descending: the same as from samples."""
-    xarray = pytest.importorskip("xarray")
-    r, z = np.linspace(0.0, 20.0, 9), np.linspace(10.0, -30.0, 11)
-    contrast = 1e-5 * (1.0 + 0.0 * r) + 1e-6 * z[:, None]
-    axes = {"r": ("r", r, {"units": "mm"}), "z": ("z", z, {"units": "mm"})}
-    array = xarray.DataArray(
-        contrast, dims=("z", "r"), coords=axes, attrs={"ambient_index": 1.0002, "interpolation": "linear"}
-    )
-    field = aerokernels.IndexField.from_xarray(array)
-    assert field.geometry == "axisymmetric" and field.ambient_index == 1.0002
-    assert field.contrast_at([[0.003, 0.0, 0.0013]]) == pytest.approx(
-        1e-5 + 1.3e-6, rel=1e-6
-    )  # linear in the optical potential
-    with pytest.raises(ValueError, match="not even: node"):
-        aerokernels.IndexField.from_xarray(array.assign_coords(r=r**2))
-    with pytest.raises(ValueError, match="make no field"):
-        aerokernels.IndexField.from_xarray(array.rename(r="radius"))
-    with pytest.raises(TypeError, match="DataArray"):
-        aerokernels.IndexField.from_xarray(contrast)
 
 
 def test_density_from_memory():
@@ -309,29 +235,17 @@ def test_density_from_memory():
 
 @pytest.mark.parametrize("kind", fuzzing.KINDS)
 def test_damaged_copies_are_read_or_refused(tmp_path, kind):
-    """Set-up: 40 damaged copies of a sound file. Expected: a field of a gas, or a ValueError in one line."""
-    counts = fuzzing.fuzz(tmp_path, kind, range(1000, 1040))
+    """Set-up: 20 damaged copies of a sound file. Expected: a field of a gas, or a ValueError in one line."""
+    counts = fuzzing.fuzz(tmp_path, kind, range(1000, 1020))
     assert counts["refused"] > counts["read"] / 2
 
 
-@pytest.mark.parametrize("kind", ["vtu", "vts", "vti", "vtk", "hdf5", "netcdf", "netcdf-classic"])
+@pytest.mark.parametrize("kind", ["vtu", "vtk", "hdf5", "netcdf"])
 def test_damaged_copies_of_what_libraries_read(tmp_path, kind):
     """The same where a library in C or C++ reads: its crash is the child's, and what it prints is an error."""
     pytest.importorskip("vtkmodules")
-    counts = fuzzing.fuzz(tmp_path, kind, range(2015, 2030))
+    counts = fuzzing.fuzz(tmp_path, kind, range(2015, 2025))
     assert counts["refused"] > 0
-
-
-def test_damaged_copies_are_the_same_by_their_seeds(tmp_path):
-    """Set-up: 12 damaged copies of a CGNS file, bytes and nodes. Expected: each read or refused, twice the same."""
-    pytest.importorskip("vtkmodules")
-    sound = tmp_path / "sound"
-    sound.mkdir()
-    path = fuzzing.plain(sound, "cgns")
-    found = [list(map(DamagedCopies(path, sound, tmp_path / name).outcome, range(12))) for name in ("first", "second")]
-    assert set(found[0]) <= {"read", "refused", "ended"} and "refused" in found[0] and found[0] == found[1]
-    with pytest.raises(ValueError, match="is not sound"):
-        DamagedCopies(sound / "b.npz", sound, tmp_path / "third")
 
 
 def test_a_name_that_is_no_utf_8_is_read_all_the_same(tmp_path):
@@ -344,49 +258,3 @@ def test_a_name_that_is_no_utf_8_is_read_all_the_same(tmp_path):
     path.write_bytes(path.read_bytes().replace(b"rho", b"rh\xf3"))
     with pytest.raises(flow.ReadError, match=r"a\.vtk: .*rh\ufffd"):
         flow.read(path)
-
-
-def test_a_child_that_another_file_has_hurt_is_replaced(tmp_path, monkeypatch):
-    """Set-up: a child that has read one file ends with the next. Expected: that one is read, by a new child."""
-    pytest.importorskip("h5py")
-    path = fuzzing.plain(tmp_path, "hdf5")
-    flow.read(path)
-    idle = fragile._idle()
-    hurt = idle[-1]
-    hurt.process.kill()
-    monkeypatch.setattr(hurt.process, "poll", lambda: None)  # as it is while the child still runs
-    assert isinstance(flow.read(path), flow.VertexDensity)
-    assert hurt not in idle
-
-
-def test_a_library_that_goes_round_in_circles_is_ended():
-    """A process under the bounds of the child, with nothing granted beside its start, that computes for ever.
-
-    Expected: it ends by SIGXCPU.
-    """
-    import signal
-    import subprocess
-
-    code = "from aerokernels.process import fragile\nfragile.limit(fragile.Bounds(2e9, 0.0, 20.0))\nwhile True: pass"
-    assert subprocess.run([sys.executable, "-c", code], timeout=60, check=False).returncode == -signal.SIGXCPU
-
-
-def test_address_space_in_use_before_a_file_is_not_counted_as_the_files(tmp_path, monkeypatch):
-    """Set-up: a child that takes 4 GB of address space when it starts, as libraries with many threads do.
-
-    Expected: it reads a small file all the same; what it may take for one is 2 GB.
-    """
-    pytest.importorskip("h5py")
-    (tmp_path / "own").mkdir()
-    (tmp_path / "own" / "sitecustomize.py").write_text("import mmap\nkept = mmap.mmap(-1, 4 << 30)\n")
-    path = fuzzing.plain(tmp_path, "hdf5")
-    expected = flow.read(path)
-    fragile._end_idle()
-    monkeypatch.syspath_prepend(str(tmp_path / "own"))
-    try:
-        found = flow.read(path)
-        (child,) = fragile._idle()
-        pages = int((tmp_path / f"/proc/{child.process.pid}/statm").read_text().split()[0])
-        assert pages > 1e6 and np.array_equal(found.density, expected.density)
-    finally:
-        fragile._end_idle()

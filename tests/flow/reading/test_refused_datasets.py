@@ -1,7 +1,5 @@
 """What is refused of points, cells and arrays whatever format they came in; what cells of other kinds make."""
 
-import gzip
-
 import numpy as np
 import pytest
 import writers
@@ -17,7 +15,6 @@ from aerokernels.flow.reading.dataset import (
 )
 from aerokernels.flow.reading.frame import Frame
 from aerokernels.flow.reading.read import unit_of_length
-from aerokernels.flow.reading.readers import foam_case, foam_file
 
 # Four quadrilaterals of a plane x-y, and eight hexahedra.
 AXIS = np.linspace(0.0, 1.0, 3)
@@ -45,9 +42,6 @@ def read(*blocks: Block, **options):
 
 
 BAD_COUNTS = Cells(np.full(4, QUAD, np.uint8), np.array([0, 4, 8, 12]), QUADS.ravel())
-MIXED = Cells(
-    np.array([QUAD] * 4 + [LINE], np.uint8), np.array([0, 4, 8, 12, 16, 18]), np.append(QUADS.ravel(), [0, 1])
-)
 
 
 @pytest.mark.parametrize(
@@ -107,16 +101,6 @@ def test_arguments(given, fault, told):
         given()
 
 
-def test_inches_and_lines_beside_the_cells():
-    """A line among the cells counts for nothing; an inch is 25.4 mm."""
-    x = FLAT[:, 0]
-    field = read(flat(cells=MIXED, point_data={"rho": 1.0 + x}, cell_data={"p": np.arange(5.0)}))
-    assert len(field.mesh.cells) == 4 and field.density_at([[0.0, 0.5, -0.25]]) == pytest.approx(1.25, rel=1e-14)
-    averages = read(flat(cells=MIXED, point_data={}, cell_data={"rho": np.arange(1.0, 6.0)}))
-    assert sorted(averages.density.tolist()) == [1.0, 2.0, 3.0, 4.0]
-    assert unit_of_length("in") == pytest.approx(0.0254, rel=1e-15)
-
-
 @pytest.mark.parametrize("turn", [0.3, 1.2])
 @pytest.mark.parametrize("density", [lambda p: 1.0 + 0.2 * p[:, 0], lambda p: 1.0 + 0.3 * p[:, 1]])
 def test_a_plane_askew_in_the_file(turn, density):
@@ -130,73 +114,11 @@ def test_a_plane_askew_in_the_file(turn, density):
     assert field.density_at((axes @ where)[None]) == pytest.approx(density(at), rel=1e-12)
 
 
-def test_an_optical_axis_askew_in_a_volume():
-    """Which way is up follows from the axis: at right angles to it, and nearest to the file's y, z or x."""
-    for axis in ((1.0, 2.0, 3.0), (3.0, -1.0, 2.0), (1.0, 1.0, 1.0)):
-        axes = Frame(optical=axis).axes()
-        assert axes @ axes.T == pytest.approx(np.eye(3), abs=1e-14) and np.linalg.det(axes) == pytest.approx(1.0)
-        assert axes[2] == pytest.approx(np.array(axis) / np.linalg.norm(axis), abs=1e-14)
-
-
 def test_hidden_points_of_a_plane_take_their_cells_along():
     blank = np.zeros(9, bool)
     blank[0] = True
     assert len(read(flat(blank=blank)).mesh.cells) == 3
     assert len(read(flat(blank=blank, cells=None, shape=(3, 3, 1))).mesh.cells) == 3
-
-
-HEAD = "FoamFile {{ version 2.0; format {form}; class {kind}; object rho; }}\n"
-
-
-def foam(path, body: bytes | str, kind: str = "volScalarField", form: str = "ascii", pack: bool = False):
-    data = HEAD.format(form=form, kind=kind).encode() + (body.encode() if isinstance(body, str) else body)
-    path.write_bytes(gzip.compress(data) if pack else data)
-    return path
-
-
-@pytest.mark.parametrize("pack", [False, True])
-def test_fields_of_openfoam_in_all_their_forms(tmp_path, pack):
-    """A list that says one value once, an empty one, and files that are compressed under their plain name."""
-    body = "dimensions [1 -3 0 0 0 0 0];\ninternalField nonuniform List<scalar> "
-    assert foam_case.read_field(foam(tmp_path / "rho", body + "3{1.5};", pack=pack), 3).tolist() == [1.5] * 3
-    assert foam_case.read_field(foam(tmp_path / "rho", body + "3(1 2 3);", pack=pack), 3).tolist() == [1.0, 2.0, 3.0]
-    assert foam_case.read_field(foam(tmp_path / "rho", body + "0();", pack=pack), 0).tolist() == []
-    assert foam_case.read_field(foam(tmp_path / "rho", body + "0;", pack=pack), 0).tolist() == []
-
-
-def test_damaged_files_of_openfoam(tmp_path):
-    with pytest.raises(ReadError, match="there is no such file"):
-        foam_file.FoamFile(tmp_path / "none")
-    (tmp_path / "a.gz").write_bytes(gzip.compress(b"x" * 99)[:20])
-    with pytest.raises(ReadError, match="the compressed file ends early or is damaged"):
-        foam_file.FoamFile(tmp_path / "a")
-    start, points = np.array([0, 4, 3], "<i4"), np.arange(3, dtype="<i4")
-    body = b"\n3(" + start.tobytes() + b")\n3(" + points.tobytes() + b")\n"
-    file = foam_file.FoamFile(foam(tmp_path / "faces", body, "faceCompactList", "binary"))
-    with pytest.raises(ReadError, match="the list of faces does not agree with itself"):
-        file.faces()
-    for body, told in (
-        ("2(3(0 1 2) 3(0 1))", "face 1 of 2 is cut off"),
-        ("1(3(0 1 2) 3(0 1 2))", "is cut off|more than"),
-    ):
-        with pytest.raises(ReadError, match=told):
-            foam_file.FoamFile(foam(tmp_path / "faces", body, "faceList")).faces()
-    with pytest.raises(ReadError, match="there is more than the announced 2 faces"):
-        foam_file.FoamFile(foam(tmp_path / "faces", "2(3(0 1 2) 4(0 1 2 3) 3(0 1 2))", "faceList")).faces()
-
-
-@pytest.mark.parametrize(
-    ("text", "told"),
-    [
-        ("x,y,rho\n", "it has no line of names with lines of numbers below it"),
-        ("x,x,rho\n0,0,1\n", "its first line has no names that are all different"),
-        ("1,2,3\n0,0,1\n", "its first line has no names that are all different"),
-    ],
-)
-def test_tables(tmp_path, text, told):
-    (tmp_path / "a.csv").write_text(text)
-    with pytest.raises(ReadError, match=told):
-        flow.read(tmp_path / "a.csv")
 
 
 @pytest.mark.parametrize("in_time", [False, True])

@@ -60,17 +60,6 @@ def test_another_mesh_is_drawn_anew(change):
     assert found.density.tobytes() == field_of(other).density.tobytes()
 
 
-def test_densities_that_do_not_fit_are_refused():
-    shared = flow.Reader()
-    field_of(reading(two_blocks(1, "cell")[:1]), shared)
-    count = len(two_blocks(1, "cell")[0].cell_data["rho"])
-    with pytest.raises(ValueError, match=f"mesh {count} cells"):
-        shared.resampling.apply(np.ones(count - 1))
-    with pytest.raises(ValueError, match="not positive"):
-        shared.resampling.apply(np.full(count, -1.0), ambient_density=1.0)
-    assert shared.resampling.apply(np.full(count, 1.5)).density == pytest.approx(1.5, rel=1e-15)
-
-
 def test_a_reader_keeps_the_map_from_file_to_file(tmp_path):
     """Set-up: a volume of tetrahedra in two .vtu files. Expected: one map, two fields; a series too."""
     vtk = pytest.importorskip("vtkmodules.vtkIOXML")

@@ -7,7 +7,6 @@ import h5py
 import numpy as np
 import pytest
 import writers
-import xarray
 
 from aerokernels import flow
 
@@ -43,39 +42,11 @@ def test_units_of_hdf5_arrays_are_heeded_however_they_are_stated(tmp_path, state
     assert np.sort(field.density) == pytest.approx(np.sort(RHO.ravel()))
 
 
-def test_the_unit_of_a_netcdf_series_may_be_called_unit(tmp_path):
-    z = np.linspace(0.0, 50.0, 6)
-    values = np.full((2, 6, 6), 1.2e-3)
-    data = xarray.DataArray(
-        values, dims=("time", "y", "z"), coords={"time": [0.0, 1.0], "y": z, "z": z}, name="rho",
-        attrs={"Unit": "g/cm3", "ambient_density": 1.2},
-    )  # fmt: skip
-    for axis in "yz":
-        data[axis].attrs["unit"] = "mm"
-    data.to_netcdf(tmp_path / "a.nc", engine="h5netcdf")
-    series = flow.open_series(tmp_path / "a.nc")
-    assert series.mesh.spacing == pytest.approx(0.01)
-    assert series[1].density == pytest.approx(1.2)
-
-
 def test_arrays_of_one_name_in_several_groups_are_not_chosen_silently(tmp_path):
     file = hdf5(tmp_path / "a.h5", {"x": X, "y": Y, "t1/rho": RHO, "t2/rho": 2.0 * RHO})
     with pytest.raises(ValueError, match="several groups have such an array: t1/rho, t2/rho: name one"):
         flow.read(file)
     assert flow.read(file, density="t2/rho").density.min() == pytest.approx(2.0 * RHO.min())
-
-
-def test_an_array_at_the_root_counts_before_one_in_a_group(tmp_path):
-    file = hdf5(tmp_path / "a.h5", {"x": X, "y": Y, "rho": RHO, "mean/rho": 2.0 * RHO, "mean/x": 2.0 * X})
-    assert flow.read(file).density.min() == RHO.min()
-    assert np.ptp(flow.read(file).mesh.vertices[:, 1]) == pytest.approx(0.1)
-
-
-def test_a_quotient_is_no_density(tmp_path):
-    x, y = (axis.ravel() for axis in np.meshgrid(X, Y))
-    np.savetxt(tmp_path / "a.csv", np.stack([x, y, 2.0 + x], 1), delimiter=",", header="x,y,p/rho", comments="")
-    with pytest.raises(ValueError, match="no array is known for the density"):
-        flow.read(tmp_path / "a.csv")
 
 
 def test_an_absolute_pressure_counts_before_one_relative_to_an_operating_pressure(tmp_path):
@@ -89,13 +60,6 @@ def test_an_absolute_pressure_counts_before_one_relative_to_an_operating_pressur
     at = field.mesh.vertices
     expected = (5e4 - 1e4 * at[:, 1] + 101325.0) / (287.0 * (300.0 + at[:, 0]))
     assert field.density == pytest.approx(expected, rel=1e-12)
-
-
-def test_a_radius_of_one_axis_beside_x_y_z_leaves_the_axis_of_time(tmp_path):
-    z = np.linspace(0.0, 0.03, 5)
-    values = 1.0 + np.arange(3)[:, None, None, None] + 0.1 * RHO[None, :, :, None] + 0.0 * z
-    np.savez(tmp_path / "a.npz", x=X, y=Y, z=z, r=Y, time=np.arange(3.0), rho=values)
-    assert flow.read(tmp_path / "a.npz", time=1.0).density == pytest.approx(values[1])
 
 
 def tecplot(path, names, head, columns, block=False):
@@ -145,20 +109,6 @@ def test_rows_of_a_text_restart_of_su2_are_put_in_the_order_of_its_points(tmp_pa
         flow.read(tmp_path / "restart.csv")
 
 
-@pytest.mark.parametrize("across", ["y", "z"])
-def test_a_flow_along_one_axis_repeated_at_two_places_is_a_plane(tmp_path, across):
-    """Set-up: one row of cells, as of a shock tube, alike on both sides. Expected: 1 + x, nothing flattened further."""
-    np.savez(tmp_path / "a.npz", x=X, rho=np.repeat(1.0 + X[:, None], 2, axis=1), **{across: [0.0, 0.1]})
-    rows = [f"{x},{other},{1.0 + x}" for other in (0.0, 0.1) for x in X]
-    (tmp_path / "a.csv").write_text("\n".join([f"x,{across},rho", *rows]))
-    for name in ("a.npz", "a.csv"):
-        field = flow.read(tmp_path / name)
-        assert field.geometry == "planar"
-        inside = 0.5 * (X[1:] + X[:-1])
-        points = np.stack([0.0 * inside, 0.0 * inside + 0.05, -inside], axis=1)
-        assert field.density_at(points) == pytest.approx(1.0 + inside, rel=1e-12)
-
-
 def test_the_latest_of_times_in_any_order_is_read(tmp_path):
     """Set-up: fields at 0.3, 0.1 and 0.2 s. Expected: "latest" is 0.3; a time twice and NaN are refused."""
     fields = np.array([3.0, 1.0, 2.0])[:, None, None] * np.ones((9, 6))
@@ -205,18 +155,6 @@ def test_packed_hdf5_arrays_are_unpacked(tmp_path):
     attributes = [("rho", "scale_factor", 1e-4), ("rho", "add_offset", np.array([1.2])), ("rho", "_FillValue", -1)]
     file = hdf5(tmp_path / "a.h5", {"x": X, "y": Y, "rho": packed + 5}, attributes)
     assert np.sort(flow.read(file).density.ravel()) == pytest.approx(np.sort(RHO.ravel()) + 5e-4, abs=6e-5)
-
-
-def test_an_axis_of_one_place_without_coordinate_is_left_out(tmp_path):
-    data = xarray.Dataset({"rho": (("ensemble", "x", "y"), RHO[None])}, coords={"x": X, "y": Y})
-    data.to_netcdf(tmp_path / "a.nc", engine="h5netcdf")
-    assert flow.read(tmp_path / "a.nc").density.max() == pytest.approx(RHO.max())
-    two = xarray.concat([data, data], "ensemble")
-    two.to_netcdf(tmp_path / "b.nc", engine="h5netcdf")
-    with pytest.raises(
-        flow.ReadError, match=r"for each of the \(9, 6\) places \(there are: rho \(2, 9, 6\)\): give arrays"
-    ):
-        flow.read(tmp_path / "b.nc")
 
 
 def test_a_time_in_single_precision_is_found(tmp_path):

@@ -7,7 +7,7 @@ import pytest
 
 from aerokernels import flow
 from aerokernels.flow.reading.dataset import ReadError
-from aerokernels.flow.reading.readers import tecplot_binary, tecplot_text
+from aerokernels.flow.reading.formats import load
 
 X, Y, RHO = np.tile([0.0, 1.0, 2.0], 2), np.repeat([0.0, 1.0], 3), np.array([1.0, 1.5, 2.0, 1.25, 1.75, 2.25])
 QUADS = np.array([[0, 1, 4, 3], [1, 2, 5, 4]])
@@ -68,13 +68,6 @@ def test_a_later_time_has_its_mesh_from_the_first(tmp_path):
     assert flow.contents(path).times == (0.5, 1.5)
 
 
-def test_a_variable_that_a_zone_has_not_is_zero(tmp_path):
-    (block,) = tecplot_binary.read(
-        written(tmp_path / "a.plt", [head()], [data([X, Y], passive=(0, 0, 1))])
-    ).blocks  # fmt: skip
-    assert block.point_data["rho"].tolist() == [0.0] * 6 and block.cells.points.tolist() == QUADS.ravel().tolist()
-
-
 @pytest.mark.parametrize(
     ("heads", "bodies", "how", "told"),
     [
@@ -101,38 +94,8 @@ def test_a_variable_that_a_zone_has_not_is_zero(tmp_path):
 def test_what_does_not_fit_is_refused(tmp_path, heads, bodies, how, told):
     path = tmp_path / "a.plt"
     with pytest.raises(ReadError, match=told) as refused:
-        tecplot_binary.read(written(path, heads, bodies, **how))
+        load(written(path, heads, bodies, **how), None, {})
     assert str(path) in str(refused.value)
-
-
-def test_elements_of_a_greater_zone_do_not_fit_a_smaller_one(tmp_path):
-    path = written(
-        tmp_path / "a.plt",
-        [head("one", 0.5), head("two", 1.5, count=4)],
-        [data([X, Y, RHO]), data([X[:4], Y[:4], RHO[:4]], cells=0)],
-    )
-    with pytest.raises(ReadError, match="has corners beyond the 4 points"):
-        flow.read(path)
-
-
-def test_a_version_before_112_may_tell_its_packing(tmp_path):
-    """Versions to 111 have a number more, 0 for blocks and 1 for points; some writers of them leave it out."""
-    for begin, more, told in ((b"#!TDV111", (0,), ""), (b"#!TDV111", (), ""), (b"#!TDV111", (1,), "point by point")):
-        own = head().replace(whole(-1, 3, 0), whole(-1, 3, *more, 0), 1)
-        path = written(tmp_path / "a.plt", [own], [data([X, Y, RHO])], begin=begin)
-        if told:
-            with pytest.raises(ReadError, match=told):
-                tecplot_binary.read(path)
-        else:
-            assert tecplot_binary.read(path).blocks[0].point_data["rho"].tolist() == RHO.tolist()
-
-
-def test_words_of_a_header_are_passed_over(tmp_path):
-    """Labels of axes, a record of a user's program, and words about a variable, as Tecplot writes them."""
-    more = real(599.0) + whole(2) + text("cold") + text("hot") + real(699.0) + text("own")
-    more += real(899.0) + whole(2) + text("Unit") + whole(0) + text("kg/m3")
-    (block,) = tecplot_binary.read(written(tmp_path / "a.plt", [head()], [data([X, Y, RHO])], more=more)).blocks
-    assert block.point_data["rho"].tolist() == RHO.tolist()
 
 
 def test_zones_of_the_static_strand_belong_to_every_time(tmp_path):
@@ -166,11 +129,11 @@ def test_texts_of_tecplot_have_names_of_every_language_and_exponents_of_fortran(
     path = tmp_path / "a.dat"
     for encoding in ("utf-8-sig", "utf-8"):
         path.write_text("\n".join(lines), encoding=encoding)
-        (block,) = tecplot_text.read(path).blocks
+        (block,) = load(path, None, {}).blocks
         assert list(block.point_data) == ["ρ", "µ"] and block.point_data["µ"].tolist() == [1.5e-101] * 6
         assert flow.read(path, density="ρ").density_at([[0.0, 0.5e-3, -1e-3]]) == pytest.approx(1.625, rel=1e-14)
     path.write_text("\n".join(lines).replace("ρ", "Größe"), encoding="latin-1")
-    assert list(tecplot_text.read(path).blocks[0].point_data) == ["Größe", "µ"]
+    assert list(load(path, None, {}).blocks[0].point_data) == ["Größe", "µ"]
 
 
 def ascii_times(share: str, cells: str = ", CONNECTIVITYSHAREZONE=1", packing: str = "BLOCK") -> str:
@@ -185,9 +148,14 @@ def ascii_times(share: str, cells: str = ", CONNECTIVITYSHAREZONE=1", packing: s
     return "\n".join(lines)
 
 
-@pytest.mark.parametrize("packing", ["BLOCK", "POINT"])
-@pytest.mark.parametrize("share", ["([1-2]=1)", "([1, 2])", "([1]=1,[2]=1)"])
-@pytest.mark.parametrize("cells", ["", ", CONNECTIVITYSHAREZONE=1"], ids=["own", "shared"])
+@pytest.mark.parametrize(
+    ("packing", "share", "cells"),
+    [
+        ("BLOCK", "([1-2]=1)", ""),
+        ("POINT", "([1, 2])", ", CONNECTIVITYSHAREZONE=1"),
+        ("BLOCK", "([1]=1,[2]=1)", ", CONNECTIVITYSHAREZONE=1"),
+    ],
+)
 def test_zones_in_text_share_variables_and_elements(tmp_path, share, cells, packing):
     """Expected: the second time's own density on the mesh of the first. Such files were refused."""
     (tmp_path / "a.dat").write_text(ascii_times(share, cells, packing))

@@ -25,7 +25,7 @@ def field_on_triangles(count: int, moved: float) -> IndexField:
     return IndexField.from_mesh(mesh, values)
 
 
-@pytest.mark.parametrize(("count", "moved"), [(20, 0.0), (20, 0.3), (30, 0.3), (45, 0.3)])
+@pytest.mark.parametrize(("count", "moved"), [(20, 0.0), (30, 0.3)])
 def test_the_error_told_covers_what_triangles_leave(count, moved):
     """It left out that the vertices which cut a triangle have means of its corners: 0.65 of the error was reported."""
     field = field_on_triangles(count, moved)

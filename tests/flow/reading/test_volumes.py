@@ -62,29 +62,6 @@ def test_linear_density_at_points_is_kept_exactly(kind):
     assert found.resampling.density_max < 1e-12
 
 
-def test_cell_averages_keep_their_columns_and_the_error_is_told():
-    """Set-up: averages of a smooth density in skewed hexahedra, 24 a side; resampled at the cells' size.
-
-    Expected: integrals along z within second order of the exact ones, 1/24^2 times the second derivatives (below 10)
-    over 12: 1.5e-3; and what is reported of the resampling is of the size of the true pointwise error, within a factor
-    4.
-    """
-
-    def rho(p):
-        return 1.2 + 0.3 * np.sin(4.0 * p[..., 0] + 2.0 * p[..., 2]) * np.cos(3.0 * p[..., 1])
-
-    points, corners = cube(24)
-    means = rho(points[corners].mean(axis=1))
-    found = field(Block(points, Cells.of_one_type(HEXAHEDRON, corners), cell_data={"rho": means}))
-    random = np.random.default_rng(4)
-    across, along = random.uniform(0.05, 0.95, (40, 2)), np.linspace(0.0, 1.0, 2001)
-    line = np.concatenate([np.repeat(across, 2001, axis=0), np.tile(along, 40)[:, None]], axis=1)
-    change = (found.density_at(line) - rho(line)).reshape(40, 2001)
-    assert np.abs(np.trapezoid(change, along, axis=1)).max() < 1.5e-3
-    true = float(np.sqrt(np.mean(change**2)))
-    assert true / 4.0 < found.resampling.density_rms < 4.0 * true
-
-
 def foam_case(case, points, corners, is_wall=lambda middle: np.zeros(len(middle), bool)):
     """An OpenFOAM case of hexahedra whose averages are those of `linear`; boundary faces are walls or "far"."""
     mesh = case / "constant" / "polyMesh"
@@ -167,43 +144,6 @@ def test_a_body_that_goes_on_beyond_the_field(tmp_path):
         flow.read(case, walls=["wings"], spacing=0.1)
 
 
-def test_walls_of_su2_in_space(tmp_path):
-    """Set-up: hexahedra around a cubic hole of 2^3 cells, whose faces a marker names, every other one turned round.
-
-    Expected: the hole is the body; without a wall's name in the marker it is found all the same.
-    """
-    points, corners = cube(8)
-    hole = np.abs(points[corners].mean(axis=1) - 0.5).max(axis=1) < 0.13
-    table = [(0, 3, 2, 1), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7)]
-    count: dict[tuple, list] = {}
-    for own in corners[hole]:
-        for face in table:
-            ring = [int(own[k]) for k in face]
-            count.setdefault(tuple(sorted(ring)), []).append(ring)
-    faces = [rings[0][:: 1 if k % 2 else -1] for k, rings in enumerate(v for v in count.values() if len(v) == 1)]
-    assert hole.sum() == 8 and len(faces) == 24
-    kept = corners[~hole]
-    used = np.unique(kept)
-    number = np.full(len(points), -1)
-    number[used] = np.arange(len(used))
-    lines = ["NDIME= 3", f"NELEM= {len(kept)}"]
-    lines += [f"12 {' '.join(map(str, number[cell]))} {k}" for k, cell in enumerate(kept)]
-    lines += [f"NPOIN= {len(used)}", *(f"{x!r} {y!r} {z!r} {k}" for k, (x, y, z) in enumerate(points[used].tolist()))]
-    lines += ["NMARK= 1", "MARKER_TAG= body_wall", f"MARKER_ELEMS= {len(faces)}"]
-    lines += [f"9 {' '.join(map(str, number[face]))}" for face in faces]
-    rows = [f"{k}, {x!r}, {y!r}, {z!r}, 1.25" for k, (x, y, z) in enumerate(points[used].tolist())]
-    for name in ("body_wall", "far"):
-        folder = tmp_path / name
-        folder.mkdir()
-        (folder / "mesh.su2").write_text("\n".join(lines).replace("body_wall", name) + "\n")
-        head = '"PointID", "x", "y", "z", "Density"'
-        (folder / "restart.csv").write_text("\n".join([head, *rows]) + "\n")
-        found = flow.read(folder / "restart.csv", spacing=0.04)
-        low, high = points[corners[hole]].reshape(-1, 3).min(axis=0), points[corners[hole]].reshape(-1, 3).max(axis=0)
-        assert np.allclose(found.body.box, [low, high], atol=1e-12) and len(found.body.triangles) == 48
-        assert np.ptp(found.density) < 1e-12
-
-
 def test_uniform_grid_is_kept_and_turned_by_the_frame(tmp_path):
     """Set-up: a .vti volume, rho + z. Expected: no resampling; with optical = -x each node lies where it should."""
     pytest.importorskip("vtkmodules")
@@ -216,15 +156,6 @@ def test_uniform_grid_is_kept_and_turned_by_the_frame(tmp_path):
     moved = 0.01 * np.stack([at[:, 2], at[:, 1], -at[:, 0]], axis=1)
     assert turned.density_at(moved) == pytest.approx(exact, rel=1e-12)
     assert turned.resampling is None
-
-
-@pytest.mark.parametrize("turned", [False, True])
-def test_prisms_either_way_round(turned):
-    points, corners = split(PRISM, *cube(4)[::-1])
-    corners = corners[:, [0, 2, 1, 3, 5, 4]] if turned else corners
-    block = Block(points, Cells.of_one_type(PRISM, corners), point_data={"rho": linear(points)})
-    found = field(block)
-    assert found.resampling.outside_share == 0.0 and found.resampling.density_max < 1e-12
 
 
 def test_a_body_in_a_volume_is_carried_on_into():

@@ -63,22 +63,6 @@ def test_times_of_a_list(tmp_path, listed):
         flow.read(path, time=5e-5)
 
 
-def test_pyvista_reads_the_same_times(tmp_path):
-    """Expected: the times and the values that pyvista's reader of collections finds."""
-    pyvista = pytest.importorskip("pyvista")
-    written(tmp_path)
-    reader = pyvista.get_reader(str(as_pvd(tmp_path)))
-    assert sorted(reader.time_values) == [entry.time for entry in collection(tmp_path / "a.pvd")]
-    reader.set_active_time_value(TIMES[1])
-    assert np.all(reader.read()[0].point_data["rho"] == flow.read(tmp_path / "a.pvd", time=TIMES[1]).density[0])
-
-
-def test_a_series_without_times_is_counted(tmp_path):
-    written(tmp_path, 2)
-    (tmp_path / "a.vts.series").write_text(json.dumps({"files": [{"name": f"data/{k}.vts"} for k in range(2)]}))
-    assert [entry.time for entry in collection(tmp_path / "a.vts.series")] == [0.0, 1.0]
-
-
 @pytest.mark.parametrize(
     ("entries", "told"),
     [

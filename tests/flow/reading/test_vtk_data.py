@@ -7,12 +7,11 @@ import writers
 
 from aerokernels import DensityField, flow
 from aerokernels.flow.reading.dataset import ReadError
-from aerokernels.flow.reading.readers import vtk_files
 
 pytest.importorskip("vtkmodules")
 from vtkmodules.util.numpy_support import numpy_to_vtk
 from vtkmodules.vtkCommonCore import vtkIdList, vtkPoints, vtkStringArray
-from vtkmodules.vtkCommonDataModel import vtkImageData, vtkMultiBlockDataSet, vtkPolyData, vtkTable, vtkUnstructuredGrid
+from vtkmodules.vtkCommonDataModel import vtkImageData, vtkPolyData, vtkUnstructuredGrid
 
 # Corners of the unit cube in the order of a hexahedron, and the middles of its edges in that of a quadratic one.
 CORNERS = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)], float)
@@ -99,65 +98,6 @@ def test_hidden_cells_and_points_are_holes(where):
     assert len(holed.mesh.cells) < len(open_field.mesh.cells)
     low, high = holed.body.profile.min(axis=0), holed.body.profile.max(axis=0)
     assert (low < inside).all() and (inside < high).all()
-
-
-def test_what_holds_no_flow_is_refused(tmp_path):
-    empty, table = vtkUnstructuredGrid(), vtkTable()
-    for data, told in ((empty, "it has no points"), (table, "a vtkTable is not a mesh")):
-        with pytest.raises(ReadError, match=told):
-            vtk_files.blocks_of(tmp_path, data, {})
-    blocks = vtkMultiBlockDataSet()
-    blocks.SetBlock(0, empty)
-    with pytest.raises(ReadError, match="it has no block with points"):
-        vtk_files.blocks_of(tmp_path, blocks, {})
-    blocks.SetBlock(1, vtk_writers.vtk_grid())
-    blocks.GetMetaData(1).Set(vtkMultiBlockDataSet.NAME(), "zone")
-    assert [block.name for block in vtk_files.blocks_of(tmp_path, blocks, {})] == ["zone"]
-    short = vtk_writers.vtk_grid()
-    short.GetPointData().AddArray(named([1.0, 2.0], "short"))
-    with pytest.raises(ReadError, match=f"array 'short' has 2 entries instead of {writers.NI * writers.NJ}"):
-        vtk_files.blocks_of(tmp_path, short, {})
-
-
-def test_a_series_of_files(tmp_path):
-    """Three times in a .pvd. Expected: each by "first", "latest" and its time; another is refused and those named."""
-    for k in range(3):
-        data = vtk_writers.vtk_grid()
-        data.GetPointData().AddArray(named(np.full(writers.NI * writers.NJ, 1.0 + k)))
-        vtk_writers.write_vtk(tmp_path / f"{k}.vts", data)
-    listed = "".join(f'<DataSet timestep="{0.5 * k}" file="{k}.vts"/>' for k in range(3))
-    path = tmp_path / "a.pvd"
-    path.write_text(f'<VTKFile type="Collection"><Collection>{listed}</Collection></VTKFile>')
-    for time, expected in ((None, 3.0), ("latest", 3.0), ("first", 1.0), (0.5, 2.0)):
-        read = vtk_files.read(path, time)
-        assert read.blocks[0].point_data["rho"][0] == expected and read.times == [0.0, 0.5, 1.0]
-    with pytest.raises(ReadError, match=r"there is no time 0\.7: take one of 0, 0\.5, 1, 'first' or 'latest'"):
-        vtk_files.read(path, 0.7)
-    with pytest.raises(ValueError, match="time must be 'latest', 'first' or a time in seconds, got 'last'"):
-        flow.read(path, time="last")
-    for text, told in (
-        ("<VTKFile/>", "it lists no data sets"),
-        ('<VTKFile><DataSet timestep="0" file="x.vts"/></VTKFile>', "it lists x.vts, which is not there"),
-        ('<VTKFile><DataSet timestep="now" file="0.vts"/></VTKFile>', "it is not a list of data sets"),
-    ):
-        path.write_text(text)
-        with pytest.raises(ReadError, match=told):
-            vtk_files.read(path)
-
-
-@pytest.mark.parametrize("name", ["a.csv", "a.vts"])
-def test_a_file_of_one_time_has_no_other(tmp_path, name):
-    x, y = writers.grid()
-    if name == "a.csv":
-        rows = "\n".join(
-            f"{a},{b},{c}" for a, b, c in zip(x.ravel(), y.ravel(), writers.rho(x, y).ravel(), strict=True)
-        )
-        (tmp_path / name).write_text(f"x,y,rho\n{rows}\n")
-    else:
-        vtk_writers.write_vtk(tmp_path / name, vtk_writers.vtk_grid())
-    assert flow.read(tmp_path / name, time="latest").ambient_density > 0.0
-    with pytest.raises(ReadError, match=r"it has one time only, not t = 3\.0: leave time out"):
-        flow.read(tmp_path / name, time=3.0)
 
 
 @pytest.mark.parametrize("cells", [False, True], ids=["points", "cells"])

@@ -7,9 +7,8 @@ import pytest
 from aerokernels import flow
 
 pytest.importorskip("vtkmodules")
-from vtkmodules import vtkCommonDataModel, vtkIOParallelXML, vtkIOXML
+from vtkmodules import vtkCommonDataModel, vtkIOXML
 from vtkmodules.util.numpy_support import numpy_to_vtk
-from vtkmodules.vtkFiltersCore import vtkAppendFilter
 
 AT = np.array([[0.3, 0.4, 0.6], [0.55, 0.45, 0.5], [0.2, 0.8, 0.7]])
 
@@ -94,22 +93,6 @@ def test_one_time_that_a_file_states_is_told(tmp_path):
         flow.read(path, time=0.5)
 
 
-def test_several_times_in_one_xml_file_are_refused(tmp_path):
-    """VTK numbers them, and it read the first of them without a word."""
-    path = tmp_path / "a.vti"
-    writer = vtkIOXML.vtkXMLImageDataWriter()
-    writer.SetFileName(str(path))
-    writer.SetNumberOfTimeSteps(2)
-    writer.SetInputData(even())
-    writer.Start()
-    for number, time in enumerate((0.0, 0.5)):
-        writer.SetInputData(even(factor=1.0 + number))
-        writer.WriteNextTime(time)
-    writer.Stop()
-    with pytest.raises(flow.ReadError, match="it has 2 times in one file: write a file for each"):
-        flow.read(path)
-
-
 def test_refined_grids_are_read_with_all_their_levels(tmp_path):
     """Set-up: averages over 4^3 cells and over 4^3 finer ones in their middle, below which the coarse ones are wrong.
 
@@ -135,15 +118,4 @@ def test_refined_grids_are_read_with_all_their_levels(tmp_path):
         grids.SetAMRBox(level, 0, box)
         grids.SetDataSet(level, 0, own)
     path = write(tmp_path / "a.vth", "UniformGridAMR", grids)
-    assert flow.read(path).density_at(AT) == pytest.approx(linear(AT))
-
-
-def test_partitioned_collections_are_read(tmp_path):
-    append = vtkAppendFilter()
-    append.AddInputData(even())
-    append.Update()
-    sets = vtkCommonDataModel.vtkPartitionedDataSetCollection()
-    sets.SetNumberOfPartitionedDataSets(1)
-    sets.SetPartition(0, 0, append.GetOutput())
-    path = write(tmp_path / "a.vtpc", "PartitionedDataSetCollection", sets, vtkIOParallelXML)
     assert flow.read(path).density_at(AT) == pytest.approx(linear(AT))

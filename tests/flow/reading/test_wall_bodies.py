@@ -6,7 +6,6 @@ import writers
 
 from aerokernels import QuadMesh
 from aerokernels.flow.reading.dataset import HEXAHEDRON, Block, Cells, Patch, Polygons, ReadError
-from aerokernels.flow.reading.planes.polygon_cells import logical_rectangle
 from aerokernels.flow.reading.planes.walls import wall_body
 
 
@@ -32,22 +31,6 @@ def test_a_nozzle_has_its_solid_outside():
     """An axisymmetric wall at r = 1 round the flow. Expected: air within, the body from 1 m to 1.1 m."""
     body = wall_body(edges([(1.0, z) for z in np.linspace(0.0, 2.0, 6)]), mesh("axisymmetric"))
     assert body.contains(np.array([[1.05, 1.0]])).all() and not body.contains(np.array([[0.5, 1.0], [1.2, 1.0]])).any()
-
-
-def test_two_bodies_in_one_flow():
-    squares = [np.array([(0, 0), (0.2, 0), (0.2, 0.2), (0, 0.2), (0, 0)]) + at for at in ((0.2, 0.3), (0.5, 1.2))]
-    body = wall_body(np.concatenate([edges(square) for square in squares]), mesh())
-    assert body.contains(np.array([[0.3, 0.4], [0.6, 1.3]])).all()
-    assert not body.contains(np.array([[0.45, 0.8], [0.1, 0.1], [0.35, 1.3]])).any()
-
-
-def test_walls_that_bound_nothing_or_branch():
-    line = edges([(0.2, 0.5), (0.2, 0.7), (0.2, 0.5)])
-    assert wall_body(line[:0], mesh()) is None
-    with pytest.raises(ValueError, match=r"the walls branch at \[0\.2, 0\.5\]"):
-        wall_body(
-            np.concatenate([edges([(0.2, 0.5), point]) for point in ((0.3, 0.5), (0.1, 0.5), (0.2, 0.9))]), mesh()
-        )
 
 
 AXIS = np.linspace(0.0, 1.0, 9)
@@ -87,18 +70,6 @@ def test_a_box_of_any_faces(faces):
     assert abs(np.einsum("nk,nk->n", a, np.cross(b, c)).sum() / 6.0) == pytest.approx(0.25**3, rel=1e-12)
 
 
-def test_a_face_of_five_corners_is_cut_about_its_middle():
-    """A prism over a pentagon. Expected: its volume, area times height, to 1e-12."""
-    angle = 2.0 * np.pi * np.arange(5) / 5
-    ring = 0.5 + 0.12 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    low, high = (np.column_stack([ring, np.full(5, z)]) for z in (LOW, HIGH))
-    sides = [np.array([low[k], low[(k + 1) % 5], high[(k + 1) % 5], high[k]]) for k in range(5)]
-    body = body_of([low[::-1], high, *sides])
-    a, b, c = body.vertices[body.triangles].transpose(1, 0, 2)
-    expected = 0.25 * 2.5 * 0.12**2 * np.sin(2.0 * np.pi / 5.0)
-    assert abs(np.einsum("nk,nk->n", a, np.cross(b, c)).sum() / 6.0) == pytest.approx(expected, rel=1e-12)
-
-
 def moebius(count: int = 12) -> list[np.ndarray]:
     angle = 2.0 * np.pi * np.arange(count + 1) / count
     way = np.stack([np.cos(angle), np.sin(angle), 0.0 * angle], axis=1)
@@ -124,13 +95,3 @@ def test_surfaces_that_bound_no_body(faces, told):
     else:
         assert body_of(faces) is None
     assert body_of(moebius(), kind="BCFarfield") is not None  # no wall: the hole of the mesh is the body
-
-
-@pytest.mark.parametrize("order", [range(6), [3, 0, 5, 1, 4, 2]])
-def test_rows_and_columns_are_found_in_cells_of_any_order(order):
-    index = np.arange(12).reshape(3, 4)
-    cells = np.stack([index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]], axis=-1).reshape(-1, 4)
-    cells = np.array([np.roll(cells[k], k) for k in order])
-    grid, found = logical_rectangle(cells, 12)
-    assert sorted(grid.shape) == [3, 4] and sorted(found.ravel()) == list(range(6))
-    assert logical_rectangle(cells[1:], 12) is None  # a corner is missing

@@ -1,6 +1,6 @@
 """Random bundles through random fields on both engines: status, end, direction, length and OPD by the reference.
 
-What is drawn and what is held stand in tests/draws; scripts/fuzz_bundles draws thousands, these are some.
+What is drawn and what is held stand in tests/draws.
 Each geometry keeps to one precision and one interpolant, so that few kernels are built.
 """
 

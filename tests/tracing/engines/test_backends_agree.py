@@ -1,7 +1,4 @@
-"""Kernels of every backend against the float64 reference, which shares no formula with them.
-
-The pairs of a kernel's options that occur, and why no more, are told in test_cross_backend.py.
-"""
+"""Kernels of every backend against the float64 reference, which shares no formula with them."""
 
 import functools
 

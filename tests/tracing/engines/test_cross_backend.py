@@ -1,17 +1,8 @@
-"""Warp and OpenCL against each other, and what each backend promises beside right numbers.
-
-A kernel for each geometry, interpolation, method, stop and precision takes Warp four seconds and OpenCL two. So the
-tests go through pairs of options, and share kernels with test_backends_agree.py: geometry and interpolation by fixed
-steps in precisions by turns, geometry and stop by error control on cubic grids, method and stop on one grid and one
-mesh, eq 5 on a grid in float64 and on a mesh in float32. test_generated_kernels.py compares kernels to the bit.
-"""
+"""What each backend promises beside right numbers, which test_generated_kernels.py compares to the bit."""
 
 import ctypes
 import gc
-import os
 import re
-import subprocess
-import sys
 import weakref
 from contextlib import suppress
 from pathlib import Path
@@ -23,116 +14,24 @@ from aerokernels.medium import IndexField
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import Plane, RayStatus, launch, trace
 from aerokernels.tracing.result import RAY_OUTPUTS
-from tests.random_fields import mesh_field, uniform_field
+from tests.random_fields import uniform_field
 from tests.small_fields import oblique_rays
 
 from ..backends import (
     ENGINES,
     FAR,
-    FIXED_STEPS,
     OPD_LIMIT,
     OPENCL,
-    STOPS,
     WAVE,
     assert_same_bits,
     exact,
     field_of,
     on,
-    precisions_at,
     small_field,
     small_rays,
 )
-from ..opencl_stands import before_path, need_opencl, run_python
 
 PRECISIONS = ("float32", "float64")
-# Asked for at equal steps [waves].
-EQUAL_STEPS = {"float32": 2e-4, "float64": 1e-9}
-
-
-def assert_agree(field, rays, engine, precision, waves, angle, until=FAR, **settings):
-    """Warp's CPU and an engine of OpenCL: equal statuses, OPD within so many waves, direction within an angle [rad]."""
-    opencl, warp = on(engine), on("warp-cpu")
-    ours, theirs = (
-        trace(field, rays, until=until, precision=precision, **backend, **settings) for backend in (opencl, warp)
-    )
-    assert ours.plan.backend == "opencl" and theirs.plan.backend == "warp"
-    assert np.array_equal(ours.status, theirs.status) and ours.ok.any()
-    assert np.abs(ours.opd - theirs.opd).max() < waves * WAVE
-    assert np.abs(ours.direction - theirs.direction).max() < angle
-    return ours, theirs
-
-
-# --- Warp against OpenCL ---------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("engine", OPENCL)
-@pytest.mark.parametrize(("geometry", "interpolation", "precision"), FIXED_STEPS)
-def test_fixed_steps_are_those_of_warp(geometry, interpolation, precision, engine):
-    """500 rays, the same steps: rounding alone. 2e-4 wave asked for in float32, 1e-9 wave in float64."""
-    angle = 5e-8 if precision == "float32" else 1e-13
-    settings = {"method": "fixed", "step": 4e-5}
-    field, rays = field_of(geometry, interpolation), oblique_rays(500)
-    ours, theirs = assert_agree(field, rays, engine, precision, EQUAL_STEPS[precision], angle, **settings)
-    assert np.array_equal(ours.step_count, theirs.step_count)
-    assert np.array_equal(ours.evaluation_count, theirs.evaluation_count)
-
-
-@pytest.mark.parametrize("engine", OPENCL)
-@pytest.mark.parametrize(
-    ("geometry", "interpolation", "stop"),
-    [("planar", "cubic", stop) for stop in STOPS] + [("axisymmetric", "bilinear-barron", "within")],
-)
-def test_fixed_steps_are_those_of_warp_at_every_stop(geometry, interpolation, stop, engine):
-    """A grid in float32 and a mesh in float64: stops share no code with interpolants."""
-    precision = "float32" if interpolation == "cubic" else "float64"
-    field, until = field_of(geometry, interpolation), STOPS[stop]
-    settings = {"method": "fixed", "step": 4e-5, "until": until}
-    assert_agree(field, oblique_rays(100), engine, precision, EQUAL_STEPS[precision], 5e-8, **settings)
-
-
-@pytest.mark.parametrize("engine", OPENCL)
-def test_steps_of_eq_5_are_those_of_warp(engine):
-    """In float64, where rounding never puts a step into the neighbour of its cell, and in float32 where it did not."""
-    field, rays = field_of("volume", "cubic"), oblique_rays(200)
-    ours, theirs = assert_agree(field, rays, engine, "float64", 1e-9, 1e-13, method="paper")
-    assert np.array_equal(ours.step_count, theirs.step_count)
-    field = field_of("planar", "bilinear-barron")
-    ours, theirs = assert_agree(field, rays, engine, "float32", 1e-3, 5e-7, method="paper")
-    same = ours.step_count == theirs.step_count
-    assert np.abs(ours.opd - theirs.opd)[same].max() < 2e-4 * WAVE and same.mean() > 0.9
-
-
-@pytest.mark.parametrize("engine", OPENCL)
-@pytest.mark.parametrize(
-    ("geometry", "stop"),
-    [*[("planar", stop) for stop in STOPS], ("volume", "arc"), ("axisymmetric", "box"), ("axisymmetric", "within")],
-)
-def test_adaptive_on_cubic_grids_takes_the_steps_of_warp(geometry, stop, engine):
-    """float64: equal counts, so equal to rounding. float32: a step more or less, 1e-3 wave."""
-    field, rays, until = field_of(geometry, "cubic"), oblique_rays(200), STOPS[stop]
-    precisions = precisions_at(geometry, stop)
-    if "float64" in precisions:
-        ours, theirs = assert_agree(field, rays, engine, "float64", 1e-9, 1e-12, until, method="adaptive")
-        assert np.array_equal(ours.step_count, theirs.step_count)
-        assert np.abs(ours.step_error - theirs.step_error).max() < 1e-6 * WAVE
-    if "float32" in precisions:
-        assert_agree(field, rays, engine, "float32", 1e-3, 5e-7, until, method="adaptive")
-
-
-@pytest.mark.parametrize("engine", OPENCL)
-@pytest.mark.parametrize(
-    ("geometry", "interpolation", "precision"),
-    [("volume", "linear", "float32"), ("planar", "linear", "float64"), ("axisymmetric", "monotone", "float64")],
-)
-def test_adaptive_on_kinked_grids_agrees_with_warp(geometry, interpolation, precision, engine):
-    """1e-3 wave, the tolerance; reported errors agree to three digits, and so do budgets.
-
-    In float32 once: rays that it rejects take kernels of float64 as well.
-    """
-    field, rays = field_of(geometry, interpolation), oblique_rays(200)
-    ours, theirs = assert_agree(field, rays, engine, precision, 1e-3, 5e-7, method="adaptive")
-    assert ours.error["total"] == pytest.approx(theirs.error["total"], rel=1e-3)
-    assert ours.error["step"] == pytest.approx(theirs.error["step"], rel=1e-2)
 
 
 @pytest.mark.parametrize("engine", ENGINES)
@@ -146,9 +45,6 @@ def test_adaptive_on_meshes_keeps_its_tolerance(engine):
     expected = exact("axisymmetric", "bilinear", 1, 3.0, "far", 1)
     result = trace(field, rays, until=FAR, method="adaptive", precision="float32", **backend)
     assert result.ok.all() and np.abs(result.opd - expected.opd).max() < 3e-3 * WAVE
-
-
-# --- what each backend promises --------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("engine", ENGINES)
@@ -274,74 +170,3 @@ def test_two_fields_take_turns(engine, precision):
     assert_same_bits(rounds[0][0], rounds[1][0])
     assert_same_bits(rounds[0][1], rounds[1][1])
     assert np.abs(rounds[0][0].opd - rounds[0][1].opd).min() > OPD_LIMIT["float32"]
-
-
-def test_a_mesh_field_and_a_grid_field_in_one_process():
-    """Kernels of a grid get one row for a mesh's arrays, and the other way round: both orders work."""
-    need_opencl()
-    rays = oblique_rays(3)
-    for field in (mesh_field("idw", "axisymmetric"), uniform_field("planar"), mesh_field("bilinear", "axisymmetric")):
-        assert trace(field, rays, until=FAR, method="adaptive", precision="float64", backend="opencl").ok.all()
-
-
-# --- without OpenCL --------------------------------------------------------------------------------------------------
-
-
-@pytest.fixture
-def without(tmp_path):
-    """PYTHONPATH on which importing pyopencl fails."""
-    package = tmp_path / "shadow" / "pyopencl"
-    package.mkdir(parents=True)
-    (package / "__init__.py").write_text("raise ImportError('libOpenCL.so.1: cannot open shared object file')\n")
-    return before_path(package.parent)
-
-
-def test_without_opencl_warp_goes_on_and_opencl_names_the_remedy(tmp_path, without):
-    on("warp-cpu")
-    code = """
-import numpy as np
-from aerokernels import IndexField, RayBundle, trace
-field = IndexField.from_samples(np.full((4, 4), 1e-4), origin=(-1.5, 0), spacing=(1, 1), geometry="planar")
-rays = RayBundle([[0, 0, -1]], [[0, 0, 1]])
-result = trace(field, rays, backend="auto")
-print(result.plan.backend, result.traced_status[0])
-try:
-    trace(field, rays, backend="opencl")
-except ValueError as error:
-    print(error)
-"""
-    done = run_python(code, tmp_path, PYTHONPATH=without)
-    assert done.returncode == 0, done.stderr
-    plan, refusal = done.stdout.splitlines()
-    assert plan == "warp 0"
-    assert "backend 'opencl' cannot trace here" in refusal and "libOpenCL.so.1" in refusal and "pip install" in refusal
-
-
-def test_without_opencl_the_list_of_backends_says_so(tmp_path, without):
-    done = subprocess.run(
-        [sys.executable, "-m", "aerokernels", "backends"],
-        cwd=tmp_path,
-        env={**os.environ, "PYTHONPATH": without, "COLUMNS": "400"},
-        capture_output=True,
-        encoding="utf-8",
-        timeout=300,
-    )
-    assert done.returncode == 0, done.stderr
-    assert "libOpenCL.so.1" in done.stdout and "warp" in done.stdout and "Traceback" not in done.stderr
-
-
-def test_without_opencl_these_tests_are_skipped_with_the_reason(tmp_path, without, root):
-    on("warp-cpu")
-    chosen = "test_any_number_of_rays and (1- or 65-)"
-    done = subprocess.run(
-        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-k", chosen, __file__],
-        cwd=root,
-        env={**os.environ, "PYTHONPATH": without},
-        capture_output=True,
-        encoding="utf-8",
-        timeout=300,
-    )
-    assert done.returncode == 0, done.stdout + done.stderr
-    lines = [line for line in done.stdout.splitlines() if line.startswith("SKIPPED")]
-    assert any("no CPU for backend opencl here" in line and "libOpenCL.so.1" in line for line in lines), done.stdout
-    assert " passed" in done.stdout and " failed" not in done.stdout

@@ -113,7 +113,7 @@ def device() -> Iterator[str]:
     plain = session.options
     for options in ((*plain, "-DSTRICT=1"), plain):
         object.__setattr__(session, "options", options)  # a session is frozen
-        session.looked.clear()
+        session.programs.clear()
         if options != plain:
             yield name
 

@@ -2,26 +2,13 @@
 
 import re
 
-import pytest
-
-from aerokernels.tracing import scheme
 from aerokernels.tracing.engines.opencl.headers import HEADERS
-from aerokernels.tracing.engines.opencl.program import expand
 from aerokernels.tracing.status import RayStatus
 
 
 def defined(name: str) -> dict[str, str]:
     """The macros of a header that is made from Python."""
     return dict(re.findall(r"^#define (\w+) +(\S+)", "\n".join(HEADERS[name]()), flags=re.MULTILINE))
-
-
-def test_a_changed_constant_is_in_the_next_source(monkeypatch: pytest.MonkeyPatch):
-    """Nothing is kept of a header: both engines follow scheme.py without a step between."""
-    before = expand("trace.cl")
-    monkeypatch.setattr(scheme, "FACE_TOLERANCE", 2.0 * scheme.FACE_TOLERANCE)
-    after = expand("trace.cl")
-    changed = [pair for pair in zip(before.splitlines(), after.splitlines(), strict=True) if pair[0] != pair[1]]
-    assert changed == [("#define FACE_TOLERANCE R(0.0001)", "#define FACE_TOLERANCE R(0.0002)")]
 
 
 def test_headers_hold_every_status_and_the_tableau_to_the_last_digit():
@@ -46,38 +33,3 @@ def test_headers_hold_every_status_and_the_tableau_to_the_last_digit():
         letter: sum(float(constants[n][2:-1]) for n in constants if n.startswith(f"RKN_{letter}")) for letter in "BV"
     }
     assert abs(sums["B"] - 0.5) < 1e-15 and abs(sums["V"] - 1.0) < 1e-15
-
-
-def test_structs_are_laid_out_as_the_table_says():
-    """Warp's structs have the members of the table in its order, in both precisions."""
-    pytest.importorskip("warp")
-    from aerokernels.tracing.engines.layout import STRUCTS
-    from aerokernels.tracing.engines.warp.types import types
-
-    for precision in ("float32", "float64"):
-        for name, members in STRUCTS.items():
-            struct = getattr(types(precision), name)
-            assert list(struct.vars) == [member.name for member in members]
-
-
-@pytest.mark.parametrize("kernel", ["adaptive", "leapfrog"])
-def test_warp_compiles_each_tracer_once_for_a_processor(kernel: str):
-    """Its C++ calls the loop over rays once. Two calls would be two variants, for arrays with gaps and without."""
-    pytest.importorskip("warp")
-    from aerokernels.device_arrays.launching import _cached, load_module
-    from aerokernels.process.quiet_warp import start_warp
-    from aerokernels.tracing.engines.warp.kernels.leapfrog import build_leapfrog_kernel
-    from aerokernels.tracing.engines.warp.kernels.trace import build_kernel
-    from aerokernels.tracing.engines.warp.library import library_of
-
-    start_warp()
-    library = library_of("float32")
-    if kernel == "leapfrog":
-        module = build_leapfrog_kernel(library, "planar", "cubic", "plane", False).module
-    else:
-        module = build_kernel(library, "planar", "cubic", False, "adaptive", "plane", False, True).module
-    load_module(module, "cpu", 1)
-    folder = _cached(module, 1)
-    assert folder is not None
-    (source,) = folder.glob("*.cpp")
-    assert len(re.findall(r"_cpu_forward_tasks<\w+>\(dim", source.read_text())) == 1

@@ -1,18 +1,14 @@
 """Kernel sources: found, expanded, built once, and built again when a header changes."""
 
-import re
 import shutil
 import sys
 import threading
-from itertools import product
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from aerokernels.tracing.engines.layout import OPTIONS
 from aerokernels.tracing.engines.opencl import program as opencl_program
-from aerokernels.tracing.engines.opencl.headers import HEADERS
 from aerokernels.tracing.engines.opencl.program import (
     WORK_GROUP,
     build,
@@ -69,28 +65,6 @@ def test_headers_are_written_in_place_once(folder):
     assert text.index("#define FACTOR") < text.index("float twice(") < text.index("__kernel")
 
 
-def test_every_line_keeps_its_file_and_number(folder):
-    """Following the #line directives gives back each original line of each file."""
-    name, number, seen = "", 0, {}
-    for line in expand("fill.cl", folder).splitlines():
-        directive = re.fullmatch(r'#line (\d+) "(.*)"', line)
-        if directive:
-            number, name = int(directive[1]), directive[2]
-        else:
-            seen[name, number] = line
-            number += 1
-    for path in (folder / "fill.cl", *folder.glob("include/*")):
-        for number, line in enumerate(path.read_text().splitlines(), start=1):
-            if "#include" not in line:
-                assert seen.pop((path.relative_to(folder).as_posix(), number)) == line
-    assert not seen
-
-
-def test_headers_that_include_each_other_end(folder):
-    (folder / "include" / "factor.h").write_text('#include "twice.h"\n#define FACTOR 3.0f\n')
-    assert expand("fill.cl", folder).count("float twice(") == 1
-
-
 def test_a_missing_source_or_header_is_named(folder):
     with pytest.raises(RuntimeError, match=r"kernel source none\.cl cannot be read at .*sources"):
         expand("none.cl", folder)
@@ -120,29 +94,6 @@ def test_installed_sources_are_found_and_missing_ones_name_both_places(root: Pat
     assert str(tmp_path / "aerokernels" / "kernels") in done.stderr and str(tmp_path / "kernels") in done.stderr
 
 
-def test_options_are_distinct_and_each_has_a_number_in_the_header():
-    """Every value that Python can ask for is one that options.h numbers, and no two scenes share their options."""
-    header = "\n".join(HEADERS["options.h"]())
-    named = [option.choices for option in OPTIONS.values() if isinstance(option.choices, tuple)]
-    made = set()
-    for geometry, interpolation, method, stop in product(*named):
-        options = build_options(geometry=geometry, interpolation=interpolation, method=method, stop=stop)
-        made.add(options)
-        for option in options:
-            name, value = re.fullmatch(r"-D(\w+)=(\w+)", option).groups()
-            assert re.search(rf"^#ifndef {name}$", header, flags=re.MULTILINE), name
-            assert value.isdigit() or re.search(rf"^#define {value} \d+$", header, flags=re.MULTILINE), value
-    for change in (
-        {"precision": "float64"},
-        {"on_mesh": True},
-        {"has_body": True},
-        {"measured": False},
-    ):
-        made.add(build_options(**change))
-    assert len(made) == np.prod([len(values) for values in named]) + 4
-    assert not [option for option in opencl_program.BASE_OPTIONS if "math" in option or "mad" in option]
-
-
 @pytest.mark.parametrize(
     ("wrong", "words"),
     [
@@ -167,12 +118,6 @@ def test_a_program_is_built_once_and_runs(folder):
     assert len(built) == 6 and all(program is built[0] for program in built)
     assert np.array_equal(filled(built[0]), 6.0 * np.arange(WORK_GROUP))
     assert build(on, "fill.cl", ("-DOTHER=1",), folder) is not built[0]
-
-
-def test_a_changed_header_is_noticed_at_once(folder):
-    build(opened(), "fill.cl", (), folder)
-    (folder / "include" / "factor.h").write_text("#define FACTOR 50.0f\n")
-    assert filled(build(opened(), "fill.cl", (), folder))[1] == 100.0
 
 
 def test_a_build_failure_names_file_line_and_options(folder):

@@ -6,7 +6,7 @@ import pytest
 from aerokernels import Annulus, Disc, Mask, Polygon, estimate_strehl
 from aerokernels.medium import IndexField
 from aerokernels.pupils.square_map import RING, SquareMap
-from aerokernels.tracing.pupil.lattice_quadrature import LATTICES, lattice_points, smoothed_axes
+from aerokernels.tracing.pupil.quadrature import LATTICES, lattice_points, smoothed_axes
 from aerokernels.tracing.pupil.run import check_memory
 from aerokernels.tracing.pupil.sums import MOMENT_COUNT, SUM_COUNT
 from aerokernels.tracing.scheme import GROUP, REDUCTION_WIDTH
@@ -39,12 +39,10 @@ class Device:
         return values[:-64]
 
     def run(self, name: str, items: int, *arguments) -> None:
-        import pyopencl as cl
+        from aerokernels.tracing.engines.opencl.program import build
+        from aerokernels.tracing.engines.opencl.session import WORK_GROUP, Kernel
 
-        from aerokernels.tracing.engines.opencl.arguments import Kernel
-        from aerokernels.tracing.engines.opencl.program import WORK_GROUP, build
-
-        kernel = Kernel(cl.Kernel(build(self.opened, "pupil.cl"), name))
+        kernel = Kernel(self.opened, build(self.opened, "pupil.cl"), name)
         given = [a.data if hasattr(a, "data") else a for a in arguments]
         kernel.kernel(self.opened.queue, kernel.size(items), (WORK_GROUP,), *given).wait()
 
@@ -199,21 +197,6 @@ def test_moments_are_sums_over_each_group(device: Device, count: int, replicates
         assert abs(found[group, MOMENT_COUNT:] @ [1.0, 1.0j] - phasor) < GROUP * 1.5e-15
         assert found[group, 10] == rows["step_error"][good].max(initial=0.0)
         assert found[group, 11] == rows["evaluation_count"].sum()
-
-
-def test_groups_can_be_summed_in_parts(device: Device):
-    """From the second group on: the first row stays as it was."""
-    given = rays(3 * GROUP)
-    out = device.put(np.full((3, SUM_COUNT), 5.0))
-    names = ("pupil", "opd", "step_error", "evaluation_count", "status")
-    ends = np.int32(3 * GROUP), np.int32(1), np.int32(3), np.int32(1)
-    surface, one = (np.float64(7e6), double3([0.0, 0.0, 0.0]), np.float64(0.0)), device.put(np.ones(1))
-    device.run("sum_rays", 64 * 2, *surface, *ends, one, *(device.put(given[name]) for name in names), out)
-    found, good = device.get(out), given["status"] == RayStatus.OK
-    phasor = np.where(good, np.exp(7e6j * given["opd"]), 0.0).reshape(3, GROUP).sum(axis=1)
-    assert (found[0] == 5.0).all()
-    assert (found[1:, 0] == good.reshape(3, GROUP).sum(axis=1)[1:]).all()
-    assert np.abs(found[1:, MOMENT_COUNT:] @ [1.0, 1.0j] - phasor[1:]).max() < GROUP * 1e-15
 
 
 @pytest.mark.parametrize("rows", [1, REDUCTION_WIDTH, REDUCTION_WIDTH + 1, 3 * REDUCTION_WIDTH - 2])

@@ -61,48 +61,6 @@ def test_adaptive_meets_the_limits(geometry, interpolation, seed, width, engine)
         assert_within_limits(result, expected, precision)
 
 
-@pytest.mark.parametrize("engine", ENGINES)
-@pytest.mark.parametrize(
-    ("geometry", "interpolation", "precision", "seed", "width"),
-    [(*kind, precision, *field[2:]) for field in FIELDS for *kind, precision in FIXED_STEPS if tuple(kind) == field[:2]
-     and field[:2] in GRIDS],
-)  # fmt: skip
-def test_short_fixed_steps_meet_the_limits(geometry, interpolation, precision, seed, width, engine):
-    """Steps of 1/400 cell on grids. At the kinks of the linear interpolant they err by some 1e-6 wave and 5e-9 rad."""
-    backend, count = on(engine), ray_count(interpolation)
-    field, rays = small_field(geometry, interpolation, seed, width), small_rays(count)
-    expected = exact(geometry, interpolation, seed, width, "far", count)
-    result = trace(field, rays, until=FAR, method="fixed", step=2.5e-7, precision=precision, **backend)
-    assert_within_limits(result, expected, precision)
-
-
-@pytest.mark.parametrize("engine", OPENCL)
-@pytest.mark.parametrize(
-    ("geometry", "interpolation", "seed", "width"),
-    [
-        ("volume", "cubic", 0, ROUGH),
-        ("planar", "cubic", 20, SMOOTH),
-        ("axisymmetric", "cubic", 20, SMOOTH),
-        ("planar", "linear", 4, ROUGH),
-        ("axisymmetric", "monotone", 8, ROUGH),
-        ("planar", "bilinear", 9, SMOOTH),
-        ("axisymmetric", "idw", 14, ROUGH),
-    ],
-)
-def test_straight_rays_meet_the_limits(geometry, interpolation, seed, width, engine):
-    """Against the reference along the same undisturbed line.
-
-    What both leave out is of the second order, and differs: 2e-4 wave and 8e-8 rad here, in either precision; so the
-    limits of float32 stand for both. In float32 on a cubic grid, whose rays are then traced again in float64.
-    """
-    backend = on(engine)
-    field, rays = small_field(geometry, interpolation, seed, width), small_rays(1)
-    expected = exact(geometry, interpolation, seed, width, "far", 1, "straight")
-    for precision in PRECISIONS if (geometry, interpolation) == ("planar", "cubic") else ("float64",):
-        result = trace(field, rays, until=FAR, method="straight", tolerance=1e-6, precision=precision, **backend)
-        assert_within_limits(result, expected, "float32")
-
-
 @functools.cache
 def equal_steps(geometry: str, interpolation: str, seed: int, width: float, amplitude: float, step: float):
     """A random field, a ray, and the reference's trace of it in equal steps."""

@@ -1,9 +1,7 @@
 """What a device does again and again: pilots by one preparation, pupils without waiting between, rows of cubes."""
 
 import gc
-import sys
 import weakref
-from collections import Counter
 from dataclasses import replace
 
 import numpy as np
@@ -100,78 +98,6 @@ def test_buffers_are_sent_and_fetched_together(name: str):
     engine.clear(read.buffers[0])
     read.start()
     assert read.taken()[0][0] == 0
-
-
-def test_a_repeated_seed_sets_no_argument_of_a_kernel(monkeypatch):
-    """From the second call on OpenCL starts the same launches; a surface fitted to the wavefront is set each time."""
-    from aerokernels.tracing.engines.opencl import arguments
-
-    pupil, asked = Disc(4e-4, (8.5 * H, 8.2 * H, -1e-3), (0.05, 0.02, 1.0)), []
-    options = {"wavelength": WAVE, "ray_count": 1 << 14, "allow_truncation": True, **on("opencl-cpu")}
-    by_value = arguments.by_value
-    monkeypatch.setattr(arguments, "by_value", lambda value: asked.append(value) or by_value(value))
-    for remove, most in ((("piston",), 0), (("tilt",), 6)):
-        prepared = prepare_strehl(blob(), pupil, remove=remove, **options)
-        prepared(1), prepared(2)
-        asked.clear()
-        prepared(3)
-        assert len(asked) <= most
-
-
-def test_batches_of_rays_made_on_a_device_are_made_once(monkeypatch):
-    """The next seed uses the batches of the last one, each with its own buffers where a tilt is removed."""
-    from aerokernels.tracing.pupil import run as pupil_run
-    from aerokernels.tracing.pupil import sums as pupil_sums
-
-    monkeypatch.setattr(pupil_sums, "BATCH_RAYS", 512)
-    made, batch = [], pupil_run.Batch
-    monkeypatch.setattr(pupil_run, "Batch", lambda *given: made.append(given) or batch(*given))
-    pupil = Disc(4e-4, (8.5 * H, 8.2 * H, -1e-3), (0.05, 0.02, 1.0))
-    options = {"wavelength": WAVE, "ray_count": 1 << 10, "allow_truncation": True, "bundle": "off", **on("opencl-cpu")}
-    for remove in ("piston", "tilt"):
-        prepared = prepare_strehl(blob(), pupil, remove=(remove,), **options)
-        first = prepared(1)
-        assert len(made) == 2
-        assert prepared(2).value != prepared(1).value == first.value and len(made) == 2
-        made.clear()
-
-
-def test_a_new_seed_takes_few_calls():
-    """Its kernels take less time than its Python: 174 calls of functions, C's included; it was 206."""
-    pupil, count = Disc(4e-4, (8.5 * H, 8.2 * H, -1e-3), (0.05, 0.02, 1.0)), Counter()
-    prepared = prepare_strehl(blob(), pupil, wavelength=WAVE, allow_truncation=True, **on("opencl-cpu"))
-    prepared(1), prepared(2)
-    before = sys.getprofile()
-    sys.setprofile(lambda frame, event, what: count.update([event]))
-    try:
-        prepared(3)
-    finally:
-        sys.setprofile(before)
-    assert count["call"] + count["c_call"] < 195
-
-
-def test_a_kernel_out_of_use_keeps_numbers_but_no_memory():
-    """Its next owner need not set the numbers again, and the buffers of the last one are free."""
-    from aerokernels.tracing.engines.opencl.arguments import Kernel, lasting
-    from aerokernels.tracing.engines.opencl.launchers import give_back, take_kernel
-
-    engine = engine_of(**on("opencl-cpu"))
-    kernel = engine.kernels(["block_maxima"])["block_maxima"]
-    values, made = engine.put(np.array([1.0, -5.0, 2.0, 3.0, 4.0])), engine.empty(2)
-    engine.launch(kernel, [values, 5, 1, 2], [made], 2)
-    engine.wait()
-    kept = lasting(kernel.given)
-    assert kept == [None, 5, 1, 2, 0, 2, None]
-    program, taken = object(), object()
-    engine.session.kernels[program, "none"] = []
-    give_back(engine.session, program, "none", taken, kernel.given)
-    assert take_kernel(engine.session, program, "none") == (taken, kept)
-    again = Kernel(kernel.kernel, given=kept)
-    other = engine.empty(2)
-    engine.launch(again, [values, 5, 1, 2], [other], 2)
-    found = np.zeros(2)
-    engine.get(other, found)
-    assert found.tolist() == [5.0, 4.0]
 
 
 @pytest.mark.parametrize("name", ENGINES)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aerokernels.benchmark.truth import Formula, integrate, potential_of
+from aerokernels.benchmark.scenes import Formula, integrate, potential_of
 from aerokernels.medium import IndexField
 from aerokernels.rays import RayBundle
 

@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 
 from aerokernels.tracing import Plane, available_backends, trace
-from aerokernels.tracing.leapfrog.sample_cost import LEAST_RAYS
+from aerokernels.tracing.leapfrog.pilot import LEAST_RAYS
 
 from .field_draws import KINDS, draw
 

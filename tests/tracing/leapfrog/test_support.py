@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from aerokernels.medium import IndexField
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import Plane, trace
-from aerokernels.tracing.leapfrog.sample_cost import LEAST_RAYS
-from aerokernels.tracing.support import SUPPORT_SHARE, support_box
+from aerokernels.tracing.error_limit import SUPPORT_SHARE, support_box
+from aerokernels.tracing.leapfrog.pilot import LEAST_RAYS
 
 from ..backends import ENGINES, WAVE, on
 

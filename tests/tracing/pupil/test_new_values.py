@@ -9,12 +9,11 @@ import numpy as np
 import pytest
 
 from aerokernels import Disc, IndexField, Plane, RayBundle, prepare_strehl, trace
+from aerokernels.tracing.error_limit import support_box
 from aerokernels.tracing.leapfrog.unresolved import potential_by_blocks
 from aerokernels.tracing.pupil import new_values
 from aerokernels.tracing.pupil.run import PupilRun
 from aerokernels.tracing.step_bound import roughness_of_blocks
-from aerokernels.tracing.support import support_box
-from tests.draws.new_values_draws import check, draw
 
 from ..backends import OPENCL, on
 
@@ -48,7 +47,7 @@ def prepared(engine: str, field: IndexField, pupil: Disc = DISC, **options):
 
 
 def follows(seen) -> bool:
-    return isinstance(seen.job.given_run, new_values.FollowedRun)
+    return isinstance(seen.job.prepared, new_values.FollowedRun)
 
 
 @pytest.mark.parametrize("engine", FOLLOWED)
@@ -82,7 +81,7 @@ def test_answers_do_not_depend_on_the_order_of_the_fields(engine: str):
     assert all(map(follows, all_seen))
     for seen, value in zip(all_seen, alone, strict=True):
         assert seen(5).value == value and seen(6).value != value and seen(5).value == value
-    assert isinstance(all_seen[0].job.given_run.own, PupilRun) and all_seen[2].job.given_run.own is None
+    assert isinstance(all_seen[0].job.prepared.own, PupilRun) and all_seen[2].job.prepared.own is None
     with ThreadPoolExecutor(4) as threads:
         found = list(
             threads.map(lambda number: known.with_field(air(fall=25.0, **changes[number % 3]))(5).value, range(12))
@@ -126,7 +125,7 @@ def test_a_field_that_follows_may_need_all_rays(engine: str):
     seen = prepared(engine, air()).with_field(air(tilt=0.1))
     (make,) = seen.job.finer_runs
     run = make()
-    assert follows(seen) and run.task.per_replicate == seen.job.per_replicate == (1 << 17) // 16
+    assert follows(seen) and run.task.per_replicate == seen.job.quadrature.per_replicate == (1 << 17) // 16
     assert run.task.field.samples.samples is seen.field.samples.samples  # of a field that caches nothing for others
     many, few = run(1), seen.job.run(1)
     assert many.ray_count == 1 << 17 and few.ray_count < 1 << 14
@@ -180,11 +179,3 @@ def test_fields_and_their_memory_go_out_of_use(engine: str):
     alone = trace(air(tilt=0.2), rays, until=Plane((0.0, 0.0, 1.5), (0.0, 0.0, 1.0)), wavelength=WAVE, **on(engine))
     again = trace(second.field, rays, until=Plane((0.0, 0.0, 1.5), (0.0, 0.0, 1.0)), wavelength=WAVE, **on(engine))
     np.testing.assert_allclose(again.opd, alone.opd, atol=1e-4 * WAVE)
-
-
-@pytest.mark.parametrize("engine", FOLLOWED)
-def test_random_fields_have_the_ratios_of_their_own_plans(engine: str):
-    """Seven random pupils, some of them with scaled values: within the errors told."""
-    found = [each for seed in range(300, 307) for each in check(draw(seed), **on(engine))]
-    assert all(each.share <= 1.0 for each in found)
-    assert sum(each.follows for each in found) >= 4

@@ -7,7 +7,7 @@ import pytest
 
 from aerokernels.pupils import Disc
 from aerokernels.tracing import Plane
-from aerokernels.tracing.pupil import fit as pupil_fit
+from aerokernels.tracing.pupil import sums as pupil_fit
 from aerokernels.tracing.pupil.sums import MOMENT_COUNT, PupilTask
 from tests.random_fields import uniform_field
 

@@ -127,11 +127,7 @@ def unit_in_words(exponents: str) -> str:
 
 
 def read_field(path: Path, cell_count: int) -> np.ndarray:
-    """Return the cell averages of a volScalarField or volVectorField.
-
-    Raises:
-        ReadError: No such field, or another number of entries than of cells.
-    """
+    """Return the cell averages of a volScalarField or volVectorField."""
     file = FoamFile(path)
     width = _WIDTH.get(file.header.get("class", ""))
     if width is None:
@@ -196,9 +192,6 @@ def case_times(folder: Path) -> list[FoamTime]:
     """Return the times of a case, ascending: those of the whole case, and others that only its processors have.
 
     The times of a whole case that has not been solved, its initial state, count only if it is not decomposed.
-
-    Raises:
-        ReadError: No mesh, no fields at any time, or fields in the collated format.
     """
     parts = sorted(folder.glob("processor[0-9]*"), key=lambda part: int(re.sub(r"\D", "", part.name) or 0))
     collated = next(folder.glob("processors*"), None)
@@ -226,9 +219,6 @@ def read(path: Path, time: Any, options: Mapping[str, Any]) -> Dataset:
         path: The case's folder, a .foam file in it, or its controlDict.
         time: "latest" (None), "first", or the time itself.
         options: None; as of all readers.
-
-    Raises:
-        ReadError: No case, no such time, or a file that is missing or damaged.
     """
     folder = case_folder(path)
     times = case_times(folder)

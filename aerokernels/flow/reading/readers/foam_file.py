@@ -10,6 +10,7 @@ import io
 import re
 import warnings
 import zlib
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +23,7 @@ _WORD = re.compile(rb'"[^"\n]*"|[^\s(){};"]+')
 _HEADER = re.compile(rb"FoamFile\s*\{(.*?)\}", re.DOTALL)
 _ENTRY = re.compile(r"""(\w+)\s+("[^"\n]*"|[^;]+);""")  # a text may contain semicolons, as arch's does
 _BRACKETS = bytes.maketrans(b"()", b"  ")
+WIDTH = {"scalar": 1, "vector": 3, "symmTensor": 6, "tensor": 9, "sphericalTensor": 1}
 PIECE = 1 << 24  # [bytes] unpacked at once
 UNPACKED, UNPACKED_FOR_BYTE = 1 << 28, 200  # [bytes] to which a file may unpack, and bytes per byte of it
 REMEDY = "the file is damaged or was not written to its end: write it again, or read another time"
@@ -36,11 +38,7 @@ def find(path: Path) -> Path | None:
 
 
 def _unpacked(path: Path) -> bytes:
-    """Return the content of a compressed file, after checking that it fits in memory.
-
-    Raises:
-        ReadError: It unpacks to far more than numbers do, which may be a thousand times the file.
-    """
+    """Return the content of a compressed file, after checking that it fits in memory."""
     parts = io.BytesIO()
     most = UNPACKED + UNPACKED_FOR_BYTE * path.stat().st_size
     with gzip.open(path) as stream:
@@ -64,11 +62,7 @@ class FoamFile:
     """
 
     def __init__(self, path: Path):
-        """Read the file and its header.
-
-        Raises:
-            ReadError: No such file, a damaged gzip file, or no header.
-        """
+        """Read the file and its header."""
         found = find(path)
         if found is None:
             raise ReadError(path, "there is no such file", "give the folder of a whole OpenFOAM case")
@@ -122,13 +116,50 @@ class FoamFile:
         self.at = match.end()
         return match[0].decode("latin-1").strip('"')
 
+    def entries(self, repeated: int = 0) -> Iterator[tuple[str, list]]:
+        """Yield the key and the content of each entry of a dictionary; the cursor is at its brace, and moves past it.
+
+        The content is words and, after "nonuniform", the list of numbers; what is in brackets is left out. A list of
+        one repeated value has at most as many entries as the file has bytes, or `repeated`.
+        """
+        self.expect(b"{")
+        while self.peek() != b"}":
+            yield self.word(), self._entry(repeated)
+        self.at += 1
+
+    def _entry(self, repeated: int) -> list:
+        content: list[str | np.ndarray] = []
+        depth = 0
+        while depth or self.peek() != b";":
+            mark = self.peek()
+            if not mark or (mark == b"}" and depth == 0):
+                raise self.fault("an entry is not closed")
+            if mark in b"(){};":
+                depth += 1 if mark in b"({" else -1 if mark in b")}" else 0
+                self.at += 1
+                if mark == b"}" and depth == 0 and self.peek() != b";":  # a dictionary ends without a semicolon
+                    return content
+                continue
+            word = self.word()
+            if depth == 0:
+                content.append(word)
+                if word == "nonuniform":
+                    content.append(self._nonuniform(repeated))
+        self.at += 1
+        return content
+
+    def _nonuniform(self, repeated: int) -> np.ndarray:
+        following = self.word()
+        if following == "0":  # "0()": a patch without faces on this processor of a decomposed case
+            return np.empty(0)
+        if following.removeprefix("List<").removesuffix(">") not in WIDTH:
+            raise self.fault("a list is of no kind that is known")
+        return self.numbers(self.scalar, WIDTH[following[5:-1]], repeated).astype(np.float64)
+
     def count(self, repeated: int = 0) -> int:
         """Return the next word as the length of a list.
 
         The length is at most the size of the file, or `repeated` for a list of one value, `5{1.2}`.
-
-        Raises:
-            ReadError: Not a number, or a greater one.
         """
         word = self.word()
         count = whole_number(word)
@@ -140,9 +171,6 @@ class FoamFile:
         """Return a list of numbers, or of vectors of `width` numbers: shape (n,) or (n, width).
 
         A list of one repeated value has at most as many entries as the file has bytes, or `repeated`.
-
-        Raises:
-            ReadError: Another number of entries than was announced, or entries that are not numbers.
         """
         count = self.count(repeated)
         uniform = self.peek() == b"{"

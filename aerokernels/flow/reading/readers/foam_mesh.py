@@ -1,13 +1,22 @@
-"""Read the mesh of an OpenFOAM case: points, faces, owner and neighbour of each face, and the boundary's patches."""
+"""Read the mesh of an OpenFOAM case: points, faces, owner and neighbour of each face, and the boundary's patches.
 
+A patch has values at its faces where the solver writes them: one value, or one for each face, in the boundaryField of a
+field. Values given in another way (coded, by macros, from other files) are unknown.
+"""
+
+import re
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from aerokernels.flow.reading.dataset import Block, Faces, Patch, Polygons, ReadError, check_points
-from aerokernels.flow.reading.readers.foam_file import FoamFile
+from aerokernels.flow.reading.dataset import POLYGON, Block, Cells, Faces, Patch, Polygons, ReadError, check_points
+from aerokernels.flow.reading.readers.foam_file import FoamFile, find
+from aerokernels.flow.reading.readers.point_table import is_number
 
+_BOUNDARY = re.compile(rb"\bboundaryField\s*\{")
+_PLAIN = re.compile(r"(?:[\w|()-]|\.\*?){1,200}")
+LEVEL = ("zeroGradient", "symmetry", "symmetryPlane", "slip")  # conditions by which a wall has what its cells have
 BAD_MESH = "run checkMesh on the case and make the mesh again"
 
 
@@ -45,11 +54,7 @@ class FoamMesh:
 
 
 def read_mesh(folder: Path) -> FoamMesh:
-    """Read a polyMesh folder.
-
-    Raises:
-        ReadError: A file that is missing or damaged, or files that do not agree.
-    """
+    """Read a polyMesh folder."""
     file = FoamFile(folder / "points")
     points = file.numbers(file.scalar, 3).astype(np.float64)
     check_points(file.path, points)
@@ -90,25 +95,7 @@ def _patches(path: Path, inner: int, face_count: int) -> list[FoamPatch]:
     count = file.count()
     file.expect(b"(")
     for _ in range(count):
-        name, entries = file.word(), {}
-        file.expect(b"{")
-        while file.peek() != b"}":
-            key, depth, words = file.word(), 0, []
-            while depth or file.peek() != b";":
-                mark = file.peek()
-                if not mark:
-                    raise file.fault(f"patch {name} is not closed")
-                if mark in b"(){}":
-                    depth += 1 if mark in b"({" else -1
-                    file.at += 1
-                    if mark == b"}" and depth == 0:
-                        break
-                else:
-                    words.append(file.word())
-            if file.peek() == b";":
-                file.at += 1
-            entries[key] = words
-        file.at += 1
+        name, entries = file.word(), dict(file.entries())
         try:
             patch = FoamPatch(name, entries["type"][0], int(entries["startFace"][0]), int(entries["nFaces"][0]))
         except (KeyError, IndexError, ValueError):
@@ -155,11 +142,7 @@ def _upward(mesh: FoamMesh, faces: np.ndarray) -> np.ndarray:
 
 
 def _axis_of(mesh: FoamMesh, wedges: list[np.ndarray]) -> Axis | None:
-    """Return the coordinate axis in which the sides of a wedge meet; None if they do not tell.
-
-    Raises:
-        ReadError: The sides meet in another line: radii are measured from a coordinate axis.
-    """
+    """Return the coordinate axis in which the sides of a wedge meet; None if they do not tell."""
     if len(wedges) != 2:
         return None
     normals = np.array([_upward(mesh, faces) for faces in wedges])
@@ -212,9 +195,6 @@ def flat_block(mesh: FoamMesh, faces: np.ndarray, cell_data, time: Path) -> tupl
 
     `time` is the folder of the fields, which have values on patches.
     """
-    from aerokernels.flow.reading.dataset import POLYGON, Cells
-    from aerokernels.flow.reading.readers.foam_boundary import FoamPatchValues
-
     owner = mesh.faces.owner[faces]
     order = np.argsort(owner, kind="stable")
     faces, owner = faces[order], owner[order]
@@ -250,3 +230,71 @@ def flat_block(mesh: FoamMesh, faces: np.ndarray, cell_data, time: Path) -> tupl
         values = FoamPatchValues(time, cell_data, patch.name, meant - patch.first, patch.count, behind)
         patches.append(Patch(patch.name, patch.kind, edges, values=values))
     return block, patches
+
+
+@dataclass(frozen=True, eq=False)
+class FoamPatchValues:
+    """Values at the faces of a patch, by name of a field.
+
+    Attributes:
+        folder: The time's folder.
+        cell_data: The fields' averages over the cells.
+        patch: The patch's name.
+        faces: Numbers of the selected faces within the patch.
+        face_count: Number of all faces of the patch.
+        owner: The cell behind each selected face.
+    """
+
+    folder: Path
+    cell_data: object
+    patch: str
+    faces: np.ndarray
+    face_count: int
+    owner: np.ndarray
+
+    def __call__(self, name: str) -> tuple[np.ndarray, np.ndarray] | None:
+        """Return a scalar field at the faces and in their cells, shape (len(faces),) each; None if not known."""
+        try:
+            file = FoamFile(self.folder / name)
+            kind, values = self._condition(file)
+            if values is not None and len(values) not in (1, self.face_count):
+                raise file.fault(f"patch {self.patch!r} has {self.face_count} faces and {len(values)} values")
+            # Gas that slips along a wall has no thermal layer, whatever the wall's temperature.
+            if find(self.folder / "U") and self._condition(FoamFile(self.folder / "U"))[0] in LEVEL:
+                kind, values = LEVEL[0], None
+        except ReadError:  # wall values are optional: the cell averages of the file remain
+            return None
+        cells = np.asarray(self.cell_data[name])[self.owner]  # type: ignore[index]
+        if values is None:
+            return (cells, cells) if kind in LEVEL else None
+        return (values[self.faces] if len(values) > 1 else np.full(len(self.faces), values[0])), cells
+
+    def _condition(self, file: FoamFile) -> tuple[str, np.ndarray | None]:
+        """Return type and `value` of the condition on the patch, by its name, else by the last matching pattern."""
+        starts = list(_BOUNDARY.finditer(file.data, file.at))
+        if not starts:
+            raise file.fault("there is no boundaryField")
+        file.at = starts[-1].end()
+        own, alike = None, {}
+        while file.peek() != b"}":
+            quoted = file.peek() == b'"'
+            name = file.word()
+            fits = name == self.patch or (quoted and _fits(name, self.patch))
+            entries = dict(file.entries(self.face_count if fits else 0))
+            if fits:
+                own, alike = (own, entries) if quoted else (entries, alike)
+        entries = alike if own is None else own
+        value = entries.get("value") or [""]
+        numbers = value[1] if value[0] == "nonuniform" else None
+        if value[0] == "uniform" and is_number(str(value[-1])):
+            numbers = np.array([float(value[-1])])
+        return str((entries.get("type") or [""])[0]), numbers if numbers is not None and numbers.ndim == 1 else None
+
+
+def _fits(pattern: str, name: str) -> bool:
+    """Return whether a pattern such as "(wall|body).*" matches a patch; patterns that are slow to match never do."""
+    plain = _PLAIN.fullmatch(pattern) and pattern.count("(") < 3 and pattern.count("*") < 3
+    try:
+        return bool(plain) and re.fullmatch(pattern, name[:200]) is not None
+    except re.error:
+        return False

@@ -20,11 +20,7 @@ AXIS_END = re.compile(r"([xyzr])_?(min|max)")
 
 
 def read(path: Path, time: Any, options: Mapping[str, Any]) -> Dataset:
-    """Read a file of named arrays.
-
-    Raises:
-        ReadError: A damaged file, or one without coordinates.
-    """
+    """Read a file of named arrays."""
     import h5py
 
     with path.open("rb") as stream:

@@ -30,11 +30,7 @@ LEAST_SHARE = 0.05  # of the points: from this share of duplicates on, elements 
 
 
 def linear_cells(path, start: np.ndarray, points: np.ndarray, kinds: np.ndarray):
-    """Return Lagrange cells as linear ones: start, points and types of the cells, and the original cell of each.
-
-    Raises:
-        ReadError: An order that differs between directions, or triangles, tetrahedra and prisms above second order.
-    """
+    """Return Lagrange cells as linear ones: start, points and types of the cells, and the original cell of each."""
     high = np.isin(kinds, [*TENSOR, *BY_CORNERS])
     if not high.any():
         return start, points, kinds, None

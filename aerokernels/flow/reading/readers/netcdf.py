@@ -15,11 +15,7 @@ from aerokernels.process.foreign_files import NoRoomError, check_file
 
 
 def read(path: Path, time: Any, options: Mapping[str, Any]) -> Dataset:
-    """Read a NetCDF file, with h5netcdf or, in its classic format, with SciPy.
-
-    Raises:
-        ReadError: A damaged file, or one without coordinates.
-    """
+    """Read a NetCDF file, with h5netcdf or, in its classic format, with SciPy."""
     import xarray
 
     engine = "scipy" if is_classic(path) else "h5netcdf"

@@ -12,11 +12,7 @@ from aerokernels.process.foreign_files import NoRoomError, check_room
 
 
 def read(path: Path, time: Any, options: Mapping[str, Any]) -> Dataset:
-    """Read a file of named arrays.
-
-    Raises:
-        ReadError: A damaged file, Python objects alone, or arrays without coordinates.
-    """
+    """Read a file of named arrays."""
     arrays: dict[str, np.ndarray] = {}
     objects = False
     try:

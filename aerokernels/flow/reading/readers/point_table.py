@@ -32,11 +32,7 @@ SAME = 1e-9  # of the extent: coordinates along an axis that are closer count as
 
 
 def read(path: Path, time: Any, options: Mapping[str, Any]) -> Dataset:
-    """Read a table of points.
-
-    Raises:
-        ReadError: A table without coordinates, or points that cannot be joined.
-    """
+    """Read a table of points."""
     table = read_table(path)
     plain = {plain_name(name): name for name in reversed(table)}
     plain |= {re.sub(r"[^a-z0-9]", "", name.lower()): name for name in reversed(table)}
@@ -139,11 +135,7 @@ _LETTER_LEFT_OUT = re.compile(r"(?<=[\d.])(?=[+-]\d{3}(?![\d.]))")
 
 
 def read_table(path: Path, data: bytes | None = None) -> dict[str, np.ndarray]:
-    """Return the columns of a table by name.
-
-    Raises:
-        ReadError: Not a text, no names, lines of unequal length, or entries that are not numbers.
-    """
+    """Return the columns of a table by name."""
     data = path.read_bytes() if data is None else data
     try:
         text = data.decode("utf-8-sig")
@@ -165,22 +157,23 @@ def read_table(path: Path, data: bytes | None = None) -> dict[str, np.ndarray]:
     ]
     if names[0] == "" and len(names) > 1:
         names[0] = "index"  # pandas writes the index of rows without a name
-    if len(set(names)) < len(names) or not all(names) or all(_is_number(name) for name in names):
+    if len(set(names)) < len(names) or not all(names) or all(is_number(name) for name in names):
         raise ReadError(path, f"its first line has no names that are all different: {head[:80]!r}", DAMAGED)
-    rows = np.empty((len(lines) - 1, len(names)))
     mark = next((mark for mark in (";", ",", "\t") if mark in lines[1][1]), None)  # may differ from that of the names
-    for k, (number, line) in enumerate(lines[1:]):
-        words = line.split(mark) if mark else line.split()
-        if mark == ";":  # then a comma is the decimal mark
-            words = [word.replace(",", ".") for word in words]
-        if len(words) == len(names) + 1 and not words[-1].strip():
-            words.pop()  # some programs end every line with a comma
-        try:
-            if len(words) != len(names):  # NumPy would broadcast a single number to the whole row
-                raise ValueError
-            rows[k] = [float(word) for word in words]
-        except ValueError:
-            raise ReadError(path, f"line {number}: expected {len(names)} numbers, got {line[:60]!r}", DAMAGED) from None
+    body = [
+        line.strip().rstrip(mark or "") if line.count(mark or "\0") == len(names) else line for _, line in lines[1:]
+    ]
+    if mark == ";":  # then a comma is the decimal mark
+        body = [line.replace(",", ".") for line in body]
+    try:
+        rows = np.loadtxt(body, delimiter=mark, ndmin=2, comments=None)
+        if rows.shape[1] != len(names):
+            raise ValueError("at row 1;")
+    except ValueError as fault:
+        row = re.search(r"at row (\d+)(;?)", str(fault))  # "at row 0, column 1" counts from 0, "at row 1; use" from 1
+        wrong = int(row[1]) - bool(row[2]) if row else 0
+        number, line = lines[1 + wrong]
+        raise ReadError(path, f"line {number}: expected {len(names)} numbers, got {line[:60]!r}", DAMAGED) from None
     return {name: rows[:, k].copy() for k, name in enumerate(names)}
 
 
@@ -208,10 +201,11 @@ def _words(line: str) -> list[str]:
 
 
 def _all_numbers(line: str) -> bool:
-    return all(_is_number(word) for word in re.split(r"[,;\s]+", line.strip(" \t,;")))
+    return all(is_number(word) for word in re.split(r"[,;\s]+", line.strip(" \t,;")))
 
 
-def _is_number(word: str) -> bool:
+def is_number(word: str) -> bool:
+    """Return whether a word is a number."""
     try:
         float(word)
     except ValueError:

@@ -7,8 +7,6 @@ by point, then metadata of the run. The first number tells the byte order.
 import math
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +27,7 @@ from aerokernels.flow.reading.dataset import (
     whole_number,
 )
 from aerokernels.flow.reading.formats import in_child
-from aerokernels.flow.reading.readers.point_table import read_table
+from aerokernels.flow.reading.readers.point_table import fortran_numbers, is_number, read_table
 from aerokernels.process.foreign_files import OwnFilesError, own_file
 
 MAGIC = 535532
@@ -38,15 +36,12 @@ GREATEST_VARIABLE_COUNT = 10_000
 HIGH_ORDER = 100  # type numbers of elements with interior points are greater
 ELEMENTS = {LINE: 2, **CORNERS}  # SU2 uses VTK's numbers
 DENSITY_NAMES = ("Density", "Conservative_1")
+WALLS = ("wall", "airfoil", "body", "cylinder", "wedge", "cone", "sphere")  # SU2 states types of boundaries elsewhere
 COORDINATES = ("x", "y", "z", "pointid", "point_id")
 
 
 def read(path: Path, time: Any, options: Mapping[str, Any]) -> Dataset:
-    """Read a mesh and its restart; either may be named, the other is in the same folder or given as an option.
-
-    Raises:
-        ReadError: A damaged file, a missing mesh or restart, or two that do not belong together.
-    """
+    """Read a mesh and its restart; either may be named, the other is in the same folder or given as an option."""
     mesh_path, restart = mesh_and_restart(path, options)
     meshes = _meshes(mesh_path)
     if restart is None:
@@ -77,9 +72,7 @@ def read(path: Path, time: Any, options: Mapping[str, Any]) -> Dataset:
 
 def _meshes(path: Path) -> list[tuple[np.ndarray, Cells, list[Patch]]]:
     """Return points, cells and patches of each zone of a mesh."""
-    if path.suffix.lower() == ".cgns":
-        return [cgns_mesh(path)]
-    return [(zone.points, zone.cells, _walls(zone.points, zone.markers)) for zone in read_mesh(path)]
+    return [cgns_mesh(path)] if path.suffix.lower() == ".cgns" else read_mesh(path)
 
 
 def files(path: Path, options: Mapping[str, Any], time: float | None) -> list[Path]:
@@ -132,149 +125,118 @@ def _mesh_beside(path: Path) -> Path:
     return own_file(path, found[0].name)
 
 
-@dataclass(eq=False)
-class Zone:
-    """A zone of a mesh: its points, its cells, and the edges of each marker, or its faces (four corners) in 3-D."""
-
-    points: np.ndarray = field(default_factory=lambda: np.empty((0, 3)))
-    kinds: list[int] = field(default_factory=list)
-    corners: list[np.ndarray] = field(default_factory=list)
-    markers: dict[str, np.ndarray] = field(default_factory=dict)
-    dimension: int = 0
-
-    @cached_property
-    def cells(self) -> Cells:
-        """The cells."""
-        start = np.concatenate([[0], np.cumsum([len(own) for own in self.corners])])
-        types = np.array([POLYGON if kind in FLAT else kind for kind in self.kinds], np.uint8)
-        return Cells(types, start, np.concatenate(self.corners))
-
-    def check(self, path: Path) -> None:
-        """Reject a zone without points or elements, and corners that refer to missing points."""
-        count = len(self.points)
-        if not count or not self.kinds:
-            raise ReadError(path, "it has no points or no elements", UNFINISHED)
-        if self.cells.points.min() < 0 or self.cells.points.max() >= count:
-            raise ReadError(path, f"elements refer to points beyond the {count} that there are", UNFINISHED)
-        for name, own in self.markers.items():
-            if len(own) and (own.min() < 0 or own.max() >= count):
-                raise ReadError(path, f"marker {name} refers to points beyond the {count} that there are", UNFINISHED)
-
-
-def read_mesh(path: Path) -> list[Zone]:
-    """Return the zones of a mesh.
-
-    Raises:
-        ReadError: A damaged mesh.
-    """
+def read_mesh(path: Path) -> list[tuple[np.ndarray, Cells, list[Patch]]]:
+    """Return points, cells and patches of each zone of a mesh."""
     try:
         text = path.read_text("ascii").splitlines()
     except UnicodeDecodeError:
         raise ReadError(path, "it is not a text", UNFINISHED) from None
     # Comments and empty lines may occur anywhere, also within lists.
-    lines = [(number, line) for number, line in enumerate((own.split("%")[0] for own in text), start=1) if line.strip()]
+    rows = [(number, own) for number, line in enumerate(text, start=1) if (own := line.partition("%")[0].strip())]
     at, marker = 0, ""
-    zones: list[Zone] = [Zone()]
-    while at < len(lines):
-        number, line = lines[at]
-        key, found, value = line.partition("=")
-        key = key.strip().upper()
+    zones: list[dict[str, Any]] = [{"markers": {}}]
+    while at < len(rows):
+        number, line = rows[at]
+        key, equals, value = (word.strip() for word in line.partition("="))
+        key, zone = key.upper(), zones[-1]
         at += 1
-        if not found:
+        if not equals:
             continue
-        if key == "IZONE" and zones[-1].kinds:
-            zones.append(Zone())
+        if key == "IZONE" and "NELEM" in zone:
+            zones.append({"markers": {}})
         elif key == "MARKER_TAG":
-            marker = value.strip()
+            marker = value
         elif key in ("NDIME", "NELEM", "NPOIN", "MARKER_ELEMS"):
-            count = _whole(path, number, value.split()[0] if value.split() else "")
-            zone = zones[-1]
+            word = value.split()[0] if value else ""
+            if (count := whole_number(word)) is None:
+                fault = f"line {number}: a count must be a whole number, got {word[:20]!r}"
+                raise ReadError(path, fault, UNFINISHED)
             if key == "NDIME":
-                zone.dimension = count
                 if count not in (2, 3):
                     raise ReadError(path, f"line {number}: {count} dimensions", UNFINISHED)
+                zone[key] = count
                 continue
-            if at < len(lines) and key == "MARKER_ELEMS" and "=" in lines[at][1]:
+            if at < len(rows) and key == "MARKER_ELEMS" and "=" in rows[at][1]:
                 at += 1  # the SEND_TO line of points shared between processes
-            left = len(lines) - at
-            if count > left:
-                raise ReadError(path, f"line {number}: {key}= {count}, but only {left} lines follow", UNFINISHED)
-            rows = [(own, words.split()) for own, words in lines[at : at + count]]
-            if key == "NPOIN":
-                zone.points = _points(path, rows, zone.dimension)
-            elif key == "NELEM":
-                zone.kinds, zone.corners = _elements(path, rows, ELEMENTS)
-            else:
-                pieces = _elements(path, rows, {VERTEX: 1, **ELEMENTS})[1]
-                pieces = [own for own in pieces if zone.dimension <= len(own) <= 4]
-                # A triangle repeats its last corner.
-                wide = 2 if zone.dimension == 2 else 4
-                whole = [np.append(own, own[-1:].repeat(wide - len(own))) for own in pieces if len(own) <= wide]
-                zone.markers[marker] = np.array(whole, dtype=np.int64).reshape(-1, wide)
+            if count > len(rows) - at:
+                fault = f"line {number}: {key}= {count}, but only {len(rows) - at} lines follow"
+                raise ReadError(path, fault, UNFINISHED)
+            (zone["markers"] if key == "MARKER_ELEMS" else zone)[marker if key == "MARKER_ELEMS" else key] = rows[
+                at : at + count
+            ]
             at += count
-    for zone in zones:
-        zone.check(path)
-    return zones
+    return [_zone(path, zone) for zone in zones]
 
 
-def _points(path: Path, rows: list[tuple[int, list[str]]], dimension: int) -> np.ndarray:
-    points = np.zeros((len(rows), 3))
-    for k, (number, row) in enumerate(rows):
-        try:
-            points[k, :dimension] = [float(word) for word in row[:dimension]]
-        except ValueError:
-            raise ReadError(
-                path, f"line {number}: a point needs {dimension} coordinates, got {' '.join(row)[:60]!r}", UNFINISHED
-            ) from None
-    return points
+def _zone(path: Path, zone: dict[str, Any]) -> tuple[np.ndarray, Cells, list[Patch]]:
+    """Return points, cells and patches of a zone from its rows, each a line's number and its text."""
+    if not zone.get("NPOIN") or not zone.get("NELEM"):
+        raise ReadError(path, "it has no points or no elements", UNFINISHED)
+    dimension = zone.get("NDIME", 0)
+    number, start, flat = _numbers(path, zone["NPOIN"], dimension, f"a point needs {dimension} coordinates")
+    points = np.zeros((len(number), 3))
+    points[:, :dimension] = flat[start[:, None] + np.arange(dimension)]
+    kinds, corners = _elements(path, zone["NELEM"], ELEMENTS)
+    cells = Cells(np.where(np.isin(kinds, FLAT), POLYGON, kinds).astype(np.uint8), corners.start, corners.points)
+    _check_corners(path, "elements refer", cells.points, len(points))
+    wide, patches = (2 if dimension == 2 else 4), []
+    for name, rows in zone["markers"].items():
+        _, faces = _elements(path, rows, {VERTEX: 1, **ELEMENTS})
+        _check_corners(path, f"marker {name} refers", faces.points, len(points))
+        width = np.diff(faces.start)
+        kept = (width >= dimension) & (width <= wide)
+        last = np.minimum(np.arange(wide), width[kept, None] - 1)  # a triangle repeats its last corner
+        if kept.any():
+            corner = points[faces.points[faces.start[:-1][kept, None] + last]]
+            patches.append(Patch.of(name, "wall" if any(word in name.lower() for word in WALLS) else "marker", corner))
+    return points, cells, patches
 
 
-def _elements(path: Path, rows: list[tuple[int, list[str]]], known) -> tuple[list[int], list[np.ndarray]]:
-    kinds: list[int] = []
-    corners: list[np.ndarray] = []
-    for number, row in rows:
-        try:
-            kind = int(row[0])
-            if kind > HIGH_ORDER and kind not in known:
-                raise ReadError(
-                    path,
-                    f"line {number}: element {kind} is of high order, with points inside it",
-                    "write the flow on cells with corners only, by SU2's own output for ParaView say",
-                )
-            own = np.array([int(word) for word in row[1 : 1 + known[kind]]])
-            if len(own) != known[kind]:
-                raise ValueError
-        except (ValueError, KeyError, IndexError) as fault:
-            if isinstance(fault, ReadError):
-                raise
-            raise ReadError(path, f"line {number}: not an element of SU2: {' '.join(row)[:60]!r}", UNFINISHED) from None
-        kinds.append(kind)
-        corners.append(own)
-    return kinds, corners
+def _numbers(path: Path, rows: list[tuple[int, str]], least: int, needed: str):
+    """Return the numbers of some lines: each line's own number, its first entry in the numbers, and the numbers."""
+    width = np.fromiter((len(line.split()) for _, line in rows), np.int64, len(rows))
+    try:
+        flat = fortran_numbers(" ".join(line for _, line in rows)) if len(rows) else np.empty(0)
+        if width.min(initial=least) < least or len(flat) != width.sum():
+            raise ValueError
+    except ValueError:
+        number, line = next(
+            (row for row in rows if len(row[1].split()) < least or not all(map(is_number, row[1].split()))), rows[0]
+        )
+        raise ReadError(path, f"line {number}: {needed}, got {line[:60]!r}", UNFINISHED) from None
+    return np.array([number for number, _ in rows]), np.cumsum(width) - width, flat
 
 
-def _whole(path: Path, line: int, word: str) -> int:
-    if (count := whole_number(word)) is None:
-        raise ReadError(path, f"line {line}: a count must be a whole number, got {word[:20]!r}", UNFINISHED)
-    return count
+def _elements(path: Path, rows: list[tuple[int, str]], known: Mapping[int, int]) -> tuple[np.ndarray, Cells]:
+    """Return the types of elements, and their corners as cells; further numbers of a line are left out."""
+    number, start, flat = _numbers(path, rows, 2, "not an element of SU2")
+    if not len(number):
+        return np.empty(0, np.uint8), Cells(np.empty(0, np.uint8), np.zeros(1, np.int64), np.empty(0, np.int64))
+    kinds, room = flat[start], np.diff(np.append(start, len(flat))) - 1
+    count = sum(((kinds == kind) * corners for kind, corners in known.items()), np.zeros(len(kinds), np.int64))
+    bad = (count == 0) | (count > room)
+    if bad.any():
+        first = int(np.argmax(bad))
+        if count[first] == 0 and kinds[first] > HIGH_ORDER:
+            fault = f"line {number[first]}: element {kinds[first]:.0f} is of high order, with points inside it"
+            raise ReadError(path, fault, "write the flow on cells with corners only, by SU2's own output for ParaView")
+        fault = f"line {number[first]}: not an element of SU2: {rows[first][1][:60]!r}"
+        raise ReadError(path, fault, UNFINISHED)
+    ends = np.concatenate([[0], np.cumsum(count)])
+    corners = flat[np.arange(ends[-1]) + np.repeat(start + 1 - ends[:-1], count)]
+    if (corners != np.floor(corners)).any():
+        raise ReadError(path, "corners of its elements are not whole numbers", UNFINISHED)
+    kinds = kinds.astype(np.uint8)
+    return kinds, Cells(kinds, ends, corners.astype(np.int64))
 
 
-def _walls(points: np.ndarray, markers: dict[str, np.ndarray]) -> list[Patch]:
-    """Return markers as patches. Only their names tell walls: SU2 states boundary types in its configuration file."""
-    words = ("wall", "airfoil", "body", "cylinder", "wedge", "cone", "sphere")
-    return [
-        Patch.of(name, "wall" if any(word in name.lower() for word in words) else "marker", points[edges])
-        for name, edges in markers.items()
-        if len(edges)
-    ]
+def _check_corners(path: Path, what: str, corners: np.ndarray, count: int) -> None:
+    if len(corners) and not (corners.min() >= 0 and corners.max() < count):
+        raise ReadError(path, f"{what} to points beyond the {count} that there are", UNFINISHED)
 
 
 def _in_order_of_points(path: Path, table: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Return the columns of a restart in the order of its column PointID, if it has one: rows may be in any order.
-
-    Raises:
-        ReadError: Numbers of points that are not 0 to the count less one, each once.
-    """
+    """Return the columns of a restart in the order of its column PointID, if it has one: rows may be in any order."""
     number = next((own for name, own in table.items() if name.lower().replace("_", "") == "pointid"), None)
     if number is None:
         return table
@@ -285,11 +247,7 @@ def _in_order_of_points(path: Path, table: dict[str, np.ndarray]) -> dict[str, n
 
 
 def read_restart(path: Path) -> dict[str, np.ndarray]:
-    """Return the values at the points by name, from a binary or a text restart.
-
-    Raises:
-        ReadError: A damaged restart.
-    """
+    """Return the values at the points by name, from a binary or a text restart."""
     data = path.read_bytes()
     if len(data) < 20 or MAGIC not in (int.from_bytes(data[:4], "little"), int.from_bytes(data[:4], "big")):
         return _in_order_of_points(path, read_table(path, data))
@@ -365,11 +323,7 @@ def _free_stream(stated: Mapping[str, str]) -> float | None:
 
 
 def cgns_mesh(path: Path) -> tuple[np.ndarray, Cells, list[Patch]]:
-    """Return points, cells and patches of its zone.
-
-    Raises:
-        ReadError: A damaged file, several zones, or a structured one, neither of which SU2 reads.
-    """
+    """Return points, cells and patches of its zone."""
     found = in_child("cgns", path, None, {})
     if len(found.blocks) != 1:
         fault = f"it has {len(found.blocks)} zones, and SU2 reads a mesh in CGNS of one"

@@ -84,11 +84,7 @@ class _Bytes:
 
 
 def read(path: Path, time: Any, options: Mapping[str, Any]) -> Dataset:
-    """Read a Tecplot binary file.
-
-    Raises:
-        ReadError: Another version, or a file that does not contain what it announces.
-    """
+    """Read a Tecplot binary file."""
     data = path.read_bytes()
     if not data.startswith(b"#!TDV") or not data[5:8].isdigit():
         raise ReadError(path, "it does not begin with #!TDV", "give a .plt of Tecplot 360, or its ASCII form")

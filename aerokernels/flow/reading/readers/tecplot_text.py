@@ -43,11 +43,7 @@ _REPEAT = re.compile(r"(\d+)\*(\S+)")
 
 
 def read(path: Path, time: Any, options: Mapping[str, Any]) -> Dataset:
-    """Read a Tecplot ASCII file.
-
-    Raises:
-        ReadError: Not a Tecplot file, or zones that do not contain what they announce.
-    """
+    """Read a Tecplot ASCII file."""
     data = path.read_bytes()
     if b"\0" in data:
         raise ReadError(path, "it is not a text: it contains zero bytes", UNFINISHED)
@@ -221,11 +217,7 @@ def _earlier(path: Path, name: str, word: str, held: list) -> tuple[list[np.ndar
 
 
 def _packing(path: Path, name: str, head: dict[str, str], text: str, variable_count: int, in_cells: bool) -> str:
-    """Return "POINT" or "BLOCK", as stated in the zone's header; programs differ in what they mean by neither.
-
-    Raises:
-        ReadError: Neither is stated, and the first line of numbers is not that of a point.
-    """
+    """Return "POINT" or "BLOCK", as stated in the zone's header; programs differ in what they mean by neither."""
     if stated := head.get("DATAPACKING") or head.get("F"):
         return stated.upper().removeprefix("FE")
     if in_cells:

@@ -37,12 +37,7 @@ class Entry(NamedTuple):
 
 
 def collection(path: Path) -> list[Entry]:
-    """Return the files of a list in the order of their times; files of one time in the order of the list.
-
-    Raises:
-        ReadError: Not a list, an empty list, a file that is missing, not a VTK file or outside of the list's folder, a
-            time that is not a number, or a file or a part twice at one time.
-    """
+    """Return the files of a list in the order of their times; files of one time in the order of the list."""
     found = _of_series(path) if path.suffix.lower() == ".series" else _of_collection(path)
     if not found:
         raise ReadError(path, "it lists no data sets", NO_LIST)

@@ -43,11 +43,7 @@ NO_FLOW = (0, 1, 2, 3, 4, 51, 60, 68, 75)  # empty cells, points, lines and curv
 
 
 def read(path: Path, time: Any, options: Mapping[str, Any]) -> Dataset:
-    """Read a file of VTK's family.
-
-    Raises:
-        ReadError: An error that VTK reports, or a file that does not contain what it announces.
-    """
+    """Read a file of VTK's family."""
     suffix = path.suffix.lower()
     if suffix in SUFFIXES:
         return _series(path, time)

@@ -46,21 +46,16 @@ def vtk_output(path: Path, suffix: str, time: Any = None) -> tuple[Any, list[flo
         reader = getattr(vtkIOXML, READERS.get(suffix, "vtkXMLGenericDataObjectReader"))()
         if suffix.startswith(".vth"):
             reader.SetMaximumLevelsToReadByDefault(0)
+    reader.SetFileName(str(path))
     return run(path, reader, time, several=in_hdf5)
 
 
 def run(path: Path, reader, time: Any = None, several: bool = True) -> tuple[Any, list[float], float | None]:
-    """Run a VTK reader on a file: return its output, the file's times, and the one that was read.
-
-    Raises:
-        ReadError: An error that VTK reports, a time that the file does not have, or several times where the reader
-            does not read them, unless `several`.
-    """
+    """Run a VTK reader on a file: return its output, the file's times, and the one that was read."""
     from vtkmodules.vtkCommonCore import vtkOutputWindow, vtkStringOutputWindow
 
     window = vtkStringOutputWindow()
     vtkOutputWindow.SetInstance(window)
-    reader.SetFileName(str(path))
     reader.UpdateInformation()
     times = _times(reader)
     if len(times) > 1 and not several:

@@ -77,39 +77,6 @@ def linear_functions(
     function_out[cell] = Function(constant, slope[0], slope[1], slope[2], low, high)
 
 
-@wp.func
-def fill(
-    constant: wp.float64,
-    slope: wp.vec3d,
-    low: wp.float64,
-    high: wp.float64,
-    at: int,
-    last: int,
-    node_in: Indices,
-    row_count: int,
-    column_count: int,
-    spacing: wp.vec3d,
-    density_out: Numbers,
-):
-    """Evaluate a linear function, clamped to a range, at some nodes; the grid has `row_count` nodes along z."""
-    half = wp.float64(0.5)
-    per_row = wp.float64(1.0) / wp.float64(row_count)
-    per_column = wp.float64(1.0) / wp.float64(column_count)
-    sx = spacing[0] * slope[0]
-    sy = spacing[1] * slope[1]
-    sz = spacing[2] * slope[2]
-    while at < last:
-        node = node_in[at]
-        # Integer quotients by faster products: the added half is far above their rounding.
-        row = int((wp.float64(node) + half) * per_row)
-        i = int((wp.float64(row) + half) * per_column)
-        j = row - i * column_count
-        k = node - row * row_count
-        value = constant + wp.float64(i) * sx + wp.float64(j) * sy + wp.float64(k) * sz
-        density_out[node] = wp.min(wp.max(value, low), high)
-        at += 1
-
-
 @wp.kernel(enable_backward=False)
 def densities_at_nodes(
     first: int,
@@ -128,49 +95,29 @@ def densities_at_nodes(
     spacing: wp.vec3d,
     density_out: Numbers,
 ):
-    """Evaluate the linear function of each cell, clamped to the cell's range, at the nodes inside the cell."""
+    """Evaluate each cell's linear function, clamped to its range, at the nodes in it; rows of nodes run along z."""
     held = first + wp.tid()
     value = value_in[cell_in[held]]
     slope, low, high = slope_and_range(held, value, start_in, column_in, weight_in, near_in)
     constant = value - wp.dot(middle_in[held] - origin, slope)
-    first_node = int(node_start_in[held])
-    last_node = int(node_start_in[held + 1])
-    fill(constant, slope, low, high, first_node, last_node, node_in, row_count, column_count, spacing, density_out)
-
-
-@wp.kernel(enable_backward=False)
-def densities_in_tetrahedra(
-    first: int,
-    cell_in: Indices,
-    corner_in: Indices,
-    weight_in: Vectors,
-    near_in: Numbers,
-    value_in: Numbers,
-    middle_in: Vectors,
-    origin: wp.vec3d,
-    node_start_in: Starts,
-    node_in: Indices,
-    row_count: int,
-    column_count: int,
-    spacing: wp.vec3d,
-    density_out: Numbers,
-):
-    """Do the same for cells with four corners: slopes from three differences of the corners' values."""
-    held = first + wp.tid()
-    value = value_in[cell_in[held]]
-    k = 4 * held
-    a = near_in[corner_in[k]]
-    b = near_in[corner_in[k + 1]]
-    c = near_in[corner_in[k + 2]]
-    d = near_in[corner_in[k + 3]]
-    low = wp.min(wp.min(wp.min(a, b), wp.min(c, d)), value)
-    high = wp.max(wp.max(wp.max(a, b), wp.max(c, d)), value)
-    k = 3 * held
-    slope = (b - a) * weight_in[k] + (c - a) * weight_in[k + 1] + (d - a) * weight_in[k + 2]
-    constant = value - wp.dot(middle_in[held] - origin, slope)
-    first_node = int(node_start_in[held])
-    last_node = int(node_start_in[held + 1])
-    fill(constant, slope, low, high, first_node, last_node, node_in, row_count, column_count, spacing, density_out)
+    at = int(node_start_in[held])
+    last = int(node_start_in[held + 1])
+    half = wp.float64(0.5)
+    per_row = wp.float64(1.0) / wp.float64(row_count)
+    per_column = wp.float64(1.0) / wp.float64(column_count)
+    sx = spacing[0] * slope[0]
+    sy = spacing[1] * slope[1]
+    sz = spacing[2] * slope[2]
+    while at < last:
+        node = node_in[at]
+        # Integer quotients by faster products: the added half is far above their rounding.
+        row = int((wp.float64(node) + half) * per_row)
+        i = int((wp.float64(row) + half) * per_column)
+        j = row - i * column_count
+        k = node - row * row_count
+        here = constant + wp.float64(i) * sx + wp.float64(j) * sy + wp.float64(k) * sz
+        density_out[node] = wp.min(wp.max(here, low), high)
+        at += 1
 
 
 def launch(kernel, count: int, *arguments) -> None:

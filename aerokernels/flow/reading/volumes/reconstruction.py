@@ -177,8 +177,7 @@ class CellNodes:
         cell: Numbers of the cells in their block, shape (n,).
         nodes: The nodes inside each cell, ascending.
         rows: The values from which the slope of each cell is computed.
-        weight: Weights of these values, shape (entry_count, 3); for tetrahedra three for each cell, of the differences
-            between the values at its other corners and at its first one, shape (3 n, 3).
+        weight: Weights of these values, shape (entry_count, 3).
         middle: Centroids to which the averages belong, shape (n, 3).
     """
 
@@ -196,11 +195,7 @@ class CellNodes:
         cell = some[np.argsort(every.column[every.start[some]], kind="stable")].astype(np.int32)
         nodes, _ = every.select(cell)
         rows, entry = part.rows.select(cell)
-        weight, middle = part.weight[entry], part.middle[cell]
-        if (np.diff(rows.start) == 4).all():
-            # The weights of a fit sum to zero: that of the first corner follows from the others.
-            return cls(cell, nodes, rows, np.ascontiguousarray(weight.reshape(-1, 4, 3)[:, 1:]).reshape(-1, 3), middle)
-        return cls(cell, nodes, rows, weight, middle)
+        return cls(cell, nodes, rows, part.weight[entry], part.middle[cell])
 
     def set_densities(self, value, near, origin, shape, spacing, density: np.ndarray) -> None:
         """Set the densities of these nodes.
@@ -213,15 +208,11 @@ class CellNodes:
             spacing: Of the nodes [m].
             density: Of all nodes of the grid, shape (node_count,): changed in place.
         """
-        from aerokernels.flow.reading.volumes.mesh_kernels import densities_at_nodes, densities_in_tetrahedra, launch
+        from aerokernels.flow.reading.volumes.mesh_kernels import densities_at_nodes, launch
 
-        of_rows: tuple[np.ndarray, ...] = (self.rows.start, self.rows.column)
-        kernel = densities_at_nodes
-        if len(self.weight) < len(self.rows.column):
-            kernel, of_rows = densities_in_tetrahedra, (self.rows.column,)
         launch(
-            kernel, len(self.cell), self.cell, *of_rows, self.weight, near, value, self.middle,
-            tuple(float(x) for x in origin), self.nodes.start, self.nodes.column, shape[2], shape[1],
+            densities_at_nodes, len(self.cell), self.cell, self.rows.start, self.rows.column, self.weight, near, value,
+            self.middle, tuple(float(x) for x in origin), self.nodes.start, self.nodes.column, shape[2], shape[1],
             tuple(float(x) for x in spacing), density,
         )  # fmt: skip
 

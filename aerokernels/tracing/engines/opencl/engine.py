@@ -1,8 +1,8 @@
 """The OpenCL engine: uploads a field once, builds kernels specialised for a plan, and launches them in order."""
 
+import ctypes
 import weakref
 from collections.abc import Callable, Iterable, Sequence
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -10,19 +10,15 @@ import pyopencl as cl
 
 from ....device_arrays import is_one_row
 from ....device_arrays.pinned_memory import LEAST, Lent
-from ....medium import IndexField
 from ....process.clock import stage
-from ...bundle.table import BundleTable
-from ...plan import TracePlan
-from ..field_data import FieldData, stop_kind
+from ..field_data import FieldData
 from ..interface import GRID_TABLES, PROGRAMS, Prepared
-from ..layout import Value, arrays_of
-from ..uploads import Uploads
-from .arguments import Kernel, pack
+from ..interface import Engine as AnyEngine
+from ..layout import REAL_TYPES, Value, arrays_of, values_of
+from ..transfers import Fetched, FetchedFromGPU, Sent
 from .devices import session
-from .launchers import give_back, take_kernel
-from .program import WORK_GROUP, build, build_options, lane_count
-from .transfers import Fetched, Recorded, Sent, Shared
+from .program import build, build_options, lane_count
+from .session import WORK_GROUP, Kernel, Session
 
 # On a GPU, numbers below 1e-38 are flushed to zero: roots and quotients then take fewer instructions.
 FLUSH = "-cl-denorms-are-zero"
@@ -42,9 +38,17 @@ CONTROL = 2
 SHARED = {"sum_rays": WORK_GROUP}
 # Kernels of grids that fill a CPU's vectors with neighbouring lines or places.
 IN_LANES = ("spline_lines", "column_maxima")
+# The memory layouts of the structs that are passed by value.
+LAYOUTS = {
+    (struct, precision): np.dtype(
+        [(value.name, value.number_type(precision), (value.parts[1],)) for value in values_of(struct)], align=True
+    )
+    for struct in ("Field", "Bounds", "Control")
+    for precision in REAL_TYPES
+}
 
 
-class Engine(Uploads):
+class Engine(AnyEngine):
     """OpenCL on one device; see interface.py."""
 
     def __init__(self, device: str | None):
@@ -60,65 +64,37 @@ class Engine(Uploads):
         self.grid_key = "coefficients", "opencl", self.session
         self.memory = float(self.session.device.global_mem_size), float(self.session.device.max_mem_alloc_size)
 
-    def prepare(
-        self, field: IndexField, plan: TracePlan, until, wavelength: float, outputs: frozenset, directions: np.ndarray
-    ) -> Prepared:
-        """Prepare a field for a plan, a stop and outputs; `directions` are the rays' directions, shape (n, 3).
-
-        Raises:
-            ValueError: A field that does not fit the device.
-        """
-        if plan.controls_error:
-            outputs = outputs | {"step_error"}
-        leapfrog = plan.sample_count > 0
-        lanes = lane_count(self.session, plan.precision) if leapfrog else 1
+    def compiled(self, options: dict[str, Any], leapfrog: bool, arguments: list, outputs: frozenset) -> Prepared:
+        """See interface.py."""
+        precision, name = options["precision"], "leapfrog" if leapfrog else "trace_kernel"
+        lanes = lane_count(self.session, precision) if leapfrog else 1
         packets = PACKETS if lanes > 1 else 1
-        with stage("upload"):
-            arguments = self.arguments(field, plan, until, wavelength, outputs, directions)
-        options = self._options(
-            precision=plan.precision,
-            geometry=field.geometry,
-            interpolation=field.interpolation,
-            on_mesh=not field.is_uniform,
-            method=plan.compiled_method,
-            stop=stop_kind(until),
-            has_body=field.body is not None,
-            measured="step_error" in outputs,
-            lanes=lanes,
-            packets=packets,
-            cubes=plan.looks_up_cubes,
-        )
-        if leapfrog and lanes == 1 and plan.precision == "float32":
-            options = (*options, FLUSH)
-        with stage("compile"):
-            program = build(self.session, "leapfrog.cl" if leapfrog else "trace.cl", options)
-            name = "leapfrog" if leapfrog else "trace_kernel"
-            kernel = self._kernel(program, name, packets * lanes)
-            if lanes > 1:
-                kernel.group = PACKET_GROUP
-            rejected = self._counter() if leapfrog else None
-            # Without shared lookups, to order rays costs more than it saves.
-            shares = lanes > 1 and not plan.looks_up_cubes
-            prepared = Prepared(self, kernel, arguments, outputs, rejected, is_packed=shares)
-            self._finish_compiling(prepared, program)
-            return prepared
-
-    def arguments(
-        self, field: IndexField, plan: TracePlan, until, wavelength: float, outputs: frozenset, directions: np.ndarray
-    ) -> list:
-        """Return the structs Field, Bounds and Control, and their arrays, for `prepare`."""
-        (packed, arrays), control = self.uploaded(field, plan, until, wavelength, outputs, directions)
-        return [
-            *packed,
-            pack("Control", plan.precision, control),
-            *arrays,
-            *(control[member.name] for member in arrays_of("Control")),
-        ]
+        flags = build_options(**options, lanes=lanes, packets=packets)
+        if leapfrog and lanes == 1 and precision == "float32":
+            flags = (*flags, FLUSH)
+        program = build(self.session, "leapfrog.cl" if leapfrog else "trace.cl", flags)
+        group = PACKET_GROUP if lanes > 1 else WORK_GROUP
+        kernel = Kernel(self.session, program, name, packets * lanes, group=group)
+        rejected = self._counter() if leapfrog else None
+        # Without shared lookups, to order rays costs more than it saves.
+        shares = lanes > 1 and not options["cubes"]
+        prepared = Prepared(self, kernel, arguments, outputs, rejected, is_packed=shares)
+        if program not in self.session.launched:  # PoCL finishes compiling at the first launch
+            nowhere = self.put(np.zeros(3))
+            prepared.launch([nowhere, nowhere], prepared.allocate(0), 0).wait()
+            self.session.launched.add(program)
+        return prepared
 
     def place_structs(self, data: FieldData, precision: str, arrays: dict[str, Any], bounds: dict[str, Any]) -> Any:
         """Return the packed structs Field and Bounds, and the arrays of Field, which are separate arguments."""
-        packed = _packed_field(data, precision), pack("Bounds", precision, bounds)
+        packed = pack("Field", precision, data.field), pack("Bounds", precision, bounds)
         return packed, [arrays[member.name] for member in arrays_of("Field")]
+
+    def arguments(self, structs: Any, control: dict[str, Any], precision: str) -> list:
+        """Return the structs Field, Bounds and Control, and their arrays."""
+        packed, arrays = structs
+        of_control = [control[member.name] for member in arrays_of("Control")]
+        return [*packed, pack("Control", precision, control), *arrays, *of_control]
 
     def tuned(self, arguments: list, numbers: dict[str, Any]) -> list:
         """Return the arguments with a new struct Control, which the kernel gets at its next launch."""
@@ -127,13 +103,10 @@ class Engine(Uploads):
             control[name] = value
         return [*arguments[:CONTROL], control, *arguments[CONTROL + 1 :]]
 
-    def prepare_bundle(self, table: BundleTable, outputs: frozenset) -> Prepared:
-        """Prepare the patches between traced rays to interpolate these outputs for rays of the same family."""
-        arguments = self.bundle_arguments(table, outputs)
-        with stage("compile"):
-            options = self._options(precision=table.precision, channels=table.channels)
-            kernel = self._kernel(build(self.session, "deliver_bundle.cl", options), "deliver_bundle")
-        return Prepared(self, kernel, arguments, outputs, None, unused=self.bundle_unused(table))
+    def bundle_kernel(self, precision: str, channels: int) -> Kernel:
+        """See interface.py."""
+        options = build_options(precision=precision, channels=channels)
+        return Kernel(self.session, build(self.session, "deliver_bundle.cl", options), "deliver_bundle")
 
     def kernels(self, names: Iterable[str]) -> dict[str, Kernel]:
         """Return the named kernels, which have no options but the lanes."""
@@ -144,47 +117,15 @@ class Engine(Uploads):
         """Return a kernel of PROGRAMS."""
         program = next(program for program, names in PROGRAMS.items() if name in names)
         width = lane_count(self.session, "float64") if program == "grid_tables" else 1
-        options = self._options(precision="float64", lanes=width) if width > 1 else ()
+        options = build_options(precision="float64", lanes=width) if width > 1 else ()
         lanes = width if name in IN_LANES else 1
-        kernel = self._kernel(build(self.session, f"{program}.cl", options), name, lanes, SHARED.get(name, 1))
-        if lanes > 1:
-            kernel.group = PACKET_GROUP
-        elif name == "spline_lines":
-            kernel.group = LINE_GROUP
-        return kernel
-
-    def _options(self, **chosen: Any) -> tuple[str, ...]:
-        """Return `build_options` of these choices, made once."""
-        key = tuple(chosen.items())
-        found: tuple[str, ...] | None = self.session.options_of.get(key)
-        if found is None:
-            found = self.session.options_of[key] = build_options(**chosen)
-        return found
-
-    def _kernel(self, program, name: str, lanes: int = 1, items: int = 1) -> Kernel:
-        """Return a kernel of a program; its kernel object is reused after the kernel is garbage-collected."""
-        taken, given = take_kernel(self.session, program, name)
-        kernel = Kernel(taken, lanes, items, given, again=partial(self._kernel, program, name, lanes, items))
-        weakref.finalize(kernel, give_back, self.session, program, name, taken, given).atexit = False
-        return kernel
+        group = PACKET_GROUP if lanes > 1 else LINE_GROUP if name == "spline_lines" else WORK_GROUP
+        built = build(self.session, f"{program}.cl", options)
+        return Kernel(self.session, built, name, lanes, SHARED.get(name, 1), group)
 
     def another(self, kernel: Kernel) -> Kernel:
         """Return another kernel object for the same work."""
-        assert kernel.again is not None
-        made = kernel.again()
-        made.group = kernel.group
-        return made
-
-    def keeps(self, size: float) -> bool:
-        """Never: no other library can read OpenCL's buffers."""
-        return False
-
-    def bring(self, starts: Sequence[Any]) -> tuple[list[Any], Iterable[slice]]:
-        """Return copies of the rays, all of which are complete."""
-        return [self.put(np.asarray(each)) for each in starts], [slice(0, len(starts[0]))]
-
-    def fetching(self, results: dict[str, Any], starts: Sequence[Any]) -> None:
-        """Return None: no result stays on the device."""
+        return kernel.another()
 
     def put(self, array: np.ndarray):
         """Return a buffer with a complete copy of the array.
@@ -261,20 +202,26 @@ class Engine(Uploads):
         if array.nbytes:
             cl.enqueue_copy(self.session.queue, array, buffer, is_blocking=True)
 
-    def sent(self, array: np.ndarray) -> "Sent":
+    def sent(self, array: np.ndarray) -> Sent:
         """See interface.py."""
-        buffer = self._memory(array.nbytes) if self.is_gpu else self.share(array)
-        return Sent(self.session, array, buffer, is_copied=self.is_gpu)
+        return SentToGPU(self.session, array, self._memory(array.nbytes)) if self.is_gpu else super().sent(array)
 
-    def fetched(self, arrays: Sequence[np.ndarray]) -> "Fetched | Shared":
+    def fetched(self, arrays: Sequence[np.ndarray]) -> Fetched:
         """See interface.py."""
-        if self.is_gpu:
-            return Fetched(self.session, arrays, self._memory)
-        return Shared(self.session, arrays, [self.share(array) for array in arrays])
+        return FetchedByEvent(self, arrays) if self.is_gpu else super().fetched(arrays)
 
     def recorded(self) -> Callable[[Callable[[], None]], None]:
         """Return a callable that starts the same launches and copies again, without setting arguments."""
-        return Recorded(self.session)
+        steps: list[Callable[[], Any]] = []
+
+        def repeat(work: Callable[[], None]) -> None:
+            if not steps:
+                steps.extend(self.session.recorded(work))
+                return
+            for step in steps:
+                step()
+
+        return repeat
 
     def launch(self, kernel: Kernel, before: list, after: list, count: int, first: int = 0):
         """Start a kernel over all rays, or groups of rays; return its event."""
@@ -296,13 +243,6 @@ class Engine(Uploads):
         if not self.is_gpu:
             self.wait()
 
-    def _finish_compiling(self, prepared: Prepared, program) -> None:
-        """Launch the kernel without rays, once per program: PoCL finishes compiling at the first launch."""
-        if program not in self.session.launched:
-            nowhere = self.put(np.zeros(3))
-            prepared.launch([nowhere, nowhere], prepared.allocate(0), 0).wait()
-            self.session.launched.add(program)
-
     def struct_array(self, member: Value, values: np.ndarray, precision: str):
         """Upload an array of a struct to the device."""
         numbers: np.ndarray = np.asarray(values, member.number_type(precision))
@@ -315,13 +255,69 @@ class Engine(Uploads):
             )
         return self.put(numbers)
 
-    def round_into(self, coefficients: Any, made: Any, count: int, precision: str) -> None:
-        """See uploads.py."""
-        program = build(self.session, "round_coefficients.cl", self._options(precision=precision))
-        self.launch(self._kernel(program, "round_coefficients"), [coefficients], [made], count)
+    def round_into(self, coefficients: Any, rounded: Any, count: int, precision: str) -> None:
+        """See interface.py."""
+        program = build(self.session, "round_coefficients.cl", build_options(precision=precision))
+        self.launch(Kernel(self.session, program, "round_coefficients"), [coefficients], [rounded], count)
 
 
-def _packed_field(data: FieldData, precision: str) -> np.ndarray:
-    """Return the struct Field of some data, cached on the data."""
-    packed: np.ndarray = data.derive(("opencl members", precision), lambda: pack("Field", precision, data.field))
+class SentToGPU(Sent):
+    """An array and its buffer on a GPU."""
+
+    def __init__(self, session: Session, array: np.ndarray, buffer: Any):
+        """Take an array and its buffer."""
+        super().__init__(array, buffer)
+        self.session = session
+        self.event: Any = None  # of the last upload: PyOpenCL would wait for the copy if the event were deleted
+
+    def send(self, values: np.ndarray | None = None) -> None:
+        """Start the upload; the queue is in order, so later launches see it."""
+        super().send(values)
+        self.session.do(self._start)
+
+    def _start(self) -> None:
+        self.event = cl.enqueue_copy(self.session.queue, self.buffer, self.array, is_blocking=False)
+
+
+class FetchedByEvent(FetchedFromGPU):
+    """Copies arrays from a GPU, and waits for no more than the copy."""
+
+    def __init__(self, engine: Engine, arrays: Sequence[np.ndarray]):
+        """Allocate memory for arrays like these."""
+        self.session = session = engine.session
+        super().__init__(engine, arrays, max(session.device.mem_base_addr_align // 8, 1))
+        self.bytes, self.whole = _pinned(session, self.size, self), engine.empty(self.size, kind=np.uint8)
+        self.event: Any = None
+        # A buffer from a pool cannot be divided itself.
+        divided = cl.Buffer.from_int_ptr(self.whole.int_ptr, retain=True)
+        sizes = [max(array.nbytes, 1) for array in arrays]
+        self.place(self.bytes, [divided.get_sub_region(*each) for each in zip(self.starts, sizes, strict=True)])
+
+    def start(self) -> None:
+        """Start the copy; the queue is in order."""
+        self.session.do(self._start)
+
+    def _start(self) -> None:
+        self.event = cl.enqueue_copy(self.session.queue, self.bytes, self.whole, is_blocking=False)
+
+    def wait(self) -> Sequence[np.ndarray]:
+        """Wait for the copy, and return the arrays."""
+        self.event.wait()
+        return self.arrays
+
+
+def _pinned(session: Session, size: int, owner: Any) -> np.ndarray:
+    """Return so many bytes on the host as long as the owner lives, pinned for fast copies if more may be pinned."""
+    taken = session.pinned.take(max(size, LEAST))
+    if taken is None:
+        return np.empty(size, np.uint8)
+    weakref.finalize(owner, session.pinned.give_back, taken).atexit = False
+    return np.ctypeslib.as_array((ctypes.c_uint8 * size).from_address(taken.ptr))
+
+
+def pack(struct: str, precision: str, members: dict) -> np.ndarray:
+    """Pack the values of one of the kernels' structs in the layout of the kernels' compiler."""
+    packed = np.zeros((), dtype=LAYOUTS[struct, precision])
+    for name in LAYOUTS[struct, precision].names or ():
+        packed[name] = members[name]
     return packed

@@ -8,8 +8,9 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
+from aerokernels.medium.bodies.crossings import LEAST_SIDE
+
 from ....medium.bodies.crossings import PARALLEL
-from ....medium.bodies.triangle_crossings import LEAST_SIDE
 from ....medium.grid import AXIS_CORE
 from ....pupils import square_map
 from ... import scheme, tableau

@@ -2,11 +2,11 @@
 
 Programs are cached in memory with their session and on disk across processes: PoCL and NVIDIA's driver cache them by
 source and options, for other drivers PyOpenCL does. Headers are inserted in the source before it is built, so that a
-changed header changes the source and the cache is never stale.
+changed header changes the source and the cache on disk is never stale. A process reads each source once.
 """
 
+import functools
 import re
-import time
 import warnings
 from collections.abc import Iterable
 from pathlib import Path
@@ -14,16 +14,11 @@ from pathlib import Path
 from ..layout import OPTIONS, REAL_TYPES
 from .devices import import_pyopencl
 from .headers import HEADERS, in_c
-from .session import Session
-
-# Work-items of a work-group. Global sizes are rounded up to whole groups, and kernels test `ray < ray_count`.
-WORK_GROUP = 64
+from .session import WORK_GROUP, Session
 
 # Options of every kernel: no warnings, because PoCL would print their number past any Python stream, and nothing that
 # relaxes the arithmetic, because compensated sums would be optimised away. Kernels are built for the work-group's size.
 BASE_OPTIONS = ("-cl-std=CL1.2", "-w", f"-DWORK_GROUP={WORK_GROUP}")
-# Seconds after which the package's own sources are checked for changes again.
-LOOKED = 1.0
 _INCLUDE = re.compile(r'^[ \t]*#[ \t]*include[ \t]+"([^"\n]+)"[ \t]*(?://.*)?$')
 _MOVED = re.compile(r'^#line (\d+) "(.*)"$')
 _COUNTED = re.compile(r"<kernel>:(\d+)\b")
@@ -83,8 +78,13 @@ def _header(folder: Path, name: str, named: str) -> tuple[str, list[str]]:
         if (folder / place).is_file():
             return place, _read(folder / place, named)
     if name in HEADERS:
-        return name, HEADERS[name]()
+        return name, _made_header(name)
     raise RuntimeError(f"{named} is neither {folder / places[0]} nor {folder / places[1]}")
+
+
+@functools.cache
+def _made_header(name: str) -> list[str]:
+    return HEADERS[name]()
 
 
 def _read(path: Path, named: str) -> list[str]:
@@ -109,6 +109,7 @@ def places_named(messages: str, expanded: str) -> str:
     return _COUNTED.sub(lambda found: places[min(int(found[1]), len(places) - 1)], messages)
 
 
+@functools.lru_cache(maxsize=256)
 def build_options(*, precision: str = "float32", **chosen: str | int) -> tuple[str, ...]:
     """Return the compile options of one kind of scene; no other function makes them.
 
@@ -150,7 +151,7 @@ def lane_count(session: Session, precision: str) -> int:
 
 
 def build(session: Session, kernel_file: str, options: Iterable[str] = (), folder: Path | None = None):
-    """Return the built program of a source file, built once for a session, a source and its options; thread-safe.
+    """Return the built program of a source file, built once for a session and its options; thread-safe.
 
     Args:
         session: An open device.
@@ -165,45 +166,16 @@ def build(session: Session, kernel_file: str, options: Iterable[str] = (), folde
     Raises:
         RuntimeError: The source does not exist or does not build; with the compiler's messages and the options.
     """
-    asked = kernel_file, tuple(options)
-    if folder is None and (found := _own_sources(session)[2].get(asked)) is not None:
-        return found
-    options = (*BASE_OPTIONS, *asked[1], *session.options)
-    if is_processor(session):
-        options = (*options, "-DON_PROCESSOR=1")
-    with session.lock:
-        place, stamp, built = _own_sources(session) if folder is None else (folder, _stamp(folder), {})
-        written = kernel_file, place, stamp
-        if written not in session.sources:
-            session.sources[written] = expand(kernel_file, place)
-        source = session.sources[written]
-        key = (source, options)
-        if key not in session.programs:
-            session.programs[key] = _build(session, kernel_file, source, list(options))
-        built[asked] = session.programs[key]
-        return session.programs[key]
-
-
-def _own_sources(session: Session) -> tuple[Path, tuple, dict]:
-    """Return the package's folder, its stamp and the programs built from it, by file and options.
-
-    The stamp is at most LOOKED seconds old: to read it may take as long as a trace.
-    """
-    now = time.monotonic()
-    if not session.looked or now - session.looked["when"] > LOOKED:
-        folder = kernel_folder()
-        found = folder, _stamp(folder)
-        before = session.looked.get("sources", (None, None, {}))
-        built = before[2] if before[:2] == found else {}
-        session.looked.update(when=now, sources=(*found, built))
-    sources: tuple[Path, tuple, dict] = session.looked["sources"]
-    return sources
-
-
-def _stamp(folder: Path) -> tuple:
-    """Return a value that changes when a source changes, so that a running process notices the change."""
-    files = [*folder.glob("*.cl"), *folder.glob("include/*.h"), *folder.glob("generated/*.h")]
-    return tuple(sorted((path.name, path.stat().st_mtime_ns, path.stat().st_size) for path in files))
+    key = kernel_file, tuple(options), folder
+    program = session.programs.get(key)
+    if program is None:
+        with session.lock:
+            if key not in session.programs:
+                added = ("-DON_PROCESSOR=1",) if is_processor(session) else ()
+                flags = [*BASE_OPTIONS, *key[1], *session.options, *added]
+                session.programs[key] = _build(session, kernel_file, expand(kernel_file, folder), flags)
+            program = session.programs[key]
+    return program
 
 
 def _build(session: Session, kernel_file: str, source: str, options: list[str]):

@@ -1,12 +1,19 @@
-"""An open OpenCL device, with the objects that are cached as long as it is open."""
+"""An open OpenCL device, with the objects that are cached as long as it is open, and the kernels launched on it."""
 
 import threading
+import warnings
+import weakref
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
+import numpy as np
+
 from ....device_arrays.pinned_memory import PinnedMemory
+
+# Work-items of a work-group. Global sizes are rounded up to whole groups, and kernels test `ray < ray_count`.
+WORK_GROUP = 64
 
 
 @dataclass(frozen=True, eq=False)
@@ -19,12 +26,9 @@ class Session:
         context: Its context.
         first_queue: Its first queue, in order.
         options: Compile options that the device needs.
-        sources: Expanded sources, by file, folder and stamp.
-        programs: Built programs, by source and options.
+        programs: Built programs, by file and options.
         launched: Programs that have been launched.
-        looked: When the package's sources were last checked, their folder and stamp, and programs built from them.
-        options_of: Compile options by the choices that they were made from.
-        kernels: Kernels that are out of use, by program and name.
+        kernels: PyOpenCL's kernel objects that are out of use, by program and name.
         lock: Held while a program is built.
         own: The queue of each thread, on a CPU, and the launches and copies that the thread records.
     """
@@ -34,11 +38,8 @@ class Session:
     context: Any
     first_queue: Any
     options: tuple[str, ...] = ()
-    sources: dict = field(default_factory=dict, repr=False)
     programs: dict = field(default_factory=dict, repr=False)
     launched: set = field(default_factory=set, repr=False)
-    looked: dict = field(default_factory=dict, repr=False)
-    options_of: dict = field(default_factory=dict, repr=False)
     kernels: dict = field(default_factory=dict, repr=False)
     lock: Any = field(default_factory=threading.RLock, repr=False)
     own: threading.local = field(default_factory=threading.local, repr=False)
@@ -57,15 +58,11 @@ class Session:
             self.own.queue = cl.CommandQueue(self.context, self.device)
         return self.own.queue
 
-    @property
-    def recording(self) -> list[Callable[[], Any]] | None:
-        """The launches and copies that this thread records, see `recorded`; None if it does not."""
-        return getattr(self.own, "steps", None)
-
     def do(self, step: Callable[[], Any]) -> Any:
         """Start a launch or a copy, and record it if this thread records; return its event."""
-        if self.recording is not None:
-            self.recording.append(step)
+        steps = getattr(self.own, "steps", None)
+        if steps is not None:
+            steps.append(step)
         return step()
 
     def recorded(self, work: Callable[[], None]) -> list[Callable[[], Any]]:
@@ -81,8 +78,6 @@ class Session:
     @cached_property
     def pinned(self) -> PinnedMemory:
         """Cache of host memory that a GPU's driver has pinned."""
-        from .mapped import Mapped
-
         return PinnedMemory(lambda size: Mapped(self.context, self.first_queue, size))
 
     @cached_property
@@ -95,3 +90,109 @@ class Session:
         from pyopencl.tools import ImmediateAllocator, MemoryPool
 
         return MemoryPool(ImmediateAllocator(self.first_queue))
+
+
+class Mapped:
+    """Host memory that the driver of a GPU has pinned; see device_arrays/pinned_memory.py.
+
+    Attributes:
+        size: Its bytes.
+        ptr: Its address.
+    """
+
+    def __init__(self, context: Any, queue: Any, size: int):
+        """Allocate a buffer in pinned memory, and map it for as long as this object lives.
+
+        Raises:
+            RuntimeError: There is no such memory left.
+        """
+        import pyopencl as cl
+
+        try:
+            flags = cl.mem_flags.READ_WRITE | cl.mem_flags.ALLOC_HOST_PTR
+            self._buffer = cl.Buffer(context, flags, size)
+            access = cl.map_flags.READ | cl.map_flags.WRITE
+            self._array, _ = cl.enqueue_map_buffer(queue, self._buffer, access, 0, (size,), np.uint8, is_blocking=True)
+        except cl.Error as error:
+            raise RuntimeError(f"{size} bytes of pinned memory cannot be allocated ({error})") from error
+        self.size, self.ptr = size, self._array.ctypes.data
+
+
+def _vector_or_struct(array: np.ndarray) -> np.ndarray:
+    """Return three numbers in the layout of a double3, and a packed struct as it is."""
+    return np.array([*array, 0.0]) if array.shape == (3,) else array
+
+
+# By type, since a launch has some forty arguments, most of them buffers.
+CONVERSIONS: dict[type, Callable[[Any], Any]] = {int: np.int32, bool: np.int32, float: np.float64}
+CONVERSIONS[np.ndarray] = _vector_or_struct
+
+
+class Kernel:
+    """A kernel object with one owner, whose arguments are set one by one.
+
+    Attributes:
+        kernel: PyOpenCL's kernel object; it is reused after this one is garbage-collected, because to make one takes
+            half a millisecond.
+        lanes: Rays that a work-item moves.
+        items: Work-items per ray or group of the launch.
+        group: Work-items of a work-group.
+    """
+
+    def __init__(
+        self, session: Session, program: Any, name: str, lanes: int = 1, items: int = 1, group: int = WORK_GROUP
+    ):
+        """Take or make a kernel object of a session's program."""
+        self.lanes, self.items, self.group = lanes, items, group
+        self._made_as = session, program, name, lanes, items, group
+        free = session.kernels.setdefault((program, name), [])
+        try:
+            self.kernel = free.pop()
+        except IndexError:
+            self.kernel = make_kernel(program, name)
+        weakref.finalize(self, free.append, self.kernel).atexit = False
+        self._arguments: list = []
+
+    def another(self) -> "Kernel":
+        """Return another kernel object for the same work."""
+        return Kernel(*self._made_as)
+
+    def set(self, arguments: list) -> None:
+        """Set the arguments that have changed since the last launch.
+
+        They are set one by one, because calling the kernel would use PyOpenCL's launchers, which PyOpenCL caches on
+        disk and which a damaged file would make unusable.
+        """
+        if arguments is self._arguments:
+            return
+        before = self._arguments or [None] * len(arguments)
+        for number, (new, old) in enumerate(zip(arguments, before, strict=True)):
+            kind = type(new)
+            if new is old or ((kind is int or kind is float) and kind is type(old) and new == old):
+                continue
+            convert = CONVERSIONS.get(kind)
+            self.kernel.set_arg(number, new if convert is None else convert(new))
+        self._arguments = arguments
+
+    def size(self, count: int) -> tuple[int]:
+        """Number of work-items of a launch: whole work-groups, at least one; the kernel ignores the surplus."""
+        return (max(1, -(-(-(-count // self.lanes) * self.items) // self.group)) * self.group,)
+
+
+def make_kernel(program, name: str):
+    """Create the pyopencl.Kernel with a name, even if PyOpenCL's cache of launchers is damaged: that is then not used.
+
+    PyOpenCL makes a launcher in Python with each kernel object and caches it in an SQLite file. A damaged file would
+    end in an error of SQLite or of Python's unmarshalling at this and every later start.
+    """
+    import pyopencl as cl
+
+    try:
+        return cl.Kernel(program, name)
+    except cl.Error:
+        raise
+    except Exception as error:  # SQLite, pickle and marshal raise various errors for damaged bytes
+        cl._PYOPENCL_NO_CACHE = True  # as PYOPENCL_NO_CACHE does; checked whenever a launcher is made
+        words = f"PyOpenCL's cache of launchers is damaged ({type(error).__name__}: {error}) and not used"
+        warnings.warn(f"{words}: remove pytools/*pyopencl-invoker-cache* from your caches", RuntimeWarning, 2)
+        return cl.Kernel(program, name)

@@ -4,9 +4,8 @@ import numpy as np
 
 from ....pupils import across_look
 from ....rays import RayBundle
-from ...pupil.fit import fit_surface, moments_in_metres
-from ...pupil.lattice_quadrature import lattice_points, smoothed_axes
-from ...pupil.sums import MOMENT_COUNT, PUPIL_OUTPUTS, PupilSums, PupilTask, radial_rays
+from ...pupil.quadrature import lattice_points, smoothed_axes
+from ...pupil.sums import MOMENT_COUNT, PUPIL_OUTPUTS, PupilSums, PupilTask, fit_surface, moments_in_metres, radial_rays
 from ...status import reached
 from ...trace import run_plan
 

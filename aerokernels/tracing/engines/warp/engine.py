@@ -1,5 +1,6 @@
 """The Warp engine: uploads a field once, and launches kernels over all cores of a CPU or on a GPU."""
 
+import weakref
 from collections.abc import Callable, Iterable, Sequence
 from operator import is_
 from typing import Any
@@ -10,28 +11,24 @@ import warp as wp
 from ....device_arrays import DeviceArray, in_reach, is_one_row
 from ....device_arrays.fetching import Fetching
 from ....device_arrays.launching import launch, load_module
-from ....device_arrays.pinned import bring, to_host
-from ....medium import IndexField
+from ....device_arrays.pinned import as_kind, bring, pinned_memory, to_host
+from ....device_arrays.pinned_memory import LEAST
 from ....process.clock import stage
 from ....process.machine import core_count, host_memory
 from ....process.opened import OPENED
 from ....process.quiet_warp import open_device
-from ....process.threads import in_threads
-from ...bundle.table import BundleTable
-from ...plan import TracePlan
+from ....process.threads import in_threads, thread_count
 from ...scheme import GROUP
-from ..field_data import FieldData, stop_kind
+from ..field_data import FieldData
 from ..interface import GRID_TABLES, Prepared
+from ..interface import Engine as AnyEngine
 from ..layout import STRUCTS, Value
-from ..uploads import Uploads
+from ..transfers import Fetched, FetchedFromGPU, Sent
 from .kernels import grid_tables, pupil
 from .kernels.deliver_bundle import build_bundle_kernel
 from .kernels.leapfrog import build_leapfrog_kernel
-from .kernels.team import WARP
 from .kernels.trace import build_kernel
-from .library import library_of
-from .transfers import Fetched, Recorded, Sent, Shared
-from .types import types
+from .library import TYPES, Scene
 
 
 def _kernels_of(*files: Any) -> dict[str, Any]:
@@ -54,6 +51,8 @@ CHUNK = 4096
 KEPT_SHARE, MANY = 0.25, 1 << 19
 # Bytes of an array from which on several threads copy it to pinned memory, and the GPU from there.
 STAGED = 32 << 20  # speed only
+# A part of a piece of a GPU's memory begins at a multiple of this number of bytes.
+PART = 256
 # The share of a GPU's memory that its pool may hold, used and unused memory together: other programs cannot use it.
 POOL_SHARE = 0.1
 SCALARS: dict[Any, type] = {
@@ -70,7 +69,7 @@ VECTOR_MEMBERS = {
 VECTORS = {2: wp.vec2d, 3: wp.vec3d}
 
 
-class Engine(Uploads):
+class Engine(AnyEngine):
     """Warp on one device; see interface.py."""
 
     def __init__(self, device: str):
@@ -87,40 +86,21 @@ class Engine(Uploads):
         if found.is_cuda:
             OPENED.once(("memory kept", device), lambda: _keep_memory(found))
 
-    def prepare(
-        self, field: IndexField, plan: TracePlan, until, wavelength: float, outputs: frozenset, directions: np.ndarray
-    ) -> Prepared:
-        """Prepare a field for a plan, a stop and outputs; `directions` are the rays' directions, shape (n, 3)."""
-        if plan.controls_error:
-            outputs = outputs | {"step_error"}
-        with stage("upload"):
-            structs = self.arguments(field, plan, until, wavelength, outputs, directions)
-        stop, has_body, library = stop_kind(until), field.body is not None, library_of(plan.precision)
-        with stage("compile"):
-            if plan.sample_count:
-                kernel = build_leapfrog_kernel(
-                    library, field.geometry, field.interpolation, stop, has_body, plan.looks_up_cubes
-                )
-            else:
-                on_mesh = not field.is_uniform
-                measured = "step_error" in outputs
-                kernel = build_kernel(
-                    library, field.geometry, field.interpolation, on_mesh, plan.method, stop, has_body, measured
-                )
-            self._load(kernel)
-        rejected = wp.zeros(1, dtype=wp.int32, device=self.device) if plan.sample_count else None
-        return Prepared(self, kernel, structs, outputs, rejected)
-
-    def arguments(
-        self, field: IndexField, plan: TracePlan, until, wavelength: float, outputs: frozenset, directions: np.ndarray
-    ) -> list:
-        """Return the structs Field, Bounds and Control, with their arrays, for `prepare`."""
-        structs, control = self.uploaded(field, plan, until, wavelength, outputs, directions)
-        return [*structs, _filled("Control", control, plan.precision)]
+    def compiled(self, options: dict[str, Any], leapfrog: bool, arguments: list, outputs: frozenset) -> Prepared:
+        """See interface.py."""
+        scene = Scene(**options)
+        kernel = build_leapfrog_kernel(scene) if leapfrog else build_kernel(scene)
+        self._load(kernel)
+        rejected = wp.zeros(1, dtype=wp.int32, device=self.device) if leapfrog else None
+        return Prepared(self, kernel, arguments, outputs, rejected)
 
     def place_structs(self, data: FieldData, precision: str, arrays: dict[str, Any], bounds: dict[str, Any]) -> Any:
         """Return the structs Field and Bounds."""
         return [_filled("Field", data.field | arrays, precision), _filled("Bounds", bounds, precision)]
+
+    def arguments(self, structs: Any, control: dict[str, Any], precision: str) -> list:
+        """Return the structs Field, Bounds and Control, with their arrays."""
+        return [*structs, _filled("Control", control, precision)]
 
     def tuned(self, arguments: list, numbers: dict[str, Any]) -> list:
         """Return the same structs with the last one, Control, changed in place."""
@@ -128,13 +108,11 @@ class Engine(Uploads):
             setattr(arguments[-1], name, value)
         return arguments
 
-    def prepare_bundle(self, table: BundleTable, outputs: frozenset) -> Prepared:
-        """Prepare the patches between traced rays to interpolate these outputs for rays of the same family."""
-        arguments = self.bundle_arguments(table, outputs)
-        with stage("compile"):
-            kernel = build_bundle_kernel(library_of(table.precision), table.channels)
-            self._load(kernel)
-        return Prepared(self, kernel, arguments, outputs, None, unused=self.bundle_unused(table))
+    def bundle_kernel(self, precision: str, channels: int) -> Any:
+        """See interface.py."""
+        kernel = build_bundle_kernel(Scene(precision, channels=channels))
+        self._load(kernel)
+        return kernel
 
     def kernels(self, names: Iterable[str]) -> dict[str, Any]:
         """Return the named kernels; all kernels of a file are compiled together."""
@@ -143,10 +121,6 @@ class Engine(Uploads):
             for kernel in {kernel.module: kernel for kernel in found.values()}.values():
                 self._load(kernel)
         return found
-
-    def another(self, kernel: Any) -> Any:
-        """Return the kernel itself: Warp sets all arguments of every launch."""
-        return kernel
 
     def keeps(self, size: float) -> bool:
         """Whether results of `size` bytes take at most KEPT_SHARE of the device's memory."""
@@ -213,26 +187,24 @@ class Engine(Uploads):
 
     def sent(self, array: np.ndarray) -> Sent:
         """See interface.py."""
-        if self.is_gpu:
-            return Sent(array, wp.empty(array.shape, dtype=SCALARS[array.dtype], device=self.device))
-        return Sent(array, self.share(array))
+        if not self.is_gpu:
+            return super().sent(array)
+        return SentToGPU(array, wp.empty(array.shape, dtype=SCALARS[array.dtype], device=self.device))
 
-    def fetched(self, arrays: Sequence[np.ndarray]) -> Fetched | Shared:
+    def fetched(self, arrays: Sequence[np.ndarray]) -> Fetched:
         """See interface.py."""
-        if self.is_gpu:
-            return Fetched(self.device, arrays, [_kind_of(array) for array in arrays])
-        return Shared(arrays, [self.share(array) for array in arrays])
+        return FetchedOnStream(self, arrays) if self.is_gpu else super().fetched(arrays)
 
     def recorded(self) -> Callable[[Callable[[], None]], None]:
         """Return a callable that records the work as a CUDA graph; on the CPU one that simply does the work."""
-        return Recorded(self.device) if self.is_gpu else lambda work: work()
+        return Recorded(self.device) if self.is_gpu else super().recorded()
 
     def launch(self, kernel, before: list, after: list, count: int, first: int = 0) -> None:
         """Run a kernel over all rays: one launch on a GPU, without waiting; chunks over host threads on the CPU."""
         before = [wp.vec3d(*value) if isinstance(value, np.ndarray) else value for value in before]
         after = [self._outputs(value) if isinstance(value, dict) else value for value in after]
         if self.device != "cpu":
-            dim = WARP * count if kernel in SHARED else count
+            dim = pupil.WARP * count if kernel in SHARED else count
             launch(kernel, dim, [*before, first, *after], self.device, BLOCKS.get(kernel))
             return
 
@@ -255,9 +227,6 @@ class Engine(Uploads):
         if self.device != "cpu":
             wp.synchronize_stream(self.device)
 
-    def settle(self) -> None:
-        """Do nothing: threads share a GPU's stream, and a launch on the CPU has ended when it returns."""
-
     def _outputs(self, results: dict[str, wp.array]):
         """Return the struct of the buffers; one of the last two if they are the same, as making one takes 20 us."""
         buffers = list(results.values())
@@ -274,7 +243,7 @@ class Engine(Uploads):
     def struct_array(self, member: Value, values: np.ndarray, precision: str) -> wp.array:
         """Upload an array of a struct to the device."""
         numbers: np.ndarray = np.ascontiguousarray(values, member.number_type(precision))
-        return self._copied(numbers, types(precision).kinds[member.kind.rstrip("*")])
+        return self._copied(numbers, TYPES[precision].kinds[member.kind.rstrip("*")])
 
     def _copied(self, array: np.ndarray, kind: type) -> wp.array:
         """Return a buffer with a copy of an array, C-contiguous; a large one goes to a GPU through pinned memory."""
@@ -286,10 +255,83 @@ class Engine(Uploads):
         return made
 
     def round_into(self, coefficients: wp.array, made: wp.array, count: int, precision: str) -> None:
-        """See uploads.py."""
-        kernel = grid_tables.build_rounding_kernel(library_of(precision))
+        """See interface.py."""
+        kernel = grid_tables.build_rounding_kernel(Scene(precision))
         self._load(kernel)
         self.launch(kernel, [coefficients], [made], count)
+
+
+class SentToGPU(Sent):
+    """An array in pinned memory and its buffer on a GPU."""
+
+    def __init__(self, array: np.ndarray, buffer: wp.array):
+        """Take an array and the buffer to which it is copied."""
+        self._there = _beside(buffer, self)
+        super().__init__(np.asarray(self._there).reshape(array.shape), buffer)
+
+    def send(self, values: np.ndarray | None = None) -> None:
+        """Start the upload; a stream is in order, so later launches see it."""
+        super().send(values)
+        wp.copy(self.buffer, self._there)
+
+
+class FetchedOnStream(FetchedFromGPU):
+    """Copies arrays from a GPU on the stream of the launches."""
+
+    def __init__(self, engine: Engine, arrays: Sequence[np.ndarray]):
+        """Allocate memory for arrays like these."""
+        super().__init__(engine, arrays, PART)
+        self._whole = wp.empty(self.size // 8, dtype=wp.float64, device=engine.device)
+        self._there = _beside(self._whole, self)
+        parts: list[wp.array] = []
+        for array, start in zip(arrays, self.starts, strict=True):
+            kind, count = _kind_of(array)
+            place = self._whole.ptr + start
+            part = wp.array(ptr=place, dtype=kind, shape=(count,), capacity=array.nbytes, device=engine.device)
+            part._ref = self._whole  # keeps the memory alive
+            parts.append(part)
+        self.place(np.asarray(self._there).view(np.uint8), parts)
+
+    def start(self) -> None:
+        """Start the copy, on the stream of the launches."""
+        wp.copy(self._there, self._whole)
+
+
+class Recorded:
+    """Repeated work on a GPU: run directly the first time, when it may load modules; replayed as a graph afterwards.
+
+    Threads share a device's stream: what another thread launched while a graph is recorded would become part of the
+    graph, and not run. So the graph is recorded only if there is no other thread; until then the work runs directly.
+    """
+
+    def __init__(self, device: str):
+        """Start without a graph."""
+        self.device = device
+        self._graph: Any = None
+        self._was_done = False
+
+    def __call__(self, work: Callable[[], None]) -> None:
+        """Start the work."""
+        if not self._was_done or (self._graph is None and thread_count() > 1):
+            work()
+            self._was_done = True
+            return
+        if self._graph is None:
+            with wp.ScopedCapture(self.device, force_module_load=False) as capture:
+                work()
+            self._graph = capture.graph
+        wp.capture_launch(self._graph)
+
+
+def _beside(buffer: wp.array, owner: Any) -> wp.array:
+    """Return a pinned host array for the numbers of a buffer of a GPU, as long as its owner lives."""
+    kind, size = buffer.dtype, buffer.size
+    # Reuse pinned memory: to pin new memory would take longer than to trace a pupil.
+    taken = pinned_memory().take(max(size * wp.types.type_size_in_bytes(kind), LEAST))
+    if taken is None:
+        return wp.empty(size, dtype=kind, device="cpu", pinned=True)
+    weakref.finalize(owner, pinned_memory().give_back, taken).atexit = False
+    return as_kind(taken, kind, size)
 
 
 def _kind_of(array: np.ndarray) -> tuple[type, int]:
@@ -310,7 +352,7 @@ def _keep_memory(device: wp.Device) -> None:
 
 def _filled(name: str, members: dict, precision: str = "float64"):
     """Return one of the kernels' structs, filled; Warp accepts only vectors of exactly the member's type."""
-    t = types(precision)
+    t = TYPES[precision]
     struct = getattr(t, name)()
     for member in STRUCTS[name]:
         value = members[member.name]

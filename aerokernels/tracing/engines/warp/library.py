@@ -1,44 +1,93 @@
-"""Cache of the device functions and kernels of one precision, each built once."""
+"""The types of Warp's kernels, one set for each precision, and a cache of their device functions and kernels."""
 
 import functools
-from collections.abc import Callable, Hashable
+from collections.abc import Callable
+from dataclasses import dataclass
+from types import SimpleNamespace
 from typing import Any
 
-from ....process.opened import OPENED, Locked
-from .types import types
+import warp as wp
+
+from ....process.opened import OPENED, Opened
+from ..layout import STRUCTS, Value
+
+PLAIN = {
+    "bool": wp.bool,
+    "int": wp.int32,
+    "int2": wp.vec2i,
+    "int3": wp.vec3i,
+    "uint": wp.uint32,
+    "double": wp.float64,
+    "double2": wp.vec2d,
+    "double3": wp.vec3d,
+    "double4": wp.vec4d,
+}
 
 
-class KernelLibrary(Locked):
-    """The functions and kernels that the builders in kernels/ have made for one precision, and their shared types.
+def _type_of(value: Value, kinds: dict):
+    """Return Warp's type of a struct's member."""
+    indices = value.parts[2]
+    kind = kinds[value.kind.rstrip("*")]
+    return wp.array(dtype=kind, ndim=indices) if indices else kind
 
-    Attributes:
-        precision: "float32" or "float64".
-        types: The scalar, vector and struct types of the precision, see types.py.
+
+def _types(real: type, shared: dict) -> SimpleNamespace:
+    """Make the types of one precision; structs without `real` members are taken from the other precision, `shared`."""
+    vectors = {f"real{size}": wp.types.vector(size, real) for size in (2, 3, 4)}
+    kinds = {**PLAIN, "real": real, **vectors}
+    for name, members in STRUCTS.items():
+        if name in shared and not any(member.parts[0] == "real" for member in members):
+            kinds[name] = shared[name]
+            continue
+        annotations = {member.name: _type_of(member, kinds) for member in members}
+        kinds[name] = wp.struct(type(name, (), {"__annotations__": annotations, "__module__": __name__}))
+    structs = {name: kinds[name] for name in STRUCTS}
+    vectors = {name.replace("real", "vec"): kind for name, kind in vectors.items()}
+    return SimpleNamespace(real=real, kinds=kinds, **vectors, **structs)
+
+
+_DOUBLE = _types(wp.float64, {})
+# The scalar, vector and struct types of each precision.
+TYPES = {"float64": _DOUBLE, "float32": _types(wp.float32, _DOUBLE.kinds)}
+
+
+@dataclass(frozen=True)
+class Scene:
+    """The options of layout.py for which kernels are built; None where kernels do not depend on them."""
+
+    precision: str
+    geometry: str | None = None
+    interpolation: str | None = None
+    on_mesh: bool | None = None
+    method: str | None = None
+    stop: str | None = None
+    has_body: bool | None = None
+    measured: bool | None = None
+    cubes: bool | None = None
+    channels: int | None = None
+
+    @property
+    def types(self) -> SimpleNamespace:
+        """The types of its precision."""
+        return TYPES[self.precision]
+
+
+def built_once(*options: str) -> Callable[[Callable[[Scene], Any]], Callable[[Scene], Any]]:
+    """Decorate a builder, `build(scene)`, which sees only these options besides the precision; results are cached.
+
+    Raises:
+        TypeError: At a call with a scene that lacks one of the options.
     """
 
-    def __init__(self, precision: str):
-        """Start empty."""
-        super().__init__()
-        self.precision = precision
-        self.types = types(precision)
-        self.built: dict[Hashable, Any] = {}
+    def decorate(build: Callable[[Scene], Any]) -> Callable[[Scene], Any]:
+        @functools.wraps(build)
+        def built(scene: Scene) -> Any:
+            seen = {name: getattr(scene, name) for name in options}
+            if None in seen.values():
+                raise TypeError(f"{build.__name__} needs {', '.join(options)}, got {seen}")
+            reduced = Scene(scene.precision, **seen)
+            return OPENED.once("Warp functions", Opened).once((build, reduced), lambda: build(reduced))
 
+        return built
 
-def library_of(precision: str) -> KernelLibrary:
-    """Return the library of a precision for this process, which all of Warp's devices share."""
-    library: KernelLibrary = OPENED.once(("Warp kernels", precision), lambda: KernelLibrary(precision))
-    return library
-
-
-def built_once(build: Callable) -> Callable:
-    """Decorate a builder, `build(library, *options)`: the library caches its result for each set of options."""
-
-    @functools.wraps(build)
-    def built(library: KernelLibrary, *options: Hashable) -> Any:
-        with library.lock:
-            key = build, options
-            if key not in library.built:
-                library.built[key] = build(library, *options)
-            return library.built[key]
-
-    return built
+    return decorate

@@ -1,21 +1,24 @@
 """Device functions: where a straight ray meets the field's box, and the box's faces as stop surfaces. In float64."""
 
+from types import SimpleNamespace
+
 import warp as wp
 
 from ....scheme import GRAZING_TOLERANCE, LEAST_COSINE
-from ..library import KernelLibrary, built_once
+from ..library import Scene, built_once
 
 FACE_COUNT = {"volume": 6, "planar": 4, "axisymmetric": 3}
 # How many axes, counted from z, have flat faces: these are the first surfaces, two per axis.
 FLAT_AXES = {"volume": 3, "planar": 2, "axisymmetric": 1}
 
 
-@built_once
-def build_crossing(library: KernelLibrary, geometry: str):
-    """Build a function (low, high, radius, p, d) -> distances at which a straight ray enters and leaves a box.
-
-    Entry > exit means a miss.
-    """
+@built_once("geometry")
+def build_box(scene: Scene):
+    """Build the functions about a field's box."""
+    geometry = scene.geometry
+    t = scene.types
+    real, vec3, vec4, Control, Bounds = t.real, t.vec3, t.vec4, t.Control, t.Bounds
+    faces = FACE_COUNT[geometry]
 
     @wp.func
     def slab(low: wp.float64, high: wp.float64, p: wp.float64, d: wp.float64, span: wp.vec2d):
@@ -45,6 +48,10 @@ def build_crossing(library: KernelLibrary, geometry: str):
 
     @wp.func
     def crossing(low: wp.vec3d, high: wp.vec3d, radius: wp.float64, p: wp.vec3d, d: wp.vec3d):
+        """Distances at which a straight ray enters and leaves a box.
+
+        Entry > exit means a miss.
+        """
         span = wp.vec2d(wp.float64(-1.0e300), wp.float64(1.0e300))
         span = slab(low[2], high[2], p[2], d[2], span)
         if wp.static(geometry == "axisymmetric"):
@@ -55,21 +62,13 @@ def build_crossing(library: KernelLibrary, geometry: str):
             span = slab(low[0], high[0], p[0], d[0], span)
         return span
 
-    return crossing
-
-
-@built_once
-def build_surface(library: KernelLibrary, geometry: str):
-    """Build a function (control, k, cell, frac) -> distance outside surface k, and its gradient per cell.
-
-    Surfaces 0 and 1 are the z faces; then the cylinder, or the y faces, or the y and x faces; the last is the plane.
-    """
-    t = library.types
-    real, vec3, vec4, Control = t.real, t.vec3, t.vec4, t.Control
-    faces = FACE_COUNT[geometry]
-
     @wp.func
     def surface(control: Control, k: int, cell: wp.vec3i, frac: vec3):
+        """Distance outside surface k, and its gradient per cell.
+
+        Surfaces 0 and 1 are the z faces; then the cylinder, or the y faces, or the y and x faces; the last is the
+        plane.
+        """
         if k == faces:
             n = control.plane_normal
             place = real(cell[0]) * n[0] + real(cell[1]) * n[1] + real(cell[2]) * n[2] - control.plane_offset
@@ -89,17 +88,9 @@ def build_surface(library: KernelLibrary, geometry: str):
             grad[axis + 1] = real(1.0)
         return grad
 
-    return surface
-
-
-@built_once
-def build_surface_distance(library: KernelLibrary, geometry: str):
-    """Build a function (bounds, k, p) -> distance outside surface k [m], and the unit normal of the surface."""
-    Bounds = library.types.Bounds
-    faces = FACE_COUNT[geometry]
-
     @wp.func
     def surface_distance(bounds: Bounds, k: int, p: wp.vec3d):
+        """Distance outside surface k [m], and the unit normal of the surface."""
         if k == faces:
             n = bounds.plane_normal
             return wp.vec4d(wp.dot(n, p - bounds.plane_point), n[0], n[1], n[2])
@@ -118,20 +109,12 @@ def build_surface_distance(library: KernelLibrary, geometry: str):
             out[axis + 1] = wp.float64(1.0)
         return out
 
-    return surface_distance
-
-
-@built_once
-def build_meeting(library: KernelLibrary, geometry: str):
-    """Build a function (bounds, k, p, d, guess) -> distance at which a line meets surface k.
-
-    For a line that grazes the surface it returns the guess.
-    """
-    Bounds = library.types.Bounds
-    surface_distance = build_surface_distance(library, geometry)
-
     @wp.func
     def meeting(bounds: Bounds, k: int, p: wp.vec3d, d: wp.vec3d, guess: wp.float64):
+        """Distance at which a line meets surface k.
+
+        For a line that grazes the surface it returns the guess.
+        """
         along = wp.float64(guess)
         trials = int(1)
         if wp.static(geometry == "axisymmetric"):
@@ -144,23 +127,14 @@ def build_meeting(library: KernelLibrary, geometry: str):
                 along -= miss[0] / cosine
         return along
 
-    return meeting
-
-
-@built_once
-def build_grazing_correction(library: KernelLibrary, geometry: str):
-    """Build a function (bounds, control, k, p, d, heading) -> correction for a ray that grazes surface k.
-
-    Three numbers: the remaining length along the tangent `heading` to the surface [m]; 0 if that is more than the
-    rounding of the ray's position explains, or if the line along d met the surface already (see `build_meeting`). The
-    length left uncorrected because it is too long [m]. The cosine of the angle between tangent and normal.
-    """
-    t = library.types
-    Bounds, Control = t.Bounds, t.Control
-    surface_distance = build_surface_distance(library, geometry)
-
     @wp.func
     def grazing_correction(bounds: Bounds, control: Control, k: int, p: wp.vec3d, d: wp.vec3d, heading: wp.vec3d):
+        """Correction for a ray that grazes surface k.
+
+        Three numbers: the remaining length along the tangent `heading` to the surface [m]; 0 if that is more than the
+        rounding of the ray's position explains, or if the line along d met the surface already (see `build_meeting`).
+        The length left uncorrected because it is too long [m]. The cosine of the angle between tangent and normal.
+        """
         miss = surface_distance(bounds, k, p)
         normal = wp.vec3d(miss[1], miss[2], miss[3])
         cosine = wp.dot(normal, heading)
@@ -174,21 +148,13 @@ def build_grazing_correction(library: KernelLibrary, geometry: str):
             shortfall = wp.abs(miss[0]) / wp.max(wp.abs(cosine), wp.float64(1.0e-200))
         return wp.vec3d(rest, shortfall, wp.abs(cosine))
 
-    return grazing_correction
-
-
-@built_once
-def build_detour(library: KernelLibrary, geometry: str):
-    """Build a function (bounds, k, p, d, q, leave, other) -> extra distance along d to face k for a line shifted by q.
-
-    It is relative to the line itself, which leaves the box at `leave`. The function returns `other` if the line leaves
-    by another face or at a grazing angle.
-    """
-    Bounds = library.types.Bounds
-    surface_distance = build_surface_distance(library, geometry)
-
     @wp.func
     def detour(bounds: Bounds, k: int, p: wp.vec3d, d: wp.vec3d, q: wp.vec3d, leave: wp.float64, other: wp.float64):
+        """Extra distance along d to face k for a line shifted by q.
+
+        It is relative to the line itself, which leaves the box at `leave`. The function returns `other` if the line
+        leaves by another face or at a grazing angle.
+        """
         at = p + leave * d
         miss = surface_distance(bounds, k, at)
         normal = wp.vec3d(miss[1], miss[2], miss[3])
@@ -209,4 +175,4 @@ def build_detour(library: KernelLibrary, geometry: str):
                 further = -c / (b + wp.sqrt(square))
         return further
 
-    return detour
+    return SimpleNamespace(**locals())

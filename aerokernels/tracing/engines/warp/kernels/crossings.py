@@ -1,27 +1,136 @@
 """Device functions: where straight lines cross the surface of the body, by exact formulas. In float64.
 
 The formulas are in medium/bodies/crossings.py, the tree of boxes in medium/bodies/wall_tree.py. A line p + t d is a
-struct WallLine, see `build_wall_line`; d need not be a unit vector.
+struct WallLine, see `wall_line`; d need not be a unit vector.
 """
+
+from types import SimpleNamespace
 
 import warp as wp
 
-from .....medium.bodies.crossings import PARALLEL
-from ..library import KernelLibrary, built_once
-from ..types import types
-from .triangles import NEVER, axes_across, passes_volume_box, triangle_crossing
+from .....medium.bodies.crossings import LEAST_SIDE, PARALLEL
+from ....scheme import GRAZING_SQUARE
+from ..library import TYPES, Scene, built_once
 
 # These structs have no members of the kernels' precision, so both precisions share them.
-WallLine, Crossings, WallMeeting = (types("float64").kinds[name] for name in ("WallLine", "Crossings", "WallMeeting"))
+WallLine, Crossings, WallMeeting = (TYPES["float64"].kinds[name] for name in ("WallLine", "Crossings", "WallMeeting"))
+NEVER = 1e300  # stands for a distance that does not exist
 
 
-@built_once
-def build_wall_line(library: KernelLibrary, geometry: str):
-    """Build a function (p, d) -> WallLine of a line."""
+@wp.func
+def axes_across(line: WallLine):
+    """Set a line's two unit vectors across its direction, right-handed with it."""
+    one = wp.float64(1.0)
+    e = line.toward / wp.sqrt(line.square)
+    sign = one
+    if e[2] < wp.float64(0.0):
+        sign = -one
+    a = -one / (sign + e[2])
+    b = e[0] * e[1] * a
+    line.right = wp.vec3d(one + sign * e[0] * e[0] * a, sign * b, -sign * e[0])
+    line.up = wp.vec3d(b, sign + e[1] * e[1] * a, -e[1])
+    return line
+
+
+@wp.func
+def within_slab(place: wp.float64, along: wp.float64, low: wp.float64, high: wp.float64, span: wp.vec2d):
+    """The part of `span` in which a coordinate of a line is between two bounds; reversed if there is none."""
+    if along == wp.float64(0.0):
+        if place < low or place > high:
+            return wp.vec2d(wp.float64(NEVER), wp.float64(-NEVER))
+        return span
+    one = (low - place) / along
+    other = (high - place) / along
+    return wp.vec2d(wp.max(span[0], wp.min(one, other)), wp.min(span[1], wp.max(one, other)))
+
+
+@wp.func
+def passes_volume_box(
+    line: WallLine, low: wp.vec3d, high: wp.vec3d, margin: wp.float64, first: wp.float64, last: wp.float64
+):
+    """Whether a line may pass a box between t = first and last. The box is enlarged by `margin` on every side."""
+    span = wp.vec2d(first, last)
+    for k in range(3):
+        span = within_slab(line.point[k], line.toward[k], low[k] - margin, high[k] + margin, span)
+    return span[0] <= span[1]
+
+
+@wp.func
+def corner_across(line: WallLine, corner: wp.vec3d):
+    """Coordinates of a corner across a line (two) and along it."""
+    offset = corner - line.point
+    return wp.vec3d(wp.dot(line.right, offset), wp.dot(line.up, offset), wp.dot(line.toward, offset))
+
+
+@wp.func
+def edge_side(a: wp.vec3d, b: wp.vec3d):
+    """Side of the edge from a to b on which the line is: positive on the left, never zero, opposite from b to a."""
+    p = a
+    q = b
+    sign = wp.float64(1.0)
+    if a[0] > b[0] or (a[0] == b[0] and a[1] > b[1]):
+        p = b
+        q = a
+        sign = wp.float64(-1.0)
+    side = p[0] * q[1] - p[1] * q[0]
+    if not (side > wp.float64(0.0)):
+        side = wp.min(side, wp.float64(-LEAST_SIDE))
+    return sign * side
+
+
+@wp.func
+def triangle_crossing(line: WallLine, one: wp.vec3d, two: wp.vec3d, three: wp.vec3d):
+    """Crossings of a line with a triangle."""
+    none = wp.float64(0.0)
+    out = Crossings()
+    out.count = 0
+    a = corner_across(line, one)
+    b = corner_across(line, two)
+    c = corner_across(line, three)
+    ab = edge_side(a, b)
+    bc = edge_side(b, c)
+    ca = edge_side(c, a)
+    if (ab > none) == (bc > none) and (bc > none) == (ca > none):
+        out.count = 1
+        out.enters = ab < none
+        out.one = (bc * a[2] + ca * b[2] + ab * c[2]) / ((ab + bc + ca) * line.square)
+    return out
+
+
+@wp.func
+def may_enter_triangle(
+    line: WallLine,
+    a: wp.vec3d,
+    b: wp.vec3d,
+    c: wp.vec3d,
+    margin: wp.float64,
+    t_enter: wp.float64,
+    t_exit: wp.float64,
+):
+    """Whether a line may enter the body through a triangle between t_enter and t_exit if moved by `margin`.
+
+    A triangle through which the line can only leave the body does not count; one that it grazes does.
+    """
+    normal = wp.cross(b - a, c - a)
+    rising = wp.dot(normal, line.toward)
+    grazing = wp.float64(GRAZING_SQUARE) * wp.dot(normal, normal) * line.square
+    if rising > wp.float64(0.0) and rising * rising > grazing:
+        return False
+    return passes_volume_box(line, wp.min(a, wp.min(b, c)), wp.max(a, wp.max(b, c)), margin, t_enter, t_exit)
+
+
+@built_once("geometry")
+def build_crossings(scene: Scene):
+    """Build the functions about straight lines and the body's surface."""
+    geometry = scene.geometry
+    t = scene.types
+    Field = t.Field
+
     if geometry == "volume":
 
         @wp.func
-        def line_in_space(p: wp.vec3d, d: wp.vec3d):
+        def wall_line(p: wp.vec3d, d: wp.vec3d):
+            """WallLine of a line."""
             line = WallLine()
             line.along = d[2]
             line.z = p[2]
@@ -30,46 +139,41 @@ def build_wall_line(library: KernelLibrary, geometry: str):
             line.toward = d
             return axes_across(line)
 
-        return line_in_space
+    else:
 
-    @wp.func
-    def wall_line(p: wp.vec3d, d: wp.vec3d):
-        line = WallLine()
-        line.along = d[2]
-        line.z = p[2]
-        if wp.static(geometry == "axisymmetric"):
-            a = d[0] * d[0] + d[1] * d[1]
-            if a < wp.float64(PARALLEL) * (a + d[2] * d[2]):
-                line.across = wp.float64(0.0)
-                line.nearest = wp.float64(0.0)
-                line.first = p[0] * p[0] + p[1] * p[1]
+        @wp.func
+        def wall_line(p: wp.vec3d, d: wp.vec3d):
+            """WallLine of a line."""
+            line = WallLine()
+            line.along = d[2]
+            line.z = p[2]
+            if wp.static(geometry == "axisymmetric"):
+                a = d[0] * d[0] + d[1] * d[1]
+                if a < wp.float64(PARALLEL) * (a + d[2] * d[2]):
+                    line.across = wp.float64(0.0)
+                    line.nearest = wp.float64(0.0)
+                    line.first = p[0] * p[0] + p[1] * p[1]
+                else:
+                    moment = p[0] * d[1] - p[1] * d[0]
+                    line.across = a
+                    line.nearest = -(p[0] * d[0] + p[1] * d[1]) / a
+                    line.first = moment * moment / a
+                line.height = p[2] + line.nearest * d[2]
+                line.square = wp.float64(0.0)
             else:
-                moment = p[0] * d[1] - p[1] * d[0]
-                line.across = a
-                line.nearest = -(p[0] * d[0] + p[1] * d[1]) / a
-                line.first = moment * moment / a
-            line.height = p[2] + line.nearest * d[2]
-            line.square = wp.float64(0.0)
-        else:
-            line.across = d[1]
-            line.nearest = wp.float64(0.0)
-            line.first = p[1]
-            line.height = p[2]
-            line.square = d[1] * d[1] + d[2] * d[2]
-        return line
-
-    return wall_line
-
-
-@built_once
-def build_passes_box(library: KernelLibrary, geometry: str):
-    """Build a function (line, box, margin, first, last): whether a line may pass a box between t = first and last.
-
-    The box, lowest and greatest (r, z), is enlarged by `margin` on every side.
-    """
+                line.across = d[1]
+                line.nearest = wp.float64(0.0)
+                line.first = p[1]
+                line.height = p[2]
+                line.square = d[1] * d[1] + d[2] * d[2]
+            return line
 
     @wp.func
     def passes_box(line: WallLine, box: wp.vec4d, margin: wp.float64, first: wp.float64, last: wp.float64):
+        """Whether a line may pass a box between t = first and last.
+
+        The box, lowest and greatest (r, z), is enlarged by `margin` on every side.
+        """
         none = wp.float64(0.0)
         near = wp.float64(first)
         far = wp.float64(last)
@@ -98,16 +202,6 @@ def build_passes_box(library: KernelLibrary, geometry: str):
         other = (high - line.first) / line.across
         return wp.max(near, wp.min(one, other)) <= wp.min(far, wp.max(one, other))
 
-    return passes_box
-
-
-@built_once
-def build_segment_crossings(library: KernelLibrary, geometry: str):
-    """Build a function (line, segment, entries_only) -> Crossings of a line with a segment.
-
-    With `entries_only`, a single crossing that leads out of the body is skipped, which saves a root and a division.
-    """
-
     @wp.func
     def corner_side(line: WallLine, place: wp.float64, height: wp.float64):
         """Axisymmetric: positive if a corner is outside the surface that the line sweeps about the axis.
@@ -122,6 +216,11 @@ def build_segment_crossings(library: KernelLibrary, geometry: str):
 
         @wp.func
         def segment_crossings(line: WallLine, segment: wp.vec4d, entries_only: bool):
+            """Crossings of a line with a segment.
+
+            With `entries_only`, a single crossing that leads out of the body is skipped, which saves a root and a
+            division.
+            """
             none = wp.float64(0.0)
             out = Crossings()
             out.count = 0
@@ -191,6 +290,11 @@ def build_segment_crossings(library: KernelLibrary, geometry: str):
 
         @wp.func
         def segment_crossings(line: WallLine, segment: wp.vec4d, entries_only: bool):
+            """Crossings of a line with a segment.
+
+            With `entries_only`, a single crossing that leads out of the body is skipped, which saves a root and a
+            division.
+            """
             out = Crossings()
             out.count = 0
             side = corner_side(line, segment[0], segment[1])
@@ -204,83 +308,59 @@ def build_segment_crossings(library: KernelLibrary, geometry: str):
                 out.one = (y * line.across + z * line.along) / line.square
             return out
 
-    return segment_crossings
-
-
-@built_once
-def build_passes_node(library: KernelLibrary, geometry: str):
-    """Build a function (field, line, node, margin, first, last): whether a line may pass the box of a node of the tree.
-
-    The box is enlarged by `margin`; only the line between t = first and last counts.
-    """
-    Field = library.types.Field
-    passes_box = build_passes_box(library, geometry)
     if geometry == "volume":
 
         @wp.func
-        def passes_corners(
+        def passes_node(
             field: Field, line: WallLine, node: int, margin: wp.float64, first: wp.float64, last: wp.float64
         ):
+            """Whether a line may pass the box of a node of the tree.
+
+            The box is enlarged by `margin`; only the line between t = first and last counts.
+            """
             low = field.wall_boxes[2 * node]
             high = field.wall_boxes[2 * node + 1]
             return passes_volume_box(
                 line, wp.vec3d(low[0], low[1], low[2]), wp.vec3d(high[0], high[1], high[2]), margin, first, last
             )
 
-        return passes_corners
+    else:
 
-    @wp.func
-    def passes_node(field: Field, line: WallLine, node: int, margin: wp.float64, first: wp.float64, last: wp.float64):
-        return passes_box(line, field.wall_boxes[node], margin, first, last)
+        @wp.func
+        def passes_node(
+            field: Field, line: WallLine, node: int, margin: wp.float64, first: wp.float64, last: wp.float64
+        ):
+            """Whether a line may pass the box of a node of the tree.
 
-    return passes_node
-
-
-@built_once
-def build_triangle_at(library: KernelLibrary):
-    """Build a function (field, piece, corner) -> a corner of a triangle of the surface."""
-    Field = library.types.Field
+            The box is enlarged by `margin`; only the line between t = first and last counts.
+            """
+            return passes_box(line, field.wall_boxes[node], margin, first, last)
 
     @wp.func
     def triangle_at(field: Field, piece: int, corner: int):
+        """A corner of a triangle of the surface."""
         row = field.wall[3 * piece + corner]
         return wp.vec3d(row[0], row[1], row[2])
 
-    return triangle_at
-
-
-@built_once
-def build_piece_crossings(library: KernelLibrary, geometry: str):
-    """Build a function (field, line, piece) -> Crossings of a line with a piece of the surface."""
-    Field = library.types.Field
     if geometry == "volume":
-        triangle_at = build_triangle_at(library)
 
         @wp.func
-        def crossings_of_triangle(field: Field, line: WallLine, piece: int):
+        def piece_crossings(field: Field, line: WallLine, piece: int):
+            """Crossings of a line with a piece of the surface."""
             return triangle_crossing(
                 line, triangle_at(field, piece, 0), triangle_at(field, piece, 1), triangle_at(field, piece, 2)
             )
 
-        return crossings_of_triangle
-    segment_crossings = build_segment_crossings(library, geometry)
+    else:
 
-    @wp.func
-    def piece_crossings(field: Field, line: WallLine, piece: int):
-        return segment_crossings(line, field.wall[piece], bool(False))
-
-    return piece_crossings
-
-
-@built_once
-def build_meet_wall(library: KernelLibrary, geometry: str):
-    """Build a function (field, line, first, last) -> WallMeeting of a line with the body between t = first and last."""
-    Field = library.types.Field
-    passes_node = build_passes_node(library, geometry)
-    piece_crossings = build_piece_crossings(library, geometry)
+        @wp.func
+        def piece_crossings(field: Field, line: WallLine, piece: int):
+            """Crossings of a line with a piece of the surface."""
+            return segment_crossings(line, field.wall[piece], bool(False))
 
     @wp.func
     def meet_wall(field: Field, line: WallLine, first: wp.float64, last: wp.float64):
+        """WallMeeting of a line with the body between t = first and last."""
         found = WallMeeting()
         found.entry = wp.float64(NEVER)
         found.exit = wp.float64(NEVER)
@@ -310,4 +390,4 @@ def build_meet_wall(library: KernelLibrary, geometry: str):
             node = onward
         return found
 
-    return meet_wall
+    return SimpleNamespace(**locals())

@@ -3,7 +3,7 @@
 import warp as wp
 
 from ....scheme import CUBE_ROW, CUBE_SIDE
-from ..library import KernelLibrary, built_once
+from ..library import Scene, built_once
 
 # A GPU fetches every cache line that a load of a warp touches. If each of 32 threads loaded its own row, in four loads,
 # that would be 128 lines. So four neighbouring threads load one row after the other together, sixteen bytes each, which
@@ -60,13 +60,10 @@ def row_of_cube(numbers: wp.array(dtype=wp.float32), at: int) -> wp.types.vector
     ...
 
 
-@built_once
-def build_cube_sample(library: KernelLibrary):
-    """Build a function (field, place in cells) -> potential and its gradient [1/m], and bounds of their errors.
-
-    The errors are relative to the spline. All in single precision; the field's coefficients are the polynomial table.
-    """
-    t = library.types
+@built_once()
+def build_cube_sample(scene: Scene):
+    """Build the function of a cube's potential."""
+    t = scene.types
     vec3, vec4, Field = t.vec3, t.vec4, t.Field
     number, per_cell = wp.float32, 2.0 / CUBE_SIDE
     row, side = wp.constant(CUBE_ROW), wp.constant(CUBE_SIDE)
@@ -90,6 +87,11 @@ def build_cube_sample(library: KernelLibrary):
 
     @wp.func
     def cube_sample(field: Field, place: vec3):
+        """Potential and its gradient [1/m], and bounds of their errors.
+
+        The errors are relative to the spline. All in single precision; the field's coefficients are the polynomial
+        table.
+        """
         i, u = cube_of(place[0], field.row[0])
         j, v = cube_of(place[1], field.row[1])
         k, w = cube_of(place[2], field.row[2])

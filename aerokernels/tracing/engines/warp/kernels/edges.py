@@ -9,10 +9,12 @@ In the plane of the mesh the ray is a parabola. With an axis its radius is a roo
 a conical edge c + b t = e r(t) is solved for a straight ray, then corrected for its bend.
 """
 
+from types import SimpleNamespace
+
 import warp as wp
 
 from ....scheme import EDGE_ROUNDING, EDGE_STAND_OFF, EDGES_PASSED, KINK_PATH, KINK_SHARE, STEP_SHARE, TINY
-from ..library import KernelLibrary, built_once
+from ..library import Scene, built_once
 from .error import build_bends
 
 # Stands for a time that does not exist.
@@ -22,12 +24,18 @@ NO_EDGE = 1e30
 REST, BEYOND = 0.1, 0.05
 
 
-@built_once
-def build_edge_time(library: KernelLibrary, geometry: str):
-    """Build functions: the second corner of an edge, and the time at which a ray leaves its cell through the edge."""
-    t = library.types
-    real, vec2, vec3, Field = t.real, t.vec2, t.vec3, t.Field
-    tiny = TINY[library.precision]
+@built_once("geometry", "interpolation")
+def build_edges(scene: Scene):
+    """Build the functions of a mesh's edges."""
+    geometry, interpolation = scene.geometry, scene.interpolation
+    t = scene.types
+    real, vec2, vec3, Field, Control, StopGeometry = t.real, t.vec2, t.vec3, t.Field, t.Control, t.StopGeometry
+    Stride = t.Stride
+    tiny = TINY[scene.precision]
+    bends = build_bends(scene)
+    # The jumps of other interpolants are not all of their kinks: steps end at every edge.
+    kinks_passed = interpolation == "bilinear"
+    twice_kink_share = 2.0 * KINK_SHARE
 
     @wp.func
     def edge_end(field: Field, edge: int):
@@ -93,22 +101,6 @@ def build_edge_time(library: KernelLibrary, geometry: str):
                             best = time
         return best
 
-    return edge_end, edge_time
-
-
-@built_once
-def build_edges(library: KernelLibrary, geometry: str, interpolation: str):
-    """Build functions: the next step, the rest to its edge, and what rounding of the crossing's place may change."""
-    t = library.types
-    real, vec2, vec3 = t.real, t.vec2, t.vec3
-    Field, Control, StopGeometry, Stride = t.Field, t.Control, t.StopGeometry, t.Stride
-    edge_end, edge_time = build_edge_time(library, geometry)
-    bend_arm, bend_share, _, _ = build_bends(library)
-    tiny = TINY[library.precision]
-    # The jumps of other interpolants are not all of their kinks: steps end at every edge.
-    kinks_passed = interpolation == "bilinear"
-    twice_kink_share = 2.0 * KINK_SHARE
-
     @wp.func
     def step_to_edge(
         field: Field,
@@ -130,7 +122,7 @@ def build_edges(library: KernelLibrary, geometry: str, interpolation: str):
         """
         out = Stride()
         out.edge = int(-1)
-        arm = bend_arm(to_stop, max_deflection)
+        arm = bends.bend_arm(to_stop, max_deflection)
         share = real(STEP_SHARE) * wp.max(real(1.0) - used / control.tolerance, real(0.0))
         near = field.edge_tolerance / wp.length(total)
         cell = int(current_cell)
@@ -156,7 +148,7 @@ def build_edges(library: KernelLibrary, geometry: str, interpolation: str):
                 h += real(BEYOND) * gap
             h = wp.min(h, longest)
             if count > 0:
-                allowed = control.tolerance * bend_share(wp.max(share, h * index / to_stop.reach))
+                allowed = control.tolerance * bends.bend_share(wp.max(share, h * index / to_stop.reach))
                 bend = real(twice_kink_share) * h * kinks * arm + real(KINK_PATH) * h * h * kinks * field.ambient
                 if wp.static(not kinks_passed) or bend > allowed:
                     break
@@ -208,4 +200,4 @@ def build_edges(library: KernelLibrary, geometry: str, interpolation: str):
             return field.kinks[edge] * (late / pace)
         return field.kinks[edge] * h
 
-    return step_to_edge, rest_to_edge, edge_rounding
+    return SimpleNamespace(**locals())

@@ -1,5 +1,7 @@
 """Device functions: both ends of a ray, before its first step and after its last one. In float64."""
 
+from types import SimpleNamespace
+
 import warp as wp
 
 from ....scheme import (
@@ -13,39 +15,36 @@ from ....scheme import (
 )
 from ....status import RayStatus
 from ....tableau import NEARLY_STRAIGHT, has_consistent_gradient
-from ..library import KernelLibrary, built_once
-from .box import (
-    FACE_COUNT,
-    build_crossing,
-    build_detour,
-    build_grazing_correction,
-    build_meeting,
-    build_surface_distance,
-)
+from ..library import Scene, built_once
+from .box import FACE_COUNT, build_box
 from .crossings import NEVER
 from .motion import deflection
-from .wall import build_body_entry, build_body_exit, build_outward_normal
+from .wall import build_wall
 
 
-@built_once
-def build_start(library: KernelLibrary, geometry: str, stop: str, has_body: bool):
-    """Build a function (field, bounds, p, d) -> initial status of a ray, and Interval of the undisturbed ray."""
-    t = library.types
-    real, Field, Bounds, Interval = t.real, t.Field, t.Bounds, t.Interval
-    crossing = build_crossing(library, geometry)
-    body_exit = build_body_exit(library, geometry)
-    body_entry = build_body_entry(library, geometry)
-    outward_normal = build_outward_normal(library, geometry)
-    ok, not_reached = int(RayStatus.OK), int(RayStatus.STOP_NOT_REACHED)
+@built_once("geometry", "interpolation", "method", "stop", "has_body")
+def build_ends(scene: Scene):
+    """Build the functions of both ends of a ray."""
+    geometry, interpolation, method = scene.geometry, scene.interpolation, scene.method
+    stop, has_body = scene.stop, scene.has_body
+    t = scene.types
+    real, vec3, vec4, Field, Bounds, Interval = t.real, t.vec3, t.vec4, t.Field, t.Bounds, t.Interval
+    StopGeometry, Control, Arrival = t.StopGeometry, t.Control, t.Arrival
+    box, wall = build_box(scene), build_wall(scene)
     inside_body, hit_body = int(RayStatus.INSIDE_BODY), int(RayStatus.HIT_BODY)
+    faces = wp.constant(FACE_COUNT[geometry])
+    direction_noise = DIRECTION_NOISE[scene.precision]
+    consistent_gradient = has_consistent_gradient(interpolation)
+    ok, missed_field, not_reached = int(RayStatus.OK), int(RayStatus.MISSED_FIELD), int(RayStatus.STOP_NOT_REACHED)
 
     @wp.func
     def start_of(field: Field, bounds: Bounds, p: wp.vec3d, d: wp.vec3d):
+        """Initial status of a ray, and Interval of the undisturbed ray."""
         none = wp.float64(0.0)
         status = int(ok)
 
         # Where the undisturbed ray stops, and whether it meets the box before.
-        span = crossing(bounds.low, bounds.high, bounds.radius, p, d)
+        span = box.crossing(bounds.low, bounds.high, bounds.radius, p, d)
         enter = wp.max(span[0], none)
         meets = span[0] <= span[1] and span[1] >= none
         stop_distance = span[1]
@@ -74,9 +73,9 @@ def build_start(library: KernelLibrary, geometry: str, stop: str, has_body: bool
         normal = wp.vec3d(none, none, none)
         if wp.static(has_body):
             if meets:
-                exit = body_exit(field, p, d, enter)
+                exit = wall.body_exit(field, p, d, enter)
                 leaves = exit.exit
-                hits = body_entry(field, p, d, enter)
+                hits = wall.body_entry(field, p, d, enter)
                 if hits < wp.float64(NEVER):
                     status = int(hit_body)
                     enter = hits
@@ -89,7 +88,7 @@ def build_start(library: KernelLibrary, geometry: str, stop: str, has_body: bool
                 else:
                     enter = leaves
                     if exit.odd:
-                        normal = outward_normal(field, exit.piece, p + leaves * d)
+                        normal = wall.outward_normal(field, exit.piece, p + leaves * d)
 
         t_exit = span[1]
         if has_stop and wp.static(stop != "none"):
@@ -105,23 +104,13 @@ def build_start(library: KernelLibrary, geometry: str, stop: str, has_body: bool
         interval.side = side
         return status, interval
 
-    return start_of
-
-
-@built_once
-def build_last_surface(library: KernelLibrary, geometry: str, stop: str):
-    """Build a function (bounds, interval, p, d) -> number of the surface on which the undisturbed ray ends."""
-    t = library.types
-    Bounds, Interval = t.Bounds, t.Interval
-    surface_distance = build_surface_distance(library, geometry)
-    faces = wp.constant(FACE_COUNT[geometry])
-
     @wp.func
     def surface_of(bounds: Bounds, interval: Interval, p: wp.vec3d, d: wp.vec3d):
+        """Number of the surface on which the undisturbed ray ends."""
         nearest = int(0)
         least = wp.float64(1.0e300)
         for k in range(faces):
-            miss = wp.abs(surface_distance(bounds, k, p + interval.t_exit * d)[0])
+            miss = wp.abs(box.surface_distance(bounds, k, p + interval.t_exit * d)[0])
             if miss < least:
                 least = miss
                 nearest = k
@@ -130,51 +119,31 @@ def build_last_surface(library: KernelLibrary, geometry: str, stop: str):
                 nearest = faces
         return nearest
 
-    return surface_of
-
-
-@built_once
-def build_obliquity(library: KernelLibrary, geometry: str, stop: str):
-    """Build a function (bounds, interval, p, d) -> shift of the stop along d per sideways shift of the ray.
-
-    This is the tangent of the angle of incidence on the stop, at most the tangent that STEEPEST_COSINE allows.
-    """
-    t = library.types
-    real, Bounds, Interval = t.real, t.Bounds, t.Interval
-    surface_distance = build_surface_distance(library, geometry)
-    surface_of = build_last_surface(library, geometry, stop)
-
     @wp.func
     def obliquity_of(bounds: Bounds, interval: Interval, p: wp.vec3d, d: wp.vec3d):
+        """Shift of the stop along d per sideways shift of the ray.
+
+        This is the tangent of the angle of incidence on the stop, at most the tangent that STEEPEST_COSINE allows.
+        """
         obliquity = real(0.0)
         if wp.static(stop != "arc"):
             if interval.has_stop:
                 normal = bounds.plane_normal
                 if wp.static(stop == "none"):
-                    miss = surface_distance(bounds, surface_of(bounds, interval, p, d), p + interval.t_exit * d)
+                    miss = box.surface_distance(bounds, surface_of(bounds, interval, p, d), p + interval.t_exit * d)
                     normal = wp.vec3d(miss[1], miss[2], miss[3])
                 cosine = wp.dot(normal, d)
                 obliquity = real(wp.length(normal - cosine * d) / wp.max(wp.abs(cosine), wp.float64(STEEPEST_COSINE)))
         return obliquity
 
-    return obliquity_of
-
-
-@built_once
-def build_stop_geometry(library: KernelLibrary, geometry: str, stop: str, controlled: bool):
-    """Build a function (bounds, control, interval, p, d) -> StopGeometry."""
-    t = library.types
-    real, StopGeometry, Bounds, Control, Interval = t.real, t.StopGeometry, t.Bounds, t.Control, t.Interval
-    obliquity_of = build_obliquity(library, geometry, stop)
-    direction_noise = DIRECTION_NOISE[library.precision]
-
     @wp.func
     def stop_geometry_of(bounds: Bounds, control: Control, interval: Interval, p: wp.vec3d, d: wp.vec3d):
+        """StopGeometry."""
         reach = control.extent  # along x a planar box has no end
         if interval.t_exit - interval.t_enter < wp.float64(1.0e30):
             reach = real(interval.t_exit - interval.t_enter)
         obliquity = real(0.0)
-        if wp.static(controlled):
+        if wp.static(method in ("adaptive", "straight")):
             obliquity = obliquity_of(bounds, interval, p, d)
         beyond = real(0.0)
         resolution = real(direction_noise)
@@ -187,27 +156,6 @@ def build_stop_geometry(library: KernelLibrary, geometry: str, stop: str, contro
             square = wp.sqrt(real(1.0) + real(0.25) * obliquity * beyond * wp.max(control.cell_rate))
             derating = real(1.0) / wp.sqrt(square)
         return StopGeometry(obliquity, reach + beyond, reach, derating, resolution)
-
-    return stop_geometry_of
-
-
-@built_once
-def build_end(library: KernelLibrary, geometry: str, interpolation: str, stop: str):
-    """Build a function -> Arrival, the ray at its stop.
-
-    It adds the sums of the steps, (sigma, S, M, B), to the straight ray and flies on to a stop outside the box. p and d
-    are the ray's start and direction, `interval` and `status` are those of `build_start`. `ends_on` is the number of
-    the surface on which the ray ended, or -1. `max_deflection` is the greatest angle between the ray and d.
-    """
-    t = library.types
-    real, vec3, vec4, Bounds, Control, Interval = t.real, t.vec3, t.vec4, t.Bounds, t.Control, t.Interval
-    Arrival = t.Arrival
-    meeting = build_meeting(library, geometry)
-    grazing_correction = build_grazing_correction(library, geometry)
-    detour = build_detour(library, geometry)
-    face_count = wp.constant(FACE_COUNT[geometry])
-    consistent_gradient = has_consistent_gradient(interpolation)
-    ok, missed_field, not_reached = int(RayStatus.OK), int(RayStatus.MISSED_FIELD), int(RayStatus.STOP_NOT_REACHED)
 
     @wp.func
     def end_of(
@@ -225,6 +173,13 @@ def build_end(library: KernelLibrary, geometry: str, interpolation: str, stop: s
         sums_carry: vec4,
         max_deflection: real,
     ):
+        """Arrival, the ray at its stop.
+
+        It adds the sums of the steps, (sigma, S, M, B), to the straight ray and flies on to a stop outside the box. p
+        and d are the ray's start and direction, `interval` and `status` are those of `build_start`. `ends_on` is the
+        number of the surface on which the ray ended, or -1. `max_deflection` is the greatest angle between the ray and
+        d.
+        """
         ambient = bounds.ambient
         none = wp.float64(0.0)
         status = int(status)
@@ -244,8 +199,8 @@ def build_end(library: KernelLibrary, geometry: str, interpolation: str, stop: s
         along = interval.t_enter + ambient * sigma  # distance along the straight ray
         grazing = wp.vec2d(none, wp.float64(1.0))
         if ends_on >= 0 and ends_on < wp.static(ARC_SURFACE):
-            along = meeting(bounds, ends_on, p + q64, d, along)
-            rest = grazing_correction(bounds, control, ends_on, p + along * d + q64, d, heading)
+            along = box.meeting(bounds, ends_on, p + q64, d, along)
+            rest = box.grazing_correction(bounds, control, ends_on, p + along * d + q64, d, heading)
             along += rest[0]
             q64 += rest[0] * tangent_change
             grazing = wp.vec2d(rest[1], rest[2])
@@ -259,7 +214,7 @@ def build_end(library: KernelLibrary, geometry: str, interpolation: str, stop: s
         flight = none
         if status == ok:
             if wp.static(stop == "plane"):
-                if not interval.meets or (ends_on >= 0 and ends_on != face_count):
+                if not interval.meets or (ends_on >= 0 and ends_on != faces):
                     here = p + along * d + q64
                     height = wp.dot(bounds.plane_normal, here - bounds.plane_point)
                     slope = wp.dot(bounds.plane_normal, heading)
@@ -287,7 +242,7 @@ def build_end(library: KernelLibrary, geometry: str, interpolation: str, stop: s
                 if wp.abs(descent) > wp.float64(LEAST_COSINE):
                     further = -wp.dot(bounds.plane_normal, deviation) / descent
             elif ends_on >= 0:
-                further = detour(bounds, ends_on, p, d, deviation, stop_distance, further)
+                further = box.detour(bounds, ends_on, p, d, deviation, stop_distance, further)
             opd = work + ambient * further
         else:
             opd = work - ambient * stretch
@@ -303,4 +258,4 @@ def build_end(library: KernelLibrary, geometry: str, interpolation: str, stop: s
         arrival.status = status
         return arrival
 
-    return end_of
+    return SimpleNamespace(**locals())

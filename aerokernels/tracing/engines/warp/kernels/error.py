@@ -5,6 +5,8 @@ their effect further along the ray. On a nearly straight ray a quadrature of deg
 the ray gives a sharper error of S.
 """
 
+from types import SimpleNamespace
+
 import warp as wp
 
 from .....medium.mesh_samples import MESH_INTERPOLATIONS
@@ -37,16 +39,17 @@ from ....tableau import (
     C,
     has_consistent_gradient,
 )
-from ..library import KernelLibrary, built_once
+from ..library import Scene, built_once
 from .box import FACE_COUNT
-from .motion import build_contrast
+from .motion import build_motion
 
 
-@built_once
-def build_bends(library: KernelLibrary):
-    """Build functions of errors by kinks of a mesh: weight of a direction, share of a step, sum, error of a ray."""
-    t = library.types
+@built_once()
+def build_bends(scene: Scene):
+    """Build the functions of errors by kinks of a mesh, and of what becomes of a ray by its error."""
+    t = scene.types
     real, vec2, vec3, Bends, StopGeometry = t.real, t.vec2, t.vec3, t.Bends, t.StopGeometry
+    ok, tolerance_not_met, max_steps = int(RayStatus.OK), int(RayStatus.TOLERANCE_NOT_MET), int(RayStatus.MAX_STEPS)
 
     @wp.func
     def bend_arm(to_stop: StopGeometry, max_deflection: real):
@@ -79,22 +82,38 @@ def build_bends(library: KernelLibrary):
         """Error of a ray by the kinks that its steps crossed [m]."""
         return wp.min(bends.sizes, bends.greatest + real(BEND_SPREAD) * bends.root)
 
-    return bend_arm, bend_share, with_bend, bend_error
+    @wp.func
+    def judged_status(status: int, tolerance: real, used: real):
+        """Status of a ray, by its error `used`: TOLERANCE_NOT_MET where it is to be traced again, see retrace.py.
+
+        So is a ray whose steps float32 exhausted, with an infinite error: rounding may have kept them short, or refused
+        them, so that float64 decides.
+        """
+        judged, error = status, used
+        if wp.static(scene.precision == "float32"):
+            if status == max_steps and wp.isfinite(used):
+                judged, error = int(tolerance_not_met), real(wp.inf)
+        if status == ok and not (used <= tolerance):
+            judged = int(tolerance_not_met)
+        return judged, error
+
+    return SimpleNamespace(**locals())
 
 
-@built_once
-def build_step_error(library: KernelLibrary, geometry: str, interpolation: str, stop: str):
-    """Build functions: error of a step, its rounding and limit, gain behind a face, errors at the stop."""
-    t = library.types
+@built_once("geometry", "interpolation", "stop")
+def build_error(scene: Scene):
+    """Build the functions of errors."""
+    geometry, interpolation, stop = scene.geometry, scene.interpolation, scene.stop
+    t = scene.types
     real, vec3, vec4, Bounds, Control, StopGeometry = t.real, t.vec3, t.vec4, t.Bounds, t.Control, t.StopGeometry
-    contrast = build_contrast(library)
-    tiny = TINY[library.precision]
+    motion = build_motion(scene)
+    tiny = TINY[scene.precision]
     consistent_gradient = has_consistent_gradient(interpolation)
     sharpened = interpolation in ("cubic", "linear")
     on_mesh = interpolation in MESH_INTERPOLATIONS
-    noise = NOISE[library.precision]
-    direction_noise = DIRECTION_NOISE[library.precision]
-    event_location_noise = EVENT_LOCATION_NOISE[library.precision]
+    noise = NOISE[scene.precision]
+    direction_noise = DIRECTION_NOISE[scene.precision]
+    event_location_noise = EVENT_LOCATION_NOISE[scene.precision]
     plane = wp.constant(FACE_COUNT[geometry])
     c2, c3 = (float(v) for v in C[1:3])
     e1, e2, e3, e4 = (float(v) for v in B_ERROR)
@@ -155,8 +174,8 @@ def build_step_error(library: KernelLibrary, geometry: str, interpolation: str, 
         error = real(4.0) * error_ratio * wp.abs(error_s)
         if wp.static(not consistent_gradient) or angle > real(NEARLY_STRAIGHT):
             # The errors along d and in arc length.
-            error_m = real(f1) * contrast(ambient, pot) + real(f2) * contrast(ambient, s2[0])
-            error_m += real(f3) * contrast(ambient, s3[0]) + real(f4) * contrast(ambient, s4[0])
+            error_m = real(f1) * motion.contrast(ambient, pot) + real(f2) * motion.contrast(ambient, s2[0])
+            error_m += real(f3) * motion.contrast(ambient, s3[0]) + real(f4) * motion.contrast(ambient, s4[0])
             error += ambient * (wp.abs(wp.dot(error_q, d)) + h * wp.abs(error_m))
         error_q -= wp.dot(error_q, d) * d
         error_p -= wp.dot(error_p, d) * d
@@ -292,28 +311,4 @@ def build_step_error(library: KernelLibrary, geometry: str, interpolation: str, 
             rounded += displacement / cosine
         return used + opd_rate * (shortfall + rounded)
 
-    return step_error, step_rounding, attainable_error, possible_gain, stop_error, event_location_error
-
-
-@built_once
-def build_judgement(library: KernelLibrary):
-    """Build a function -> (status, error) of a ray that has ended."""
-    real = library.types.real
-    ok, tolerance_not_met, max_steps = int(RayStatus.OK), int(RayStatus.TOLERANCE_NOT_MET), int(RayStatus.MAX_STEPS)
-
-    @wp.func
-    def judged_status(status: int, tolerance: real, used: real):
-        """Status of a ray, by its error `used`: TOLERANCE_NOT_MET where it is to be traced again, see retrace.py.
-
-        So is a ray whose steps float32 exhausted, with an infinite error: rounding may have kept them short, or refused
-        them, so that float64 decides.
-        """
-        judged, error = status, used
-        if wp.static(library.precision == "float32"):
-            if status == max_steps and wp.isfinite(used):
-                judged, error = int(tolerance_not_met), real(wp.inf)
-        if status == ok and not (used <= tolerance):
-            judged = int(tolerance_not_met)
-        return judged, error
-
-    return judged_status
+    return SimpleNamespace(**locals())

@@ -6,6 +6,8 @@ still far from the place where it meets it: the rest must be short compared with
 errors.
 """
 
+from types import SimpleNamespace
+
 import warp as wp
 
 from ....scheme import (
@@ -18,32 +20,36 @@ from ....scheme import (
     TOLERANCE_COUNTED,
 )
 from ....tableau import BT
-from ..library import KernelLibrary, built_once
-from .box import FACE_COUNT, FLAT_AXES, build_surface
-from .motion import build_contrast
+from ..library import Scene, built_once
+from .box import FACE_COUNT, FLAT_AXES, build_box
+from .motion import build_motion
 
 
-@built_once
-def build_event_location(library: KernelLibrary, geometry: str, stop: str):
-    """Build functions about the surfaces on which a ray can end: the step to one, what it misses, the intersection."""
-    t = library.types
-    real, vec3, Control = t.real, t.vec3, t.Control
-    surface = build_surface(library, geometry)
+@built_once("geometry", "stop")
+def build_event_location(scene: Scene):
+    """Build the functions about the surfaces and the arc length on which a ray can end."""
+    geometry, stop = scene.geometry, scene.stop
+    t = scene.types
+    real, vec3, vec4, Control = t.real, t.vec3, t.vec4, t.Control
+    box = build_box(scene)
     face_count = wp.constant(FACE_COUNT[geometry])
     surface_count = wp.constant(FACE_COUNT[geometry] + (1 if stop == "plane" else 0))
-    single = library.precision == "float32"
-    surface_tolerance = SURFACE_TOLERANCE[library.precision]
-    event_location_noise = EVENT_LOCATION_NOISE[library.precision]
-    least_rise = LEAST_RISE[library.precision]
+    single = scene.precision == "float32"
+    surface_tolerance = SURFACE_TOLERANCE[scene.precision]
+    event_location_noise = EVENT_LOCATION_NOISE[scene.precision]
+    least_rise = LEAST_RISE[scene.precision]
     flat_count = wp.constant(2 * FLAT_AXES[geometry])
     clear_by = max(surface_tolerance, event_location_noise)
     most_behind = 2.5 * EVENT_LOCATION_SHARE  # a product inside a kernel would be computed in float32
     none = 1e30
+    motion = build_motion(scene)
+    arc_surface = wp.constant(ARC_SURFACE)
+    v1, v2, v3, v4 = (float(b) for b in BT)
 
     @wp.func
     def oriented(control: Control, k: int, side: real, cell: wp.vec3i, frac: vec3):
         """As `surface`, with the plane's normal turned away from the ray's start."""
-        s = surface(control, k, cell, frac)
+        s = box.surface(control, k, cell, frac)
         if k == face_count:
             s = side * s
         return s
@@ -301,28 +307,6 @@ def build_event_location(library: KernelLibrary, geometry: str, stop: str):
         # Outside, and coming back or not moving relative to the surface.
         return real(0.0), bool(h <= real(1.0e-9) * h_cell or now[0] > real(1.0e-3) * unit)
 
-    return (
-        event_location,
-        time_beyond_face,
-        leaves_by_rounding,
-        overshoots,
-        passed_surface,
-        face_margin,
-        in_face,
-        surface_intersection,
-    )
-
-
-@built_once
-def build_arc_event_location(library: KernelLibrary):
-    """Build functions for a stop at an arc length: the step that ends there, what it misses, the intersection."""
-    t = library.types
-    real, vec3, vec4 = t.real, t.vec3, t.vec4
-    contrast = build_contrast(library)
-    arc_surface = wp.constant(ARC_SURFACE)
-    v1, v2, v3, v4 = (float(b) for b in BT)
-    most_behind = 2.5 * EVENT_LOCATION_SHARE  # a product inside a kernel would be computed in float32
-
     @wp.func
     def arc_event_location(rest: real, index: real, total: vec3, force: vec3, h: real, event: int):
         """The step over `rest` of arc, if it is no longer than h; the index changes along it."""
@@ -335,8 +319,8 @@ def build_arc_event_location(library: KernelLibrary):
     @wp.func
     def passes_arc(rest: real, ambient: real, pot: real, s2: vec4, s3: vec4, s4: vec4, h: real):
         """Whether a step of length h with `rest` of arc before it ends further behind the arc than a share of it."""
-        m = real(v1) * contrast(ambient, pot) + real(v2) * contrast(ambient, s2[0])
-        m += real(v3) * contrast(ambient, s3[0]) + real(v4) * contrast(ambient, s4[0])
+        m = real(v1) * motion.contrast(ambient, pot) + real(v2) * motion.contrast(ambient, s2[0])
+        m += real(v3) * motion.contrast(ambient, s3[0]) + real(v4) * motion.contrast(ambient, s4[0])
         return h * (ambient + m) - rest > real(most_behind) * ambient * h
 
     @wp.func
@@ -347,4 +331,4 @@ def build_arc_event_location(library: KernelLibrary):
             return wp.max(real(2.0) * rest / (index + root), -h), bool(True)
         return real(0.0), bool(False)
 
-    return arc_event_location, passes_arc, arc_surface_intersection
+    return SimpleNamespace(**locals())

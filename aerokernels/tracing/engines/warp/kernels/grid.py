@@ -1,22 +1,58 @@
 """Device functions: the optical potential on a uniform grid. The interpolants are those of medium/spline.py."""
 
+from types import SimpleNamespace
+
 import warp as wp
 
 from .....medium.grid import AXIS_CORE
 from .....medium.spline import STRIDE, SUPPORT
-from ..library import KernelLibrary, built_once
-from .native_lookup import build_entry, build_volume_lookup, on_processor
+from ..library import Scene, built_once
+
+# On a CPU a row of coefficients is a vector. All sums are in the order of grid.py: the results are the same to the bit.
+VOLUME_LOOKUP = """
+#if defined(__CUDA_ARCH__)
+    return wp::vec_t<4, REAL>();
+#else
+    typedef REAL four __attribute__((vector_size(4 * sizeof(REAL))));
+    typedef REAL row_in_memory __attribute__((vector_size(4 * sizeof(REAL)), aligned(sizeof(REAL))));
+    four total = {}, first = {}, second = {};
+    for (int i = 0; i < 4; i++) {
+        four sheet = {}, bend = {};
+        for (int j = 0; j < 4; j++) {
+            const four row = *(const row_in_memory *)(coefficients.data + start + i * pitch[0] + j * pitch[1]);
+            sheet = sheet + wb[j] * row;
+            bend = bend + sb[j] * row;
+        }
+        total = total + wa[i] * sheet;
+        first = first + sa[i] * sheet;
+        second = second + wa[i] * bend;
+    }
+    auto sum = [](wp::vec_t<4, REAL> w, four v) { return w[0] * v[0] + w[1] * v[1] + w[2] * v[2] + w[3] * v[3]; };
+    return wp::vec_t<4, REAL>(sum(wc, total), sum(wc, first), sum(wc, second), sum(sc, total));
+#endif
+"""
 
 
-@built_once
-def build_weights(library: KernelLibrary, interpolation: str):
-    """Build functions u -> weights of the coefficients at fraction u of a cell, and u -> slopes of these weights.
+@wp.func_native("""
+#if defined(__CUDA_ARCH__)
+    return false;
+#else
+    return true;
+#endif
+""")
+def on_processor() -> bool:
+    """Whether the kernel is compiled for a CPU; the compiler drops the branch not taken."""
+    ...
 
-    Both return vectors of four numbers, of which linear interpolation uses two.
-    """
-    t = library.types
-    real, vec4 = t.real, t.vec4
+
+@built_once("geometry", "interpolation")
+def build_grid(scene: Scene):
+    """Build the functions of a grid's interpolant."""
+    geometry, interpolation = scene.geometry, scene.interpolation
+    t = scene.types
+    real, vec4, vec3, Field = t.real, t.vec4, t.vec3, t.Field
     one_sixth = 1.0 / 6.0  # a quotient written inside a kernel would be computed in float32
+    support, stride = SUPPORT[interpolation], STRIDE[interpolation]
 
     if interpolation == "linear":
 
@@ -65,17 +101,29 @@ def build_weights(library: KernelLibrary, interpolation: str):
                 real(-6.0) * u * v, v * (real(1.0) - real(3.0) * u), real(6.0) * u * v, u * (real(3.0) * u - real(2.0))
             )
 
-    return value_weights, slope_weights
+    @wp.func_native("return numbers.data[place];")
+    def entry(numbers: wp.array(dtype=real), place: int) -> real:
+        """The number at that place of a contiguous array."""
+        ...
 
+    @wp.func_native(VOLUME_LOOKUP.replace("REAL", f"wp::{scene.precision}"))
+    def volume_lookup(
+        coefficients: wp.array(dtype=real),
+        start: int,
+        pitch: wp.vec3i,
+        wa: vec4,
+        sa: vec4,
+        wb: vec4,
+        sb: vec4,
+        wc: vec4,
+        sc: vec4,
+    ) -> vec4:
+        """Value and slopes per cell of a volume, for CPUs only; see VOLUME_LOOKUP.
 
-@built_once
-def build_sample(library: KernelLibrary, geometry: str, interpolation: str):
-    """Build a function (field, cell, frac, current_cell) -> potential s = (n^2 - a^2) / 2 and its gradient [1/m]."""
-    t = library.types
-    real, vec3, vec4, Field = t.real, t.vec3, t.vec4, t.Field
-    value_weights, slope_weights = build_weights(library, interpolation)
-    support, stride = SUPPORT[interpolation], STRIDE[interpolation]
-    entry, volume_lookup = build_entry(library), build_volume_lookup(library)
+        Its arguments: the coefficients, the entry at which the cell's coefficients begin, the distance of its rows
+        along the first two axes, and the four weights and their slopes along each axis.
+        """
+        ...
 
     @wp.func
     def split(place: real, base: int, last: int):
@@ -145,6 +193,7 @@ def build_sample(library: KernelLibrary, geometry: str, interpolation: str):
 
         @wp.func
         def sample(field: Field, cell: wp.vec3i, frac: vec3, current_cell: int):
+            """Potential s = (n^2 - a^2) / 2 and its gradient [1/m]."""
             a, u = split(frac[0], cell[0], field.row[0])
             b, v = split(frac[1], cell[1], field.row[1])
             c, w = split(frac[2], cell[2], field.row[2])
@@ -156,6 +205,7 @@ def build_sample(library: KernelLibrary, geometry: str, interpolation: str):
 
         @wp.func
         def sample(field: Field, cell: wp.vec3i, frac: vec3, current_cell: int):
+            """Potential s = (n^2 - a^2) / 2 and its gradient [1/m]."""
             a, u = split(frac[1], cell[1], field.row[0])
             b, v = split(frac[2], cell[2], field.row[1])
             s = plane_sample(field, a, u, b, v)
@@ -165,6 +215,7 @@ def build_sample(library: KernelLibrary, geometry: str, interpolation: str):
 
         @wp.func
         def sample(field: Field, cell: wp.vec3i, frac: vec3, current_cell: int):
+            """Potential s = (n^2 - a^2) / 2 and its gradient [1/m]."""
             radius = wp.sqrt(frac[0] * frac[0] + frac[1] * frac[1])
             a, u = split(radius, 0, field.row[0])
             b, v = split(frac[2], cell[2], field.row[1])
@@ -176,19 +227,11 @@ def build_sample(library: KernelLibrary, geometry: str, interpolation: str):
                 outward = s[1] * field.inverse_spacing[0] / radius
             return vec4(s[0], outward * frac[0], outward * frac[1], s[2] * field.inverse_spacing[2])
 
-    return sample
-
-
-@built_once
-def build_paper_step(library: KernelLibrary, geometry: str):
-    """Build a function (field, cell, frac, current_cell) -> step length of eq 5 in the cell of the point [m]."""
-    t = library.types
-    vec3, Field = t.vec3, t.Field
-
     if geometry == "volume":
 
         @wp.func
         def paper_step(field: Field, cell: wp.vec3i, frac: vec3, current_cell: int):
+            """Step length of eq 5 in the cell of the point [m]."""
             a = wp.clamp(cell[0] + int(wp.floor(frac[0])), 0, field.row[0])
             b = wp.clamp(cell[1] + int(wp.floor(frac[1])), 0, field.row[1])
             c = wp.clamp(cell[2] + int(wp.floor(frac[2])), 0, field.row[2])
@@ -198,6 +241,7 @@ def build_paper_step(library: KernelLibrary, geometry: str):
 
         @wp.func
         def paper_step(field: Field, cell: wp.vec3i, frac: vec3, current_cell: int):
+            """Step length of eq 5 in the cell of the point [m]."""
             a = wp.clamp(cell[1] + int(wp.floor(frac[1])), 0, field.row[0])
             b = wp.clamp(cell[2] + int(wp.floor(frac[2])), 0, field.row[1])
             return field.paper_step[a * (field.row[1] + 1) + b]
@@ -206,22 +250,15 @@ def build_paper_step(library: KernelLibrary, geometry: str):
 
         @wp.func
         def paper_step(field: Field, cell: wp.vec3i, frac: vec3, current_cell: int):
+            """Step length of eq 5 in the cell of the point [m]."""
             radius = wp.sqrt(frac[0] * frac[0] + frac[1] * frac[1])
             a = wp.clamp(int(wp.floor(radius)), 0, field.row[0])
             b = wp.clamp(cell[2] + int(wp.floor(frac[2])), 0, field.row[1])
             return field.paper_step[a * (field.row[1] + 1) + b]
 
-    return paper_step
-
-
-@built_once
-def build_find_current_cell(library: KernelLibrary, geometry: str):
-    """Build a function (field, frac, current_cell) -> current_cell: only a mesh needs the cell of the last lookup."""
-    t = library.types
-    vec3, Field = t.vec3, t.Field
-
     @wp.func
     def find_current_cell(field: Field, frac: vec3, current_cell: int):
+        """The cell itself: only a mesh needs the cell of the last lookup."""
         return current_cell
 
-    return find_current_cell
+    return SimpleNamespace(**locals())

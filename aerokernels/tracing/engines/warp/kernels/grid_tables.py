@@ -5,7 +5,7 @@ Their OpenCL twins are the kernels of the same names in kernels/, whose comments
 
 import warp as wp
 
-from ..library import KernelLibrary, built_once
+from ..library import Scene, built_once
 
 # Nodes that are read ahead of the elimination of a spline: each step would otherwise wait for memory.
 # (Warp unrolls loops of up to 16.)
@@ -194,10 +194,10 @@ def block_maxima(values_in: Doubles, count: int, pitch: int, block: int, first_p
     maxima_out[place] = greatest_size
 
 
-@built_once
-def build_rounding_kernel(library: KernelLibrary):
+@built_once()
+def build_rounding_kernel(scene: Scene):
     """Build the kernel that rounds coefficients to a precision."""
-    real = library.types.real
+    real = scene.types.real
 
     @wp.kernel(module="unique", enable_backward=False)
     def round_coefficients(values_in: Doubles, first_place: int, values_out: wp.array(dtype=real)):

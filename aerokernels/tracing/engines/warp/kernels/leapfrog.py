@@ -31,58 +31,45 @@ import warp as wp
 from ....result import OUTPUT_BITS
 from ....scheme import BEYOND_SUPPORT, LEAPFROG_ANGLE, LEAST_COSINE, LEFT_SHARE, STEEPEST_COSINE, TINY
 from ....status import RayStatus
-from ..library import KernelLibrary, built_once
-from .box import build_surface_distance
+from ..library import Scene, built_once
+from .box import build_box
 from .cubes import build_cube_sample
-from .ends import build_end, build_last_surface, build_start
-from .grid import build_sample
+from .ends import build_ends
+from .grid import build_grid
 from .motion import advance
 from .outputs import build_write_outputs
-from .quadrature import quadrature_weight
-from .support import (
-    build_exit,
-    build_keep_support,
-    build_leaves_support,
-    build_line_to,
-    build_may_have_left,
-    build_overrun,
-)
-from .unresolved import build_unresolved, build_with_lever_arm
-from .wall import build_has_clearance, build_starting_momentum
+from .support import build_support
+from .wall import build_wall
 
 # Per thread of a GPU: with the 200 that the compiler would use, too few rays could wait for memory at the same time.
 MOST_REGISTERS = 128
 
 
-@built_once
-def build_leapfrog_kernel(
-    library: KernelLibrary,
-    geometry: str,
-    interpolation: str,
-    stop: str,
-    has_body: bool,
-    cubes: bool = False,
-):
+@wp.func
+def quadrature_weight(k: int, count: int):
+    """Weight of sample k of `count`: the end-corrected midpoint rule."""
+    end = wp.min(k, count - 1 - k)
+    weight = wp.float64(1.0)
+    if end == 0:
+        weight = wp.float64(13.0) / wp.float64(12.0)
+    elif end == 1:
+        weight = wp.float64(0.875)
+    elif end == 2:
+        weight = wp.float64(25.0) / wp.float64(24.0)
+    return weight
+
+
+@built_once("geometry", "interpolation", "method", "stop", "has_body", "cubes")
+def build_leapfrog_kernel(scene: Scene):
     """Build the kernel for one kind of scene; its arguments are those of the tracer and the count of rejected rays."""
-    t = library.types
+    stop, has_body, cubes = scene.stop, scene.has_body, scene.cubes
+    t = scene.types
     real, vec3, vec4 = t.real, t.vec3, t.vec4
-    sample = build_cube_sample(library) if cubes else build_sample(library, geometry, interpolation)
-    start_of = build_start(library, geometry, stop, has_body)
-    end_of = build_end(library, geometry, interpolation, stop)
-    surface_distance = build_surface_distance(library, geometry)
-    surface_of = build_last_surface(library, geometry, stop)
-    overrun = build_overrun(library, geometry)
-    may_have_left = build_may_have_left(library, geometry)
-    keep_support = build_keep_support(library, geometry)
-    unresolved_of = build_unresolved(library, geometry)
-    with_lever_arm = build_with_lever_arm(library)
-    leaves_support = build_leaves_support(library, geometry)
-    exit_of = build_exit(library, geometry)
-    line_to = build_line_to(library, geometry)
-    has_clearance = build_has_clearance(library, geometry)
-    starting_momentum, write_outputs = build_starting_momentum(library), build_write_outputs(library)
+    sample = build_cube_sample(scene) if cubes else build_grid(scene).sample
+    box, ends, support, wall = build_box(scene), build_ends(scene), build_support(scene), build_wall(scene)
+    write_outputs = build_write_outputs(scene)
     ok = int(RayStatus.OK)
-    tiny = TINY[library.precision]
+    tiny = TINY[scene.precision]
     beyond_support = wp.constant(BEYOND_SUPPORT)
 
     # With fast_math a GPU uses its own roots and quotients, accurate to about two units in the last place; here they
@@ -104,7 +91,7 @@ def build_leapfrog_kernel(
         ray = thread + first_ray
         p0 = position_in[ray]
         d0 = direction_in[ray]
-        status, interval = start_of(field, bounds, p0, d0)
+        status, interval = ends.start_of(field, bounds, p0, d0)
         runs = bool(interval.meets and status == ok)
 
         d = vec3(real(d0[0]), real(d0[1]), real(d0[2]))
@@ -142,9 +129,9 @@ def build_leapfrog_kernel(
         if runs:
             whole = wp.vec2d(interval.t_enter, interval.t_exit)
             chord = interval.t_exit - interval.t_enter
-            uniform, enter, last = keep_support(bounds, p0, d0, interval.t_enter, interval.t_exit)
+            uniform, enter, last = support.keep_support(bounds, p0, d0, interval.t_enter, interval.t_exit)
             if not uniform:
-                ends_on = surface_of(bounds, interval, p0, d0)
+                ends_on = ends.surface_of(bounds, interval, p0, d0)
             interval.t_enter = enter
             interval.t_exit = last
             entry = wp.cw_div(p0 + interval.t_enter * d0 - bounds.origin, bounds.spacing)
@@ -158,7 +145,7 @@ def build_leapfrog_kernel(
                     at, _bound, _slope_bound = sample(field, start)
                 else:
                     at = sample(field, corner, start, 0)
-                momentum = starting_momentum(ambient, at[0], d, interval.normal)
+                momentum = wall.starting_momentum(ambient, at[0], d, interval.normal)
                 momentum -= wp.dot(momentum, d) * d
                 impulse += momentum
                 momentum_diff -= momentum
@@ -218,7 +205,7 @@ def build_leapfrog_kernel(
         momentum_diff += impulse
         deviation_diff = sigma * momentum_diff - (deviation_diff + moment)
         if runs:
-            missed = unresolved_of(field, control, start, d, length, q)
+            missed = support.unresolved_of(field, control, start, d, length, q)
         steep = wp.sqrt(ahead * ahead + wp.dot(force, force))
         s += real(0.5) * h * ahead
         if uniform:  # in uniform air there is no force
@@ -244,17 +231,17 @@ def build_leapfrog_kernel(
             tip = p0 + interval.t_exit * d0 + beside
             pull = slowness * force
             if uniform:
-                if length > real(0.0) and not leaves_support(bounds, tip, heading):
+                if length > real(0.0) and not support.leaves_support(bounds, tip, heading):
                     clear = bool(False)  # it has turned and may fly on through disturbed air
                 if wp.static(stop == "plane"):
                     ends_on = int(beyond_support)
                     normal = bounds.plane_normal
                 else:
-                    more, ends_on = exit_of(bounds, tip, heading)
+                    more, ends_on = support.exit_of(bounds, tip, heading)
             if ends_on != beyond_support:
                 if not uniform:
-                    more = line_to(bounds, ends_on, tip, heading)
-                miss = surface_distance(bounds, ends_on, tip + more * heading)
+                    more = support.line_to(bounds, ends_on, tip, heading)
+                miss = box.surface_distance(bounds, ends_on, tip + more * heading)
                 normal = wp.vec3d(miss[1], miss[2], miss[3])
             cosine = wp.dot(normal, heading)
             if not uniform and wp.abs(cosine) > wp.float64(LEAST_COSINE):
@@ -279,7 +266,7 @@ def build_leapfrog_kernel(
             end = p0 + (interval.t_enter + flown) * d0 + beside
             fit = bool(wp.sqrt(max_deflection) / ambient <= real(LEAPFROG_ANGLE))
             angle = wp.float64(wp.sqrt(max_deflection) / ambient)
-            fit = fit and not may_have_left(bounds, p0 + interval.t_exit * d0, d0, wp.float64(length), angle)
+            fit = fit and not support.may_have_left(bounds, p0 + interval.t_exit * d0, d0, wp.float64(length), angle)
             fit = fit and wp.isfinite(path) and wp.isfinite(error) and wp.abs(cosine) > wp.float64(LEAST_COSINE)
             if wp.static(stop == "plane"):
                 fit = fit and wp.abs(wp.dot(bounds.plane_normal, heading)) > wp.float64(LEAST_COSINE)
@@ -287,20 +274,20 @@ def build_leapfrog_kernel(
                 fit = fit and wp.abs(d0[axis]) <= wp.float64(control.steepest[axis])
             # If the box's end is the stop, the path is wrong by the whole excess, else by the field's contribution on
             # it.
-            excess = overrun(bounds, control, ends_on, end, heading)
+            excess = support.overrun(bounds, control, ends_on, end, heading)
             rise = bounds.ambient
             if wp.static(stop != "none"):
                 rise = wp.max(wp.abs(wp.float64(s)) / bounds.ambient, wp.float64(1.0e-30))
             if uniform:
                 # A ray that has left the support must not have left the box before.
-                excess = overrun(bounds, control, -1, tip, heading)
+                excess = support.overrun(bounds, control, -1, tip, heading)
                 rise = wp.float64(1.0e-30)
             if excess > wp.float64(0.0):
                 error = wp.max(error, real(excess * rise))
             if wp.static(has_body):
                 # The ray stays within the greatest angle about the undisturbed ray.
                 margin = (whole[1] - whole[0]) * wp.float64(wp.sqrt(max_deflection) / ambient)
-                fit = fit and has_clearance(field, p0, d0, whole[0], whole[1], margin)
+                fit = fit and wall.has_clearance(field, p0, d0, whole[0], whole[1], margin)
             if not (fit and clear):
                 error = real(wp.inf)
         # As the tracer's sums: sigma, S, M and B, of which M - B is the deviation along the ray.
@@ -312,7 +299,9 @@ def build_leapfrog_kernel(
             real(wp.float64(rounded[2]) - exact[2]),
             real(wp.float64(rounded[3]) - exact[3]),
         )
-        arrival = end_of(bounds, control, p0, d0, interval, status, ends_on, q, none, turned, rounded, rest, real(0.0))
+        arrival = ends.end_of(
+            bounds, control, p0, d0, interval, status, ends_on, q, none, turned, rounded, rest, real(0.0)
+        )
         if runs and arrival.status != ok:
             error = real(wp.inf)  # a deflected ray may miss a plane on the box's edge
         elif runs:
@@ -349,7 +338,7 @@ def build_leapfrog_kernel(
                 error += h * slowness * (cube_errors[0] + slope_error * real(greatest_tangent))
         if missed > real(0.0):
             onward = real(wp.length(arrival.position - end) + interval.t_exit - interval.t_enter)
-            error += with_lever_arm(field, missed, onward, real(wp.abs(wp.dot(normal, d0))))
+            error += support.with_lever_arm(field, missed, onward, real(wp.abs(wp.dot(normal, d0))))
         if error > control.tolerance:
             wp.atomic_add(rejected_count_out, 0, 1)
         samples = wp.where(runs, count, 0)

@@ -4,21 +4,20 @@ The cell that contains a point is found by walking over edges from the cell that
 step; if the walk fails, through the uniform bins.
 """
 
+from types import SimpleNamespace
+
 import warp as wp
 
 from ....scheme import WALK_LIMIT
-from ..library import KernelLibrary, built_once
+from ..library import Scene, built_once
 
 
-@built_once
-def build_locate(library: KernelLibrary):
-    """Build a function (field, p, current_cell) -> index of the cell that contains a point, -1 if none does.
-
-    The walk starts at `current_cell`, a cell nearby, or -1 for no walk. It crosses the edge that the point is furthest
-    behind.
-    """
-    t = library.types
-    vec2, Field = t.vec2, t.Field
+@built_once("geometry", "interpolation")
+def build_mesh(scene: Scene):
+    """Build the functions of a mesh's interpolant."""
+    geometry, interpolation = scene.geometry, scene.interpolation
+    t = scene.types
+    vec2, vec3, real, vec4, Field = t.vec2, t.vec3, t.real, t.vec4, t.Field
 
     @wp.func
     def furthest_edge(field: Field, cell: int, p: vec2):
@@ -38,6 +37,11 @@ def build_locate(library: KernelLibrary):
 
     @wp.func
     def locate(field: Field, p: vec2, current_cell: int):
+        """Index of the cell that contains a point, -1 if none does.
+
+        The walk starts at `current_cell`, a cell nearby, or -1 for no walk. It crosses the edge that the point is
+        furthest behind.
+        """
         found = int(-1)
         cell = int(current_cell)
         trial = int(0)
@@ -61,74 +65,34 @@ def build_locate(library: KernelLibrary):
                 at += 1
         return found
 
-    return locate
-
-
-@built_once
-def build_plane_point(library: KernelLibrary, geometry: str):
-    """Build a function (frac) -> point in the plane of the mesh; positions on a mesh are in metres."""
-    t = library.types
-    vec2, vec3 = t.vec2, t.vec3
-
     if geometry == "planar":
 
         @wp.func
         def plane_point(frac: vec3):
+            """Point in the plane of the mesh; positions on a mesh are in metres."""
             return vec2(frac[1], frac[2])
 
     else:
 
         @wp.func
         def plane_point(frac: vec3):
+            """Point in the plane of the mesh; positions on a mesh are in metres."""
             return vec2(wp.sqrt(frac[0] * frac[0] + frac[1] * frac[1]), frac[2])
-
-    return plane_point
-
-
-@built_once
-def build_within_box(library: KernelLibrary):
-    """Build a function (field, p) -> the nearest point in the mesh's box.
-
-    Stages of the last step may be beyond the box, where the field is extrapolated linearly.
-    """
-    t = library.types
-    vec2, Field = t.vec2, t.Field
 
     @wp.func
     def within_box(field: Field, p: vec2):
+        """The nearest point in the mesh's box.
+
+        Stages of the last step may be beyond the box, where the field is extrapolated linearly.
+        """
         return vec2(
             wp.clamp(p[0], field.mesh_low[0], field.mesh_high[0]), wp.clamp(p[1], field.mesh_low[1], field.mesh_high[1])
         )
 
-    return within_box
-
-
-@built_once
-def build_find_current_cell(library: KernelLibrary, geometry: str):
-    """Build a function (field, frac, current_cell) -> the cell from which the next lookups of a ray start."""
-    t = library.types
-    vec3, Field = t.vec3, t.Field
-    locate = build_locate(library)
-    plane_point = build_plane_point(library, geometry)
-    within_box = build_within_box(library)
-
     @wp.func
     def find_current_cell(field: Field, frac: vec3, current_cell: int):
+        """The cell from which the next lookups of a ray start."""
         return locate(field, within_box(field, plane_point(frac)), current_cell)
-
-    return find_current_cell
-
-
-@built_once
-def build_sample_in(library: KernelLibrary, geometry: str, interpolation: str):
-    """Build a function (field, inside, frac) -> potential s and its gradient [1/m] by the interpolant of one cell.
-
-    The contrast m is interpolated, and s = m (a + m / 2), grad s = (a + m) grad m.
-    """
-    t = library.types
-    real, vec2, vec3, vec4, Field = t.real, t.vec2, t.vec3, t.vec4, t.Field
-    plane_point = build_plane_point(library, geometry)
-    within_box = build_within_box(library)
 
     @wp.func
     def blend(field: Field, first: int, w: vec4):
@@ -196,6 +160,10 @@ def build_sample_in(library: KernelLibrary, geometry: str, interpolation: str):
 
     @wp.func
     def sample_in(field: Field, inside: int, frac: vec3):
+        """Potential s and its gradient [1/m] by the interpolant of one cell.
+
+        The contrast m is interpolated, and s = m (a + m / 2), grad s = (a + m) grad m.
+        """
         p = plane_point(frac)
         edge = within_box(field, p)
         s = in_cell(field, inside, edge)
@@ -210,45 +178,23 @@ def build_sample_in(library: KernelLibrary, geometry: str, interpolation: str):
                 outward = s[1] / p[0]
             return vec4(s[0], outward * frac[0], outward * frac[1], s[2])
 
-    return sample_in
-
-
-@built_once
-def build_sample(library: KernelLibrary, geometry: str, interpolation: str):
-    """Build a function (field, cell, frac, current_cell) -> potential and its gradient [1/m]; zero outside the mesh."""
-    t = library.types
-    real, vec3, vec4, Field = t.real, t.vec3, t.vec4, t.Field
-    locate = build_locate(library)
-    plane_point = build_plane_point(library, geometry)
-    within_box = build_within_box(library)
-    sample_in = build_sample_in(library, geometry, interpolation)
-
     @wp.func
     def sample(field: Field, cell: wp.vec3i, frac: vec3, current_cell: int):
+        """Potential and its gradient [1/m]; zero outside the mesh."""
         inside = locate(field, within_box(field, plane_point(frac)), current_cell)
         if inside < 0:
             return vec4(real(0.0), real(0.0), real(0.0), real(0.0))
         return sample_in(field, inside, frac)
 
-    return sample
-
-
-@built_once
-def build_paper_step(library: KernelLibrary, geometry: str):
-    """Build a function (field, cell, frac, current_cell) -> step length of eq 5 in the cell of the point [m].
-
-    Outside the mesh it is the median over all cells, which is stored after the entry of the last cell.
-    """
-    t = library.types
-    vec3, Field = t.vec3, t.Field
-    locate = build_locate(library)
-    plane_point = build_plane_point(library, geometry)
-
     @wp.func
     def paper_step(field: Field, cell: wp.vec3i, frac: vec3, current_cell: int):
+        """Step length of eq 5 in the cell of the point [m].
+
+        Outside the mesh it is the median over all cells, which is stored after the entry of the last cell.
+        """
         inside = locate(field, plane_point(frac), current_cell)
         if inside < 0:
             return field.paper_step[field.cell_count]
         return field.paper_step[inside]
 
-    return paper_step
+    return SimpleNamespace(**locals())

@@ -6,12 +6,13 @@ B = int (n - T . d) d sigma of second order; M and B are sums of values by the q
 OPD of a ray through a shock is as accurate as the quadrature of S.
 """
 
+from types import SimpleNamespace
 from typing import Any
 
 import warp as wp
 
 from ....tableau import BT, STAGE_MOMENTUM
-from ..library import KernelLibrary, built_once
+from ..library import Scene, built_once
 
 # Axes along which a position is split into cell + fraction.
 SHIFTED = {"volume": (0, 1, 2), "planar": (1, 2), "axisymmetric": (2,), "mesh": ()}
@@ -33,29 +34,20 @@ def deflection(ambient: wp.float64, d: wp.vec3d, p: wp.vec3d):
     return (p - excess * d) / speed
 
 
-@built_once
-def build_contrast(library: KernelLibrary):
-    """Build a function (ambient, potential) -> contrast."""
-    real = library.types.real
+@built_once()
+def build_motion(scene: Scene):
+    """Build the functions of a ray's contrast, sums and momentum."""
+    t = scene.types
+    real, vec3, vec4 = t.real, t.vec3, t.vec4
+    v1, v2, v3, v4 = (float(v) for v in BT)
+    p1, p2, p3, p4 = (float(v) for v in STAGE_MOMENTUM[1])
+    r1, r2, r3, r4 = (float(v) for v in STAGE_MOMENTUM[2])
 
     @wp.func
     def contrast(ambient: real, potential: real):
         """Contrast from the potential, without cancellation."""
         square = wp.max(ambient * ambient + real(2.0) * potential, real(0.0))
         return real(2.0) * potential / (wp.sqrt(square) + ambient)
-
-    return contrast
-
-
-@built_once
-def build_sums(library: KernelLibrary):
-    """Build functions for the increments of (sigma, S, M, B): over a step, and over a flight along the tangent."""
-    t = library.types
-    real, vec3, vec4 = t.real, t.vec3, t.vec4
-    contrast = build_contrast(library)
-    v1, v2, v3, v4 = (float(v) for v in BT)
-    p1, p2, p3, p4 = (float(v) for v in STAGE_MOMENTUM[1])
-    r1, r2, r3, r4 = (float(v) for v in STAGE_MOMENTUM[2])
 
     @wp.func
     def longitudinal_deficit(ambient: real, d: vec3, momentum: vec3, potential: real):
@@ -114,31 +106,24 @@ def build_sums(library: KernelLibrary):
             back * longitudinal_deficit(ambient, d, momentum, pot),
         )
 
-    return step_sums, tangent_sums
-
-
-@built_once
-def build_project_momentum(library: KernelLibrary):
-    """Build a function (ambient, d, momentum, pot) -> correction along T that brings the momentum back onto |T| = n."""
-    t = library.types
-    real, vec3 = t.real, t.vec3
-
     @wp.func
     def project_momentum(ambient: real, d: vec3, momentum: vec3, pot: real):
+        """Correction along T that brings the momentum back onto |T| = n."""
         surplus = real(2.0) * pot - wp.dot(momentum, real(2.0) * ambient * d + momentum)
         tangent = ambient * d + momentum
         square = wp.dot(tangent, tangent)
         root = wp.sqrt(wp.max(square * (square + surplus), real(0.0)))
         return (surplus / (square + root)) * tangent
 
-    return project_momentum
+    return SimpleNamespace(**locals())
 
 
-@built_once
-def build_cells(library: KernelLibrary, kind: str):
-    """Build functions (bounds, p) -> (frac, cell), and (cell, frac) -> (cell, frac) with frac in [0, 1)."""
-    t = library.types
+@built_once("geometry", "on_mesh")
+def build_cells(scene: Scene):
+    """Build functions that split a point into cells and fractions, and carry whole cells over."""
+    t = scene.types
     real, vec3, Bounds = t.real, t.vec3, t.Bounds
+    kind = "mesh" if scene.on_mesh else scene.geometry
     shift = wp.vec3i(*(int(axis in SHIFTED[kind]) for axis in range(3)))
 
     @wp.func
@@ -161,4 +146,4 @@ def build_cells(library: KernelLibrary, kind: str):
         moved = whole_cells(frac)
         return cell + moved, frac - vec3(real(moved[0]), real(moved[1]), real(moved[2]))
 
-    return in_cells, carry_over
+    return SimpleNamespace(**locals())

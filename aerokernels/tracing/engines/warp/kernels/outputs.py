@@ -3,13 +3,13 @@
 import warp as wp
 
 from ....result import OUTPUT_BITS
-from ..library import KernelLibrary, built_once
+from ..library import Scene, built_once
 
 
-@built_once
-def build_write_outputs(library: KernelLibrary):
-    """Build a function that writes the requested outputs of a ray at its stop; `requested` has bits as in result.py."""
-    t = library.types
+@built_once()
+def build_write_outputs(scene: Scene):
+    """Build the function that writes the outputs of a ray."""
+    t = scene.types
     Arrival, RayOutputs = t.Arrival, t.RayOutputs
 
     @wp.func
@@ -22,6 +22,7 @@ def build_write_outputs(library: KernelLibrary):
         step_count: int,
         evaluation_count: int,
     ):
+        """Writes the requested outputs of a ray at its stop; `requested` has bits as in result.py."""
         if (requested & wp.static(OUTPUT_BITS["position"])) != 0:
             outputs.position[ray] = arrival.position
         if (requested & wp.static(OUTPUT_BITS["direction"])) != 0:

@@ -11,7 +11,6 @@ from .....device_arrays.pupil_shape import place_on_pupil
 from ....pupil.sums import MOMENT_COUNT, SUM_COUNT
 from ....scheme import GROUP, HASHES, REDUCTION_WIDTH
 from ....status import RayStatus
-from .team import greatest_of_team, place_in_team, sum_of_team, team_size
 
 # 32-bit constants get their type here: a literal inside a kernel would pass through a signed integer.
 _HASH_1 = wp.constant(wp.uint32(HASHES[0]))
@@ -29,6 +28,60 @@ _REDUCTION_WIDTH = wp.constant(REDUCTION_WIDTH)
 
 Doubles = wp.array(dtype=wp.float64)
 Ints = wp.array(dtype=wp.int32)
+
+
+# Threads of a warp, all of them active: kernels that use these functions are launched over whole warps.
+WARP = 32
+
+
+@wp.func_native("""
+#if defined(__CUDA_ARCH__)
+    return threadIdx.x & 31;
+#else
+    return 0;
+#endif
+""")
+def place_in_team() -> int:
+    """Number of this thread in its team."""
+    ...
+
+
+@wp.func_native("""
+#if defined(__CUDA_ARCH__)
+    return 32;
+#else
+    return 1;
+#endif
+""")
+def team_size() -> int:
+    """Number of threads that share a group of rays."""
+    ...
+
+
+@wp.func_native("""
+#if defined(__CUDA_ARCH__)
+    for (int way = 16; way > 0; way /= 2) {
+        part += __shfl_xor_sync(0xffffffffu, part, way);
+    }
+#endif
+    return part;
+""")
+def sum_of_team(part: wp.float64) -> wp.float64:
+    """The sum of `part` over the threads of a team."""
+    ...
+
+
+@wp.func_native("""
+#if defined(__CUDA_ARCH__)
+    for (int way = 16; way > 0; way /= 2) {
+        part = fmax(part, __shfl_xor_sync(0xffffffffu, part, way));
+    }
+#endif
+    return part;
+""")
+def greatest_of_team(part: wp.float64) -> wp.float64:
+    """The greatest `part` of the threads of a team."""
+    ...
 
 
 @wp.func

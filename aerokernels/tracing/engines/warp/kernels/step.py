@@ -1,30 +1,37 @@
 """Device functions of a step of the tracer: its length, the field at its later stages, and whether it is accepted."""
 
+from types import SimpleNamespace
+
 import warp as wp
 
 from ....scheme import AT_FACE, FACE_TOLERANCE, GREATEST_STAND_OFF, NOISE_STEP, STEP_SHARE, TINY
 from ....tableau import BT, END_RATE, B
-from ..library import KernelLibrary, built_once
-from . import grid, mesh
+from ..library import Scene, built_once
 from .edges import build_edges
 from .error import build_bends
-from .step_bound import build_step_bound, build_to_face
+from .grid import build_grid
+from .mesh import build_mesh
+from .step_bound import build_step_bound
 
 
-@built_once
-def build_stride(library: KernelLibrary, geometry: str, interpolation: str, on_mesh: bool, method: str):
-    """Build a function: the length of the next step."""
-    t = library.types
-    real, vec3, Field, Control, Stride = t.real, t.vec3, t.Field, t.Control, t.Stride
+@built_once("geometry", "interpolation", "on_mesh", "method")
+def build_step(scene: Scene):
+    """Build the functions of a step."""
+    geometry, interpolation, on_mesh, method = scene.geometry, scene.interpolation, scene.on_mesh, scene.method
+    t = scene.types
+    real, vec3, vec4, Field, Control, Stride = t.real, t.vec3, t.vec4, t.Field, t.Control, t.Stride
     StopGeometry = t.StopGeometry
-    paper_step = (mesh if on_mesh else grid).build_paper_step(library, geometry)
-    step_bound_of = build_step_bound(library, "mesh" if on_mesh else geometry)
-    to_face, _, _ = build_to_face(library, geometry)
-    step_to_edge = build_edges(library, geometry, interpolation)[0] if on_mesh else None
+    air = build_mesh(scene) if on_mesh else build_grid(scene)
+    blocks, edges, bends = build_step_bound(scene), build_edges(scene), build_bends(scene)
+    straight, at_faces = method == "straight", interpolation == "linear" and method in ("adaptive", "straight")
     linear, piecewise_smooth = interpolation == "linear", interpolation in ("linear", "monotone")
-    at_face = AT_FACE[library.precision]
+    at_face = AT_FACE[scene.precision]
     # Products of literals would be computed in float32 inside a kernel.
     least_stand_off, clearance = 0.1 * FACE_TOLERANCE, 10.0 * FACE_TOLERANCE
+    b1, b2, b3 = (float(v) for v in B[:3])
+    v1, v2, v3, v4 = (float(v) for v in BT)
+    r1, r3, r4 = (float(END_RATE[stage]) for stage in (0, 2, 3))
+    tiny = TINY[scene.precision]
 
     @wp.func
     def stride(
@@ -45,6 +52,7 @@ def build_stride(library: KernelLibrary, geometry: str, interpolation: str, on_m
         max_deflection: real,
         used: real,
     ):
+        """The length of the next step."""
         out = Stride()
         out.edge = int(-1)
         out.h = h_next
@@ -52,7 +60,7 @@ def build_stride(library: KernelLibrary, geometry: str, interpolation: str, on_m
         if wp.static(method == "fixed"):
             out.h = control.step / index
         elif wp.static(method == "paper"):
-            out.h = paper_step(field, cell, frac, current_cell) / index
+            out.h = air.paper_step(field, cell, frac, current_cell) / index
         else:
             limit = control.step_limit * h_cell
             if wp.static(piecewise_smooth):
@@ -68,14 +76,14 @@ def build_stride(library: KernelLibrary, geometry: str, interpolation: str, on_m
                     bend = real(0.15) * wp.length(acceleration) / wp.dot(velocity, velocity)
                     out.stand_off += wp.min(bend, real(GREATEST_STAND_OFF))
                     close = real(at_face)
-                face = to_face(frac, velocity, acceleration, close)
+                face = blocks.to_face(frac, velocity, acceleration, close)
                 limit = wp.max(face - out.stand_off / wp.length(velocity), real(0.5) * face)
             if wp.static(on_mesh):
                 if current_cell >= 0:
                     curve = force
                     if wp.static(method == "straight"):
                         curve = vec3(real(0.0), real(0.0), real(0.0))
-                    return step_to_edge(
+                    return edges.step_to_edge(
                         field,
                         control,
                         current_cell,
@@ -90,19 +98,11 @@ def build_stride(library: KernelLibrary, geometry: str, interpolation: str, on_m
                         used,
                     )
             # End before the face at which the first block that is not smooth may begin.
-            bound = derating * step_bound_of(control, cone, cell, frac, total)
+            bound = derating * blocks.step_bound_of(control, cone, cell, frac, total)
             out.safe = bound - real(clearance) * h_cell
             out.h = wp.min(out.h, wp.max(limit, out.safe))
         out.h = wp.min(out.h, h_cap)
         return out
-
-    return stride
-
-
-def build_sample_at_stage(library: KernelLibrary, sample, straight: bool, geometry: str, interpolation: str):
-    """Build functions that evaluate the field at a stage of a step, and what a straight line neglects."""
-    t = library.types
-    real, vec3, Field = t.real, t.vec3, t.Field
 
     @wp.func
     def sample_at_stage(
@@ -119,11 +119,11 @@ def build_sample_at_stage(library: KernelLibrary, sample, straight: bool, geomet
     ):
         """The field at a stage; on a straight line it is linear in the deviation from the line."""
         if wp.static(straight):
-            s = sample(field, cell, frac + h * wp.cw_mul(total, rate), current_cell)
+            s = air.sample(field, cell, frac + h * wp.cw_mul(total, rate), current_cell)
             s[0] += wp.dot(vec3(s[1], s[2], s[3]), q + h * momentum + kick)
             return s
         else:
-            return sample(field, cell, frac + wp.cw_mul(h * total + kick, rate), current_cell)
+            return air.sample(field, cell, frac + wp.cw_mul(h * total + kick, rate), current_cell)
 
     @wp.func
     def time_apart(jump: vec3, total: vec3, q: vec3, h_cell: real):
@@ -155,11 +155,11 @@ def build_sample_at_stage(library: KernelLibrary, sample, straight: bool, geomet
         before the line or behind it, so that both sides of the line count. On a linear grid every step ends at a face:
         a jump, which is normal to its face, counts only for the time between the two crossings.
         """
-        there = sample(field, cell, frac + wp.cw_mul(q, rate), current_cell)
+        there = air.sample(field, cell, frac + wp.cw_mul(q, rate), current_cell)
         change = vec3(there[1], there[2], there[3]) - force
         turn, path = h * wp.length(change), h * wp.abs(there[0] - pot)
         if wp.static(interpolation != "cubic"):
-            opposite = sample(field, cell, frac - wp.cw_mul(q, rate), current_cell)
+            opposite = air.sample(field, cell, frac - wp.cw_mul(q, rate), current_cell)
             other = vec3(opposite[1], opposite[2], opposite[3]) - force
             if wp.static(interpolation == "linear"):
                 other_path = h * wp.abs(opposite[0] - (pot - real(2.0) * wp.dot(force, q)))
@@ -181,19 +181,6 @@ def build_sample_at_stage(library: KernelLibrary, sample, straight: bool, geomet
                 turn = wp.max(turn, h * wp.length(other))
         return real(2.0) * path, turn
 
-    return sample_at_stage, sample_neglected
-
-
-@built_once
-def build_kick(library: KernelLibrary):
-    """Build functions of a step and its forces: h^2 times the mean force, the impulse, the rate of force at its end."""
-    t = library.types
-    real, vec3, vec4 = t.real, t.vec3, t.vec4
-    b1, b2, b3 = (float(v) for v in B[:3])
-    v1, v2, v3, v4 = (float(v) for v in BT)
-    r1, r3, r4 = (float(END_RATE[stage]) for stage in (0, 2, 3))
-    tiny = TINY[library.precision]
-
     @wp.func
     def kick_of(h: real, force: vec3, s2: vec4, s3: vec4):
         force2 = vec3(s2[1], s2[2], s2[3])
@@ -213,18 +200,6 @@ def build_kick(library: KernelLibrary):
         force4 = vec3(s4[1], s4[2], s4[3])
         return (real(r1) * force + real(r3) * force3 + real(r4) * force4) / wp.max(h, real(tiny))
 
-    return kick_of, impulse_of, force_rate_of
-
-
-@built_once
-def build_step_acceptance(library: KernelLibrary, on_mesh: bool):
-    """Build a function -> (whether a step with this error is accepted, ratio of the next step's length to this).
-
-    `bend` is the error by kinks on a mesh.
-    """
-    real = library.types.real
-    bend_share = build_bends(library)[1]
-
     @wp.func
     def step_acceptance(
         limit: real,
@@ -238,16 +213,80 @@ def build_step_acceptance(library: KernelLibrary, on_mesh: bool):
         index: real,
         reach: real,
     ):
+        """Whether a step with this error is accepted, ratio of the next step's length to this.
+
+        `bend` is the error by kinks on a mesh.
+        """
         left = wp.max(limit - used, real(0.0))
         allowed = wp.max(real(STEP_SHARE) * left, limit * h * index / reach)
         if h <= real(NOISE_STEP) * h_cell:
             allowed = wp.max(allowed, rounding)
         whole = error
         if wp.static(on_mesh):
-            whole += bend * wp.min(allowed / (limit * bend_share(allowed / limit)), real(1.0))
+            whole += bend * wp.min(allowed / (limit * bends.bend_share(allowed / limit)), real(1.0))
         ratio = real(4.0)
         if whole > real(0.0):
             ratio = wp.clamp(real(0.9) * wp.sqrt(wp.sqrt(allowed / whole)), real(0.2), real(4.0))
         return bool((whole <= allowed and wp.isfinite(whole)) or h <= h_least), ratio
 
-    return step_acceptance
+    if on_mesh:
+
+        @wp.func
+        def slope_behind(field: Field, cell: wp.vec3i, frac: vec3, current_cell: int, bearing: vec3, q: vec3):
+            """Potential at the ray, slope, where and for which potential they were looked up.
+
+            On a grid they are looked up a little behind the face, and continued back to it; on a mesh in the cell
+            behind the edge. On a straight line the potential is continued to the ray, q beside the line.
+            """
+            beyond = air.sample_in(field, current_cell, frac)
+            pot, force = beyond[0], vec3(beyond[1], beyond[2], beyond[3])
+            if wp.static(straight):
+                pot += wp.dot(force, q)
+            return pot, force, frac, pot
+
+    else:
+
+        @wp.func
+        def slope_behind(field: Field, cell: wp.vec3i, frac: vec3, current_cell: int, bearing: vec3, q: vec3):
+            """Potential at the ray, slope, where and for which potential they were looked up.
+
+            On a grid they are looked up a little behind the face, and continued back to it; on a mesh in the cell
+            behind the edge. On a straight line the potential is continued to the ray, q beside the line.
+            """
+            rate = field.inverse_spacing
+            pace = wp.cw_mul(bearing, rate)
+            over = real(at_face) / wp.length(pace)
+            push = blocks.push_off_faces(frac, pace)
+            probe = frac + over * pace + push
+            beyond = air.sample(field, cell, probe, current_cell)
+            force, probe_pot = vec3(beyond[1], beyond[2], beyond[3]), beyond[0]
+            pot = blocks.before_push(probe_pot - over * wp.dot(force, bearing), force, push, rate)
+            if wp.static(straight):
+                pot, probe_pot = pot + wp.dot(force, q), probe_pot + wp.dot(force, q)
+            return pot, force, probe, probe_pot
+
+    @wp.func
+    def first_sample(field: Field, cell: wp.vec3i, frac: vec3, current_cell: int, d: vec3):
+        """(potential, slope) where a ray with the direction d starts.
+
+        With `at_faces` the slope is that of the cell into which a ray flies that starts in a face.
+        """
+        probe = frac
+        if wp.static(at_faces):
+            push = blocks.push_off_faces(frac, wp.cw_mul(d, field.inverse_spacing))
+            probe = frac + push
+        s = air.sample(field, cell, probe, current_cell)
+        pot, force = s[0], vec3(s[1], s[2], s[3])
+        if wp.static(at_faces):
+            pot = blocks.before_push(pot, force, push, field.inverse_spacing)
+        return pot, force
+
+    @wp.func
+    def rest_to_face(frac: vec3, velocity: vec3, acceleration: vec3, stand_off: real, h: real):
+        """Rest [sigma] to the face `stand_off` cells before which a step of length h stopped, or 0."""
+        rest = blocks.to_face(frac, velocity, acceleration, real(0.0))
+        if rest <= h and rest * wp.length(velocity) <= real(4.0) * stand_off:
+            return rest
+        return real(0.0)
+
+    return SimpleNamespace(**locals())

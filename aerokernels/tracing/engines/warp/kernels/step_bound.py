@@ -1,21 +1,32 @@
 """Device functions about the length of a step on a uniform grid: the table of step bounds, and the faces of cells."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import warp as wp
 
 from .....medium.grid import AXIS_CORE
 from ....scheme import AT_FACE, RADIUS_NOISE
 from ....step_bound import CONE_SINES, CONES
-from ..library import KernelLibrary, built_once
+from ..library import Scene, built_once
 
 
-@built_once
-def build_cone(library: KernelLibrary, geometry: str):
-    """Build a function (d) -> number of the direction's cone in step_bound.CONES."""
-    narrow, wide = (float(sine) ** 2 for sine in CONE_SINES)
+@built_once("geometry", "on_mesh")
+def build_step_bound(scene: Scene):
+    """Build the functions of the table of step bounds and of the faces of cells."""
+    geometry, on_mesh = scene.geometry, scene.on_mesh
+    t = scene.types
+    real, vec3, Control = t.real, t.vec3, t.Control
+    narrow_square, wide_square = (float(sine) ** 2 for sine in CONE_SINES)
+    narrow, wide = (float(np.cos(cone.spread)) for cone in CONES[1:3])
+    last_axis = 2 if geometry == "volume" else 1
+    axes = {"volume": (0, 1, 2), "planar": (1, 2), "axisymmetric": (2,)}[geometry]
+    none = 1e30
+    radius_noise, at_face = RADIUS_NOISE[scene.precision], AT_FACE[scene.precision]
 
     @wp.func
     def cone_of(d: wp.vec3d):
+        """Number of the direction's cone in step_bound.CONES."""
         axis = int(0)
         if wp.abs(d[1]) > wp.abs(d[0]):
             axis = int(1)
@@ -28,29 +39,14 @@ def build_cone(library: KernelLibrary, geometry: str):
             if axis < 1:
                 return int(0)
         square = wp.dot(d, d) - d[axis] * d[axis]
-        if square > wp.float64(wide):
+        if square > wp.float64(wide_square):
             return int(0)
         number = 1 + 4 * axis
         if d[axis] < wp.float64(0.0):
             number += 2
-        if square > wp.float64(narrow):
+        if square > wp.float64(narrow_square):
             number += 1
         return number
-
-    return cone_of
-
-
-@built_once
-def build_step_bound(library: KernelLibrary, geometry: str):
-    """Build a function (control, cone, cell, frac, total) -> step bound at a point [sigma].
-
-    Zero where there is none: on a mesh, and for a ray that has turned out of the cone in which it started.
-    """
-    t = library.types
-    real, vec3, Control = t.real, t.vec3, t.Control
-    cosines = tuple(float(np.cos(cone.spread)) for cone in CONES[1:3])
-    narrow, wide = cosines
-    axes = 3 if geometry == "volume" else 2
 
     @wp.func
     def step_bound_block(control: Control, axis: int, cell: int, place: real):
@@ -58,7 +54,7 @@ def build_step_bound(library: KernelLibrary, geometry: str):
 
     @wp.func
     def entry(control: Control, cell: wp.vec3i, frac: vec3):
-        c = step_bound_block(control, wp.static(axes - 1), cell[2], frac[2])
+        c = step_bound_block(control, last_axis, cell[2], frac[2])
         if wp.static(geometry == "volume"):
             a = step_bound_block(control, 0, cell[0], frac[0])
             b = step_bound_block(control, 1, cell[1], frac[1])
@@ -71,7 +67,11 @@ def build_step_bound(library: KernelLibrary, geometry: str):
 
     @wp.func
     def step_bound_of(control: Control, cone: int, cell: wp.vec3i, frac: vec3, total: vec3):
-        if wp.static(geometry == "mesh"):
+        """Step bound at a point [sigma].
+
+        Zero where there is none: on a mesh, and for a ray that has turned out of the cone in which it started.
+        """
+        if wp.static(on_mesh):
             return real(0.0)
         else:
             start = control.step_bound_start[cone]
@@ -88,18 +88,6 @@ def build_step_bound(library: KernelLibrary, geometry: str):
                 if ahead < cosine * speed:
                     return real(0.0)
             return control.step_bound[start + entry(control, cell, frac)] / speed
-
-    return step_bound_of
-
-
-@built_once
-def build_to_face(library: KernelLibrary, geometry: str):
-    """Build functions: the step to the next face of a cell; the push off the faces in which a ray is."""
-    t = library.types
-    real, vec3 = t.real, t.vec3
-    axes = {"volume": (0, 1, 2), "planar": (1, 2), "axisymmetric": (2,)}[geometry]
-    none = 1e30
-    radius_noise, at_face = RADIUS_NOISE[library.precision], AT_FACE[library.precision]
 
     @wp.func
     def meet_face(gap: real, speed: real, acceleration: real):
@@ -205,4 +193,4 @@ def build_to_face(library: KernelLibrary, geometry: str):
             back -= push[0] * force[0] / rate[0]
         return back
 
-    return to_face, push_off_faces, before_push
+    return SimpleNamespace(**locals())

@@ -27,74 +27,44 @@ import warp as wp
 from ....scheme import ARC_SURFACE, LEAST_STEP, MAGNIFIED, STRAIGHT_LEVER, TINY, WALL_ASIDE, WALL_BACK, WALL_CLOSE
 from ....status import RayStatus
 from ....tableau import A, C, has_consistent_gradient
-from ..library import KernelLibrary, built_once
-from . import grid, mesh
-from .behind_faces import build_first_sample, build_rest_to_face, build_slope_behind
+from ..library import Scene, built_once
 from .crossings import NEVER
 from .edges import build_edges
-from .ends import build_end, build_start, build_stop_geometry
-from .error import build_bends, build_judgement, build_step_error
-from .event_location import build_arc_event_location, build_event_location
-from .motion import advance, build_cells, build_contrast, build_project_momentum, build_sums
+from .ends import build_ends
+from .error import build_bends, build_error
+from .event_location import build_event_location
+from .grid import build_grid
+from .mesh import build_mesh
+from .motion import advance, build_cells, build_motion
 from .outputs import build_write_outputs
-from .step import build_kick, build_sample_at_stage, build_step_acceptance, build_stride
-from .step_bound import build_cone
-from .wall import build_behind_wall, build_has_clearance, build_place, build_starting_momentum
+from .step import build_step
+from .step_bound import build_step_bound
+from .wall import build_wall
 
 
-@built_once
-def build_kernel(
-    library: KernelLibrary,
-    geometry: str,
-    interpolation: str,
-    on_mesh: bool,
-    method: str,
-    stop: str,
-    has_body: bool,
-    measured: bool,
-):
+@built_once("geometry", "interpolation", "on_mesh", "method", "stop", "has_body", "measured")
+def build_kernel(scene: Scene):
     """Build the kernel for one kind of scene; Warp compiles it at its first launch and caches it on disk.
 
     Unless `measured`, the kernel neither estimates nor returns the errors of steps; error control needs them.
     """
-    t = library.types
+    interpolation, on_mesh, method = scene.interpolation, scene.on_mesh, scene.method
+    stop, has_body, measured = scene.stop, scene.has_body, scene.measured
+    t = scene.types
     real, vec3 = t.real, t.vec3
-    controlled = method in ("adaptive", "straight")
-    source = mesh if on_mesh else grid
-    sample = source.build_sample(library, geometry, interpolation)
-    find_current_cell = source.build_find_current_cell(library, geometry)
-    start_of = build_start(library, geometry, stop, has_body)
-    stop_geometry_of = build_stop_geometry(library, geometry, stop, controlled)
-    end_of = build_end(library, geometry, interpolation, stop)
-    in_cells, carry_over = build_cells(library, "mesh" if on_mesh else geometry)
-    stride = build_stride(library, geometry, interpolation, on_mesh, method)
-    straight, consistent_gradient = method == "straight", has_consistent_gradient(interpolation)
-    sample_at_stage, sample_neglected = build_sample_at_stage(library, sample, straight, geometry, interpolation)
-    errors = build_step_error(library, geometry, interpolation, stop)
-    step_error, step_rounding, attainable_error, possible_gain, stop_error, event_location_error = errors
-    step_acceptance = build_step_acceptance(library, on_mesh)
-    bend_arm, _, with_bend, bend_error = build_bends(library)
-    judged_status = build_judgement(library)
-    contrast, project_momentum = build_contrast(library), build_project_momentum(library)
-    step_sums, tangent_sums = build_sums(library)
-    surfaces = build_event_location(library, geometry, stop)
-    event_location, time_beyond_face, leaves_by_rounding, overshoots, passed_surface, *others = surfaces
-    face_margin, in_face, surface_intersection = others
-    arc_event_location, passes_arc, arc_surface_intersection = build_arc_event_location(library)
-    cone_of, place_of = build_cone(library, geometry), build_place(library)
-    behind_wall, has_clearance = build_behind_wall(library, geometry), build_has_clearance(library, geometry)
-    starting_momentum, write_outputs = build_starting_momentum(library), build_write_outputs(library)
+    air = build_mesh(scene) if on_mesh else build_grid(scene)
+    cells, motion, ends, wall = build_cells(scene), build_motion(scene), build_ends(scene), build_wall(scene)
+    stepping, blocks, edges = build_step(scene), build_step_bound(scene), build_edges(scene)
+    errors, kinks, surfaces = build_error(scene), build_bends(scene), build_event_location(scene)
+    write_outputs = build_write_outputs(scene)
+    controlled, straight = method in ("adaptive", "straight"), method == "straight"
+    consistent_gradient = has_consistent_gradient(interpolation)
     arc_surface = wp.constant(ARC_SURFACE)
     at_faces, at_edges = interpolation == "linear" and controlled, on_mesh and controlled
-    kick_of, impulse_of, force_rate_of = build_kick(library)
-    _, rest_to_edge, edge_rounding = build_edges(library, geometry, interpolation) if at_edges else (None,) * 3
-    rest_to_face = build_rest_to_face(library, geometry) if at_faces else None
-    first_sample = build_first_sample(library, geometry, sample, at_faces)
-    slope_behind = build_slope_behind(library, geometry, interpolation, on_mesh, straight)
-    tiny = TINY[library.precision]
+    tiny = TINY[scene.precision]
     c2, c3, a21, a31, a32 = (float(v) for v in (*C[1:3], A[1, 0], A[2, 0], A[2, 1]))
-    ends = RayStatus.OK, RayStatus.HIT_BODY, RayStatus.MAX_STEPS, RayStatus.NOT_FINITE
-    ok, hit_body, max_steps, not_finite = map(int, ends)
+    ends_of = RayStatus.OK, RayStatus.HIT_BODY, RayStatus.MAX_STEPS, RayStatus.NOT_FINITE
+    ok, hit_body, max_steps, not_finite = map(int, ends_of)
 
     @wp.kernel(module="unique", enable_backward=False)
     def trace_kernel(
@@ -111,7 +81,7 @@ def build_kernel(
         thread, _ = wp.tid()
         ray = thread + first_ray
         p0, d0 = position_in[ray], direction_in[ray]
-        status, interval = start_of(field, bounds, p0, d0)
+        status, interval = ends.start_of(field, bounds, p0, d0)
         d = vec3(real(d0[0]), real(d0[1]), real(d0[2]))
         ambient = real(bounds.ambient)
         q = vec3(real(0.0), real(0.0), real(0.0))
@@ -129,18 +99,18 @@ def build_kernel(
         undecided = bool(False)  # whether it has run in a face, where it may have left the box
 
         if interval.meets and status == ok:
-            frac, cell = in_cells(bounds, p0 + interval.t_enter * d0)
+            frac, cell = cells.in_cells(bounds, p0 + interval.t_enter * d0)
             frac_carry = vec3(real(0.0), real(0.0), real(0.0))
             rate = field.inverse_spacing
-            current_cell = find_current_cell(field, frac, -1)  # the cell of a mesh
-            pot, force = first_sample(field, cell, frac, current_cell, d)
+            current_cell = air.find_current_cell(field, frac, -1)  # the cell of a mesh
+            pot, force = stepping.first_sample(field, cell, frac, current_cell, d)
             evaluations += 1
-            momentum = contrast(ambient, pot) * d
+            momentum = motion.contrast(ambient, pot) * d
             if wp.static(has_body):
-                momentum = starting_momentum(ambient, pot, d, interval.normal)
+                momentum = wall.starting_momentum(ambient, pot, d, interval.normal)
                 max_deflection = wp.length(momentum - wp.dot(momentum, d) * d) / ambient
-            cone = cone_of(d0)
-            to_stop = stop_geometry_of(bounds, control, interval, p0, d0)
+            cone = blocks.cone_of(d0)
+            to_stop = ends.stop_geometry_of(bounds, control, interval, p0, d0)
             obliquity, lever_arm, reach = to_stop.obliquity, to_stop.lever_arm, to_stop.reach
             derating = real(to_stop.derating)
             if wp.static(at_faces):
@@ -151,7 +121,7 @@ def build_kernel(
             aside = real(0.0)  # sideways deviation within which the ray meets no body
             if wp.static(has_body):
                 near = real(WALL_ASIDE) / wp.max(control.cell_rate)
-                if has_clearance(field, p0, d0, interval.t_enter, wp.float64(NEVER), wp.float64(near)):
+                if wall.has_clearance(field, p0, d0, interval.t_enter, wp.float64(NEVER), wp.float64(near)):
                     aside = near
             h_next = control.extent / ambient
             h_cap = h_next  # reduced after a step that would have ended far behind a surface
@@ -159,13 +129,13 @@ def build_kernel(
             while running:
                 tangent = ambient * d + momentum
                 total = tangent
-                index = ambient + contrast(ambient, pot)
+                index = ambient + motion.contrast(ambient, pot)
                 if wp.static(straight):
                     total = ambient * d
                 h_cell = real(1.0) / wp.max(wp.length(wp.cw_mul(total, control.cell_rate)), real(tiny))
                 h_least = real(LEAST_STEP) / (wp.max(control.cell_rate) * wp.length(total))
-                spent = used + bend_error(bends)
-                ahead = stride(
+                spent = used + kinks.bend_error(bends)
+                ahead = stepping.stride(
                     field,
                     control,
                     current_cell,
@@ -186,22 +156,28 @@ def build_kernel(
                 ray_frac = frac
                 if wp.static(straight):
                     ray_frac = frac + wp.cw_mul(q, rate)
-                h, event, runs = event_location(control, rate, interval.side, cell, ray_frac, tangent, force, ahead.h)
+                h, event, runs = surfaces.event_location(
+                    control, rate, interval.side, cell, ray_frac, tangent, force, ahead.h
+                )
                 if wp.static(stop == "arc"):
                     rest = arc_left - (ambient * sums[0] + sums[2])
-                    h, event = arc_event_location(rest, index, total, force, h, event)
+                    h, event = surfaces.arc_event_location(rest, index, total, force, h, event)
 
                 # The later stages are inline: in a function of their own they are slower.
                 kick2 = (real(a21) * (h * h)) * force
-                s2 = sample_at_stage(field, current_cell, cell, frac, rate, real(c2) * h, total, momentum, q, kick2)
+                s2 = stepping.sample_at_stage(
+                    field, current_cell, cell, frac, rate, real(c2) * h, total, momentum, q, kick2
+                )
                 force2 = vec3(s2[1], s2[2], s2[3])
                 kick3 = (h * h) * (real(a31) * force + real(a32) * force2)
-                s3 = sample_at_stage(field, current_cell, cell, frac, rate, real(c3) * h, total, momentum, q, kick3)
-                kick = kick_of(h, force, s2, s3)
-                s4 = sample_at_stage(field, current_cell, cell, frac, rate, h, total, momentum, q, kick)
+                s3 = stepping.sample_at_stage(
+                    field, current_cell, cell, frac, rate, real(c3) * h, total, momentum, q, kick3
+                )
+                kick = stepping.kick_of(h, force, s2, s3)
+                s4 = stepping.sample_at_stage(field, current_cell, cell, frac, rate, h, total, momentum, q, kick)
                 force4 = vec3(s4[1], s4[2], s4[3])
                 evaluations += 3
-                error, angle_now, direction_weight, step_displacement, bend = step_error(
+                error, angle_now, direction_weight, step_displacement, bend = errors.step_error(
                     ambient,
                     d,
                     total,
@@ -223,9 +199,9 @@ def build_kernel(
 
                 accept = bool(True)
                 if wp.static(controlled):
-                    rounding = step_rounding(control, h, direction_weight, rate, frac, pot, force, s3)
-                    limit = attainable_error(control, ambient, to_stop, angle_now)
-                    accept, ratio = step_acceptance(
+                    rounding = errors.step_rounding(control, h, direction_weight, rate, frac, pot, force, s3)
+                    limit = errors.attainable_error(control, ambient, to_stop, angle_now)
+                    accept, ratio = stepping.step_acceptance(
                         limit, error, bend_size, rounding, spent, h, h_cell, h_least, index, reach
                     )
                     if accept:
@@ -241,16 +217,20 @@ def build_kernel(
                 if accept and h > h_least:
                     there = ray_frac + wp.cw_mul(h * (tangent) + kick, rate)
                     end_velocity = wp.cw_mul(tangent + h * force4, rate)
-                    missed, nearest = passed_surface(control, interval.side, cell, there, event)
+                    missed, nearest = surfaces.passed_surface(control, interval.side, cell, there, event)
                     if event >= 0 and event != arc_surface:
                         near = real(0.05) * wp.max(ahead.h * wp.length(wp.cw_mul(total, rate)), real(0.01))
-                        missed = missed or overshoots(control, event, interval.side, cell, there, end_velocity, h, near)
+                        missed = missed or surfaces.overshoots(
+                            control, event, interval.side, cell, there, end_velocity, h, near
+                        )
                     else:
-                        allowance = face_margin(control, displacement)
+                        allowance = surfaces.face_margin(control, displacement)
                         if wp.static(controlled) and nearest <= allowance:
-                            runs_on = in_face(control, interval.side, cell, there, end_velocity, allowance)
+                            runs_on = surfaces.in_face(control, interval.side, cell, there, end_velocity, allowance)
                     if wp.static(stop == "arc"):
-                        missed = missed or (event == arc_surface and passes_arc(rest, ambient, pot, s2, s3, s4, h))
+                        missed = missed or (
+                            event == arc_surface and surfaces.passes_arc(rest, ambient, pot, s2, s3, s4, h)
+                        )
                     if missed:
                         accept = bool(False)
                         h_cap = real(0.5) * h
@@ -259,9 +239,9 @@ def build_kernel(
                 behind = real(-1.0)
                 if wp.static(has_body):
                     if accept and not (wp.length(q + h * momentum + kick) < aside):
-                        here = place_of(p0, d0, interval, bounds.ambient, q, q_carry, sums, sums_carry)
+                        here = wall.place_of(p0, d0, interval, bounds.ambient, q, q_carry, sums, sums_carry)
                         allowance = real(wp.min(steps, 1)) * real(WALL_BACK) * h_cell
-                        behind = behind_wall(field, control, here, tangent, kick, h, allowance)
+                        behind = wall.behind_wall(field, control, here, tangent, kick, h, allowance)
                         if behind > real(WALL_CLOSE) * h_cell:
                             accept = bool(False)
                             h_cap = (h - behind) + real(0.5) * real(WALL_CLOSE) * h_cell
@@ -274,27 +254,33 @@ def build_kernel(
                         if runs or undecided:
                             late = h
                             if not undecided:
-                                late = time_beyond_face(control, rate, interval.side, cell, ray_frac, tangent, force, h)
-                            gain_rate = possible_gain(ambient, to_stop, angle_now, pot, force, s3)
+                                late = surfaces.time_beyond_face(
+                                    control, rate, interval.side, cell, ray_frac, tangent, force, h
+                                )
+                            gain_rate = errors.possible_gain(ambient, to_stop, angle_now, pot, force, s3)
                             gain += late * gain_rate
-                            if leaves_by_rounding(control, event, rate, interval.side, cell, ray_frac, tangent):
+                            if surfaces.leaves_by_rounding(
+                                control, event, rate, interval.side, cell, ray_frac, tangent
+                            ):
                                 gain = real(1.0e30)
                         undecided = undecided or runs_on or late > real(0.0)
-                    bends = with_bend(bends, bend, bend_size)
+                    bends = kinks.with_bend(bends, bend, bend_size)
                     displacement += step_displacement
                     max_deflection = angle_now
-                    added = step_sums(ambient, d, momentum, h, pot, force, s2, s3, s4)
+                    added = motion.step_sums(ambient, d, momentum, h, pot, force, s2, s3, s4)
                     sums, sums_carry = advance(sums, sums_carry, added)
                     q, q_carry = advance(q, q_carry, h * momentum + kick)
-                    momentum, momentum_carry = advance(momentum, momentum_carry, impulse_of(h, force, s2, s3, s4))
+                    momentum, momentum_carry = advance(
+                        momentum, momentum_carry, stepping.impulse_of(h, force, s2, s3, s4)
+                    )
                     flown = h * total
                     if wp.static(not straight):
                         flown += kick
                     frac, frac_carry = advance(frac, frac_carry, wp.cw_mul(flown, rate))
-                    cell, frac = carry_over(cell, frac)
+                    cell, frac = cells.carry_over(cell, frac)
                     force_rate = real(0.0) * d
                     if wp.static(at_faces):
-                        force_rate = force_rate_of(h, force, s3, s4)
+                        force_rate = stepping.force_rate_of(h, force, s3, s4)
                     pot, force = s4[0], force4
                     bearing, curve = ambient * d + momentum, force
                     if wp.static(straight):
@@ -303,45 +289,49 @@ def build_kernel(
                     rest, behind_face = real(0.0), bool(wp.static(at_faces))
                     if wp.static(at_edges):
                         if at_edge:
-                            rest = rest_to_edge(field, ahead.edge, frac, bearing, curve, h)
+                            rest = edges.rest_to_edge(field, ahead.edge, frac, bearing, curve, h)
                             behind_face = bool(rest >= real(0.0))
                     elif wp.static(at_faces):
                         if event < 0:
-                            rest = rest_to_face(
+                            rest = stepping.rest_to_face(
                                 frac, wp.cw_mul(bearing, rate), wp.cw_mul(curve, rate), ahead.stand_off, h
                             )
                     if wp.static(at_edges) and behind_face:
                         current_cell = field.neighbors[ahead.edge]
                     else:
-                        current_cell = find_current_cell(field, frac, current_cell)
+                        current_cell = air.find_current_cell(field, frac, current_cell)
                     probe, probe_pot = frac, pot  # where the slope is `force`: at a face, behind it
                     if behind_face:
                         # The slope jumps at the face before which the step stopped: the ray flies the rest along the
                         # tangent, and the next step starts with the slope behind the face. In a linear cell the slope
                         # changes over the rest as it does at the end of the step.
-                        added = tangent_sums(ambient, d, momentum, rest, pot, force)
+                        added = motion.tangent_sums(ambient, d, momentum, rest, pot, force)
                         sums, sums_carry = advance(sums, sums_carry, added)
                         q, q_carry = advance(q, q_carry, rest * momentum + (real(0.5) * rest * rest) * force)
                         impulse = rest * force + (real(0.5) * rest * rest) * force_rate
                         momentum, momentum_carry = advance(momentum, momentum_carry, impulse)
                         flown = rest * bearing + (real(0.5) * rest * rest) * curve
                         frac, frac_carry = advance(frac, frac_carry, wp.cw_mul(flown, rate))
-                        cell, frac = carry_over(cell, frac)
+                        cell, frac = cells.carry_over(cell, frac)
                         if wp.static(at_edges):
-                            doubt = bend_arm(to_stop, angle_now) * edge_rounding(field, ahead.edge, frac, bearing, h)
-                            bends = with_bend(bends, real(0.0) * d, doubt)
-                        pot, force, probe, probe_pot = slope_behind(field, cell, frac, current_cell, bearing, q)
+                            doubt = kinks.bend_arm(to_stop, angle_now) * edges.edge_rounding(
+                                field, ahead.edge, frac, bearing, h
+                            )
+                            bends = kinks.with_bend(bends, real(0.0) * d, doubt)
+                        pot, force, probe, probe_pot = stepping.slope_behind(
+                            field, cell, frac, current_cell, bearing, q
+                        )
                         evaluations += 1
                     if wp.static(consistent_gradient) or (cell_before < 0) != (current_cell < 0):
                         # Project back onto |T| = n: this removes the error along the ray, which would add to the path,
                         # and follows the jump of the index between a gap in a mesh and its cells, which no force tells.
-                        projecting = project_momentum(ambient, d, momentum, pot)
+                        projecting = motion.project_momentum(ambient, d, momentum, pot)
                         momentum += projecting
                         if wp.static(straight):
                             q += (real(0.5) * h) * projecting  # the error grew linearly over the step
                     greatest_momentum = wp.max(greatest_momentum, wp.length(momentum))
                     if wp.static(controlled and straight):
-                        beside = sample_neglected(
+                        beside = stepping.sample_neglected(
                             field, current_cell, cell, probe, rate, total, q, probe_pot, force, h, h_cell
                         )
                         gain, turned, evaluations = gain + beside[0], turned + beside[1], evaluations + 1
@@ -354,15 +344,18 @@ def build_kernel(
                     if running and event >= 0:
                         done = bool(False)
                         if event == arc_surface:
-                            rest, index = arc_left - (ambient * sums[0] + sums[2]), ambient + contrast(ambient, pot)
+                            rest, index = (
+                                arc_left - (ambient * sums[0] + sums[2]),
+                                ambient + motion.contrast(ambient, pot),
+                            )
                             total = ambient * d + momentum
-                            back, done = arc_surface_intersection(rest, index, total, force, arc_left, h)
+                            back, done = surfaces.arc_surface_intersection(rest, index, total, force, arc_left, h)
                         else:
                             ray_frac = frac
                             if wp.static(straight):
                                 ray_frac = frac + wp.cw_mul(q, rate)
                             velocity, slope = wp.cw_mul(ambient * d + momentum, rate), wp.cw_mul(force, rate)
-                            back, done = surface_intersection(
+                            back, done = surfaces.surface_intersection(
                                 control, event, interval.side, cell, ray_frac, velocity, slope, h, h_cell
                             )
                         if done:
@@ -370,7 +363,7 @@ def build_kernel(
                             ends_on = event
                             gain -= wp.clamp(-back, real(0.0), late) * gain_rate  # it is not flown after all
                     if back != real(0.0):
-                        added = tangent_sums(ambient, d, momentum, back, pot, force)
+                        added = motion.tangent_sums(ambient, d, momentum, back, pot, force)
                         sums, sums_carry = advance(sums, sums_carry, added)
                         q, q_carry = advance(q, q_carry, back * momentum + (real(0.5) * back * back) * force)
                         momentum, momentum_carry = advance(momentum, momentum_carry, back * force)
@@ -384,29 +377,29 @@ def build_kernel(
                     running = bool(False)
                     status = int(not_finite)
             if wp.static(controlled):
-                used += bend_error(bends)
+                used += kinks.bend_error(bends)
                 used += turned * (obliquity + real(STRAIGHT_LEVER) * max_deflection) * lever_arm
                 # A stop met at a slant magnifies errors of place and direction; without a stop, the gain is a length.
                 if wp.static(stop != "none"):
                     used, gain = used + gain, real(0.0)
-                used = stop_error(
+                used = errors.stop_error(
                     used, bounds, control, d0, ambient, greatest_momentum, max_deflection, to_stop, displacement
                 )
                 obliquity_first = obliquity
                 opd_rate = (wp.abs(pot) + wp.length(force) * (obliquity + max_deflection) * lever_arm) / ambient
 
-        arrival = end_of(
+        arrival = ends.end_of(
             bounds, control, p0, d0, interval, status, ends_on, q, q_carry, momentum, sums, sums_carry, max_deflection
         )
         step_error_out = wp.float64(0.0)
         if wp.static(controlled):
             if arrival.status == ok and ends_on >= 0:
                 size = real(1.0) / wp.max(control.cell_rate)
-                used = event_location_error(
+                used = errors.event_location_error(
                     used, ambient, size, ends_on, arrival.grazing, obliquity_first, opd_rate, displacement
                 )
             used += gain
-            judged, used = judged_status(arrival.status, control.tolerance, used)
+            judged, used = kinks.judged_status(arrival.status, control.tolerance, used)
             arrival.status = judged
         if wp.static(measured):
             step_error_out = wp.float64(used)

@@ -8,35 +8,32 @@ Snell's law the momentum T = n dr/ds gains k N along the normal N. With c = d . 
 All use the crossings of straight lines with the body's surface, see crossings.py.
 """
 
+from types import SimpleNamespace
+
 import warp as wp
 
 from ....scheme import ENTRY_ROUNDING, GRAZING_SQUARE, WALL_SAG
-from ..library import KernelLibrary, built_once
-from .crossings import (
-    WallLine,
-    build_meet_wall,
-    build_passes_box,
-    build_passes_node,
-    build_segment_crossings,
-    build_triangle_at,
-    build_wall_line,
-)
-from .motion import build_contrast
-from .triangles import NEVER, may_enter_triangle
+from ..library import Scene, built_once
+from .crossings import NEVER, WallLine, build_crossings, may_enter_triangle
+from .motion import build_motion
 
 
-@built_once
-def build_body_exit(library: KernelLibrary, geometry: str):
-    """Build a function (field, p, d, first) -> WallMeeting whose exit is where a ray that starts in the body leaves it.
-
-    The exit is NEVER if it does not leave, and `first` for rays that start outside the body, which are not `odd`.
-    """
-    Field = library.types.Field
-    wall_line = build_wall_line(library, geometry)
-    meet_wall = build_meet_wall(library, geometry)
+@built_once("geometry")
+def build_wall(scene: Scene):
+    """Build the functions about rays and the body."""
+    geometry = scene.geometry
+    t = scene.types
+    real, vec3, vec4, Field, Interval, Control = t.real, t.vec3, t.vec4, t.Field, t.Interval, t.Control
+    crossings = build_crossings(scene)
+    motion = build_motion(scene)
+    least = 0.0 if geometry == "axisymmetric" else -NEVER
 
     @wp.func
     def body_exit(field: Field, p: wp.vec3d, d: wp.vec3d, first: wp.float64):
+        """WallMeeting whose exit is where a ray that starts in the body leaves it.
+
+        The exit is NEVER if it does not leave, and `first` for rays that start outside the body, which are not `odd`.
+        """
         none = wp.float64(0.0)
         toward = d
         begin = wp.float64(first)
@@ -47,28 +44,21 @@ def build_body_exit(library: KernelLibrary, geometry: str):
                 toward = wp.vec3d(none, none, wp.float64(1.0))
                 begin = none
                 along_x = bool(True)
-        met = meet_wall(field, wall_line(p, toward), begin, wp.float64(NEVER))
+        met = crossings.meet_wall(field, crossings.wall_line(p, toward), begin, wp.float64(NEVER))
         if not met.odd:
             met.exit = first
         elif along_x:
             met.exit = wp.float64(NEVER)
         return met
 
-    return body_exit
-
-
-@built_once
-def build_outward_normal(library: KernelLibrary, geometry: str):
-    """Build a function (field, piece, p) -> outward unit normal of the body at a point of a piece of its surface."""
-    Field = library.types.Field
     if geometry == "volume":
-        triangle_at = build_triangle_at(library)
 
         @wp.func
-        def normal_in_space(field: Field, piece: int, p: wp.vec3d):
-            a = triangle_at(field, piece, 0)
-            first = triangle_at(field, piece, 1) - a
-            second = triangle_at(field, piece, 2) - a
+        def outward_normal(field: Field, piece: int, p: wp.vec3d):
+            """Outward unit normal of the body at a point of a piece of its surface."""
+            a = crossings.triangle_at(field, piece, 0)
+            first = crossings.triangle_at(field, piece, 1) - a
+            second = crossings.triangle_at(field, piece, 2) - a
             area = wp.cross(first, second)
             # Shares of the corners: those of the second and the third are areas within the triangle.
             shares = wp.vec2d(wp.dot(wp.cross(p - a, second), area), wp.dot(wp.cross(first, p - a), area))
@@ -77,174 +67,147 @@ def build_outward_normal(library: KernelLibrary, geometry: str):
             sum += shares[0] * field.wall_normals[3 * piece + 1] + shares[1] * field.wall_normals[3 * piece + 2]
             return wp.normalize(wp.vec3d(sum[0], sum[1], sum[2]))
 
-        return normal_in_space
+    else:
 
-    @wp.func
-    def outward_normal(field: Field, piece: int, p: wp.vec3d):
-        s = field.wall[piece]
-        at_ends = field.wall_normals[piece]
-        place = p[1]
-        across = wp.vec2d(wp.float64(0.0), wp.float64(1.0))
-        if wp.static(geometry == "axisymmetric"):
-            across = wp.vec2d(p[0], p[1])
-            place = wp.length(across)
-            across = across / wp.max(place, wp.float64(1.0e-300))
-        step = wp.vec2d(s[2] - s[0], s[3] - s[1])
-        share = wp.dot(wp.vec2d(place - s[0], p[2] - s[1]), step) / wp.dot(step, step)
-        r = at_ends[0] + share * (at_ends[2] - at_ends[0])
-        return wp.normalize(wp.vec3d(r * across[0], r * across[1], at_ends[1] + share * (at_ends[3] - at_ends[1])))
-
-    return outward_normal
-
-
-@built_once
-def build_starting_momentum(library: KernelLibrary):
-    """Build a function (ambient, pot, d, normal) -> deviation of the momentum where a ray begins.
-
-    A ray that leaves the body, where `normal` is not zero, is refracted there; other rays keep their direction. A ray
-    that would be reflected within the body runs along its surface.
-    """
-    t = library.types
-    real, vec3 = t.real, t.vec3
-    contrast = build_contrast(library)
+        @wp.func
+        def outward_normal(field: Field, piece: int, p: wp.vec3d):
+            """Outward unit normal of the body at a point of a piece of its surface."""
+            s = field.wall[piece]
+            at_ends = field.wall_normals[piece]
+            place = p[1]
+            across = wp.vec2d(wp.float64(0.0), wp.float64(1.0))
+            if wp.static(geometry == "axisymmetric"):
+                across = wp.vec2d(p[0], p[1])
+                place = wp.length(across)
+                across = across / wp.max(place, wp.float64(1.0e-300))
+            step = wp.vec2d(s[2] - s[0], s[3] - s[1])
+            share = wp.dot(wp.vec2d(place - s[0], p[2] - s[1]), step) / wp.dot(step, step)
+            r = at_ends[0] + share * (at_ends[2] - at_ends[0])
+            return wp.normalize(wp.vec3d(r * across[0], r * across[1], at_ends[1] + share * (at_ends[3] - at_ends[1])))
 
     @wp.func
     def starting_momentum(ambient: real, pot: real, d: vec3, normal: wp.vec3d):
+        """Deviation of the momentum where a ray begins.
+
+        A ray that leaves the body, where `normal` is not zero, is refracted there; other rays keep their direction. A
+        ray that would be reflected within the body runs along its surface.
+        """
         outward = vec3(real(normal[0]), real(normal[1]), real(normal[2]))
         before = ambient * wp.dot(d, outward)
         if before <= real(0.0):
-            return contrast(ambient, pot) * d
+            return motion.contrast(ambient, pot) * d
         root = wp.sqrt(wp.max(before * before + real(2.0) * pot, real(0.0)))
         return wp.max(real(2.0) * pot / (before + root), -before) * outward
 
-    return starting_momentum
-
-
-@built_once
-def build_body_entry(library: KernelLibrary, geometry: str):
-    """Build a function (field, p, d, last) -> distance at which a ray enters the body before it reaches the box.
-
-    It reaches the box at `last`. NEVER if it does not enter.
-    """
-    Field = library.types.Field
-    wall_line = build_wall_line(library, geometry)
-    meet_wall = build_meet_wall(library, geometry)
-
     @wp.func
     def body_entry(field: Field, p: wp.vec3d, d: wp.vec3d, last: wp.float64):
+        """Distance at which a ray enters the body before it reaches the box.
+
+        It reaches the box at `last`. NEVER if it does not enter.
+        """
         none = wp.float64(0.0)
         along_x = bool(False)
         if wp.static(geometry == "planar"):
             along_x = d[1] == none and d[2] == none
         found = wp.float64(NEVER)
         if last > none and not along_x:
-            found = meet_wall(field, wall_line(p, d), none, wp.float64(1.0 + ENTRY_ROUNDING) * last).entry
+            found = crossings.meet_wall(
+                field, crossings.wall_line(p, d), none, wp.float64(1.0 + ENTRY_ROUNDING) * last
+            ).entry
         return found
 
-    return body_entry
-
-
-@built_once
-def build_may_enter(library: KernelLibrary, geometry: str):
-    """Build a function (field, line, piece, margin, t_enter, t_exit): whether a ray may enter the body through a piece.
-
-    Either where the ray is, or if moved by `margin`: up and down in r and in z, or in a volume in any direction.
-    """
-    Field = library.types.Field
     if geometry == "volume":
-        triangle_at = build_triangle_at(library)
 
         @wp.func
-        def may_enter_in_space(
+        def may_enter(
             field: Field, line: WallLine, piece: int, margin: wp.float64, t_enter: wp.float64, t_exit: wp.float64
         ):
-            a = triangle_at(field, piece, 0)
-            b = triangle_at(field, piece, 1)
-            return may_enter_triangle(line, a, b, triangle_at(field, piece, 2), margin, t_enter, t_exit)
+            """Whether a ray may enter the body through a piece.
 
-        return may_enter_in_space
-    passes_box = build_passes_box(library, geometry)
-    segment_crossings = build_segment_crossings(library, geometry)
-    least = 0.0 if geometry == "axisymmetric" else -NEVER
+            Either where the ray is, or if moved by `margin`: up and down in r and in z, or in a volume in any
+            direction.
+            """
+            a = crossings.triangle_at(field, piece, 0)
+            b = crossings.triangle_at(field, piece, 1)
+            return may_enter_triangle(line, a, b, crossings.triangle_at(field, piece, 2), margin, t_enter, t_exit)
 
-    @wp.func
-    def moved_segment(s: wp.vec4d, r: wp.float64, z: wp.float64):
-        """A segment moved in r and z; in an axisymmetric field it does not cross the axis."""
-        return wp.vec4d(wp.max(s[0] + r, wp.float64(least)), s[1] + z, wp.max(s[2] + r, wp.float64(least)), s[3] + z)
+    else:
 
-    @wp.func
-    def only_leaves(line: WallLine, s: wp.vec4d):
-        """Whether a line, however it is shifted, can only leave the body through a segment, without grazing it.
+        @wp.func
+        def moved_segment(s: wp.vec4d, r: wp.float64, z: wp.float64):
+            """A segment moved in r and z; in an axisymmetric field it does not cross the axis."""
+            return wp.vec4d(
+                wp.max(s[0] + r, wp.float64(least)), s[1] + z, wp.max(s[2] + r, wp.float64(least)), s[3] + z
+            )
 
-        In an axisymmetric field, the side of the cone that leans most toward the line counts.
-        """
-        # (r, z) is the normal, out of the body.
-        r = s[3] - s[1]
-        z = s[0] - s[2]
-        rising = z * line.along
-        least = wp.float64(GRAZING_SQUARE) * (r * r + z * z)
-        if wp.static(geometry == "axisymmetric"):
-            least = wp.float64(2.0) * (r * r * line.across + least)
-        else:
-            rising = r * line.across + rising
-            least = least * line.square
-        return rising > wp.float64(0.0) and rising * rising > least
+        @wp.func
+        def only_leaves(line: WallLine, s: wp.vec4d):
+            """Whether a line, however it is shifted, can only leave the body through a segment, without grazing it.
 
-    @wp.func
-    def may_enter(
-        field: Field, line: WallLine, piece: int, margin: wp.float64, t_enter: wp.float64, t_exit: wp.float64
-    ):
-        found = bool(False)
-        s = field.wall[piece]
-        box = wp.vec4d(wp.min(s[0], s[2]), wp.min(s[1], s[3]), wp.max(s[0], s[2]), wp.max(s[1], s[3]))
-        if not only_leaves(line, s) and passes_box(line, box, margin, t_enter, t_exit):
-            for side in range(5):
-                r = wp.float64(0.0)
-                z = wp.float64(0.0)
-                if side == 1:
-                    r = margin
-                if side == 2:
-                    r = -margin
-                if side == 3:
-                    z = margin
-                if side == 4:
-                    z = -margin
-                at = segment_crossings(line, moved_segment(s, r, z), bool(True))
-                t = at.two
-                there = at.count > 1
-                if at.enters:
-                    t = at.one
-                    there = at.count > 0
-                if there and t > t_enter and t < t_exit:
-                    found = bool(True)
-        return found
+            In an axisymmetric field, the side of the cone that leans most toward the line counts.
+            """
+            # (r, z) is the normal, out of the body.
+            r = s[3] - s[1]
+            z = s[0] - s[2]
+            rising = z * line.along
+            least = wp.float64(GRAZING_SQUARE) * (r * r + z * z)
+            if wp.static(geometry == "axisymmetric"):
+                least = wp.float64(2.0) * (r * r * line.across + least)
+            else:
+                rising = r * line.across + rising
+                least = least * line.square
+            return rising > wp.float64(0.0) and rising * rising > least
 
-    return may_enter
+        @wp.func
+        def may_enter(
+            field: Field, line: WallLine, piece: int, margin: wp.float64, t_enter: wp.float64, t_exit: wp.float64
+        ):
+            """Whether a ray may enter the body through a piece.
 
-
-@built_once
-def build_has_clearance(library: KernelLibrary, geometry: str):
-    """Build a function (field, p, d, t_enter, t_exit, margin): whether a straight ray stays out of the body.
-
-    It must do so between two distances, and so must the rays moved across the surface by `margin` [m]. Places where
-    they leave the body do not matter, so a ray may begin on the wall.
-    """
-    Field = library.types.Field
-    wall_line = build_wall_line(library, geometry)
-    passes_node = build_passes_node(library, geometry)
-    may_enter = build_may_enter(library, geometry)
+            Either where the ray is, or if moved by `margin`: up and down in r and in z, or in a volume in any
+            direction.
+            """
+            found = bool(False)
+            s = field.wall[piece]
+            box = wp.vec4d(wp.min(s[0], s[2]), wp.min(s[1], s[3]), wp.max(s[0], s[2]), wp.max(s[1], s[3]))
+            if not only_leaves(line, s) and crossings.passes_box(line, box, margin, t_enter, t_exit):
+                for side in range(5):
+                    r = wp.float64(0.0)
+                    z = wp.float64(0.0)
+                    if side == 1:
+                        r = margin
+                    if side == 2:
+                        r = -margin
+                    if side == 3:
+                        z = margin
+                    if side == 4:
+                        z = -margin
+                    at = crossings.segment_crossings(line, moved_segment(s, r, z), bool(True))
+                    t = at.two
+                    there = at.count > 1
+                    if at.enters:
+                        t = at.one
+                        there = at.count > 0
+                    if there and t > t_enter and t < t_exit:
+                        found = bool(True)
+            return found
 
     @wp.func
     def has_clearance(
         field: Field, p: wp.vec3d, d: wp.vec3d, t_enter: wp.float64, t_exit: wp.float64, margin: wp.float64
     ):
-        line = wall_line(p, d)
+        """Whether a straight ray stays out of the body.
+
+        It must do so between two distances, and so must the rays moved across the surface by `margin` [m]. Places where
+        they leave the body do not matter, so a ray may begin on the wall.
+        """
+        line = crossings.wall_line(p, d)
         clear = bool(True)
         node = int(0)
         while node < field.wall_count and clear:
             links = field.wall_links[node]
             onward = links[0]
-            if passes_node(field, line, node, margin, t_enter, t_exit):
+            if crossings.passes_node(field, line, node, margin, t_enter, t_exit):
                 onward = node + 1
                 for k in range(links[1], links[2]):
                     if clear and may_enter(field, line, k, margin, t_enter, t_exit):
@@ -252,20 +215,14 @@ def build_has_clearance(library: KernelLibrary, geometry: str):
             node = onward
         return clear
 
-    return has_clearance
-
-
-@built_once
-def build_comes_near(library: KernelLibrary, geometry: str):
-    """Build a function (field, here, within): whether a point is within `within` [m] of the box around the whole body.
-
-    The distance is taken along each axis.
-    """
-    Field = library.types.Field
     if geometry == "volume":
 
         @wp.func
-        def comes_near_in_space(field: Field, here: wp.vec3d, within: wp.float64):
+        def comes_near(field: Field, here: wp.vec3d, within: wp.float64):
+            """Whether a point is within `within` [m] of the box around the whole body.
+
+            The distance is taken along each axis.
+            """
             near = bool(True)
             low = field.wall_boxes[0]
             high = field.wall_boxes[1]
@@ -274,25 +231,20 @@ def build_comes_near(library: KernelLibrary, geometry: str):
                     near = bool(False)
             return near
 
-        return comes_near_in_space
+    else:
 
-    @wp.func
-    def comes_near(field: Field, here: wp.vec3d, within: wp.float64):
-        whole = field.wall_boxes[0]
-        beside = here[1]
-        if wp.static(geometry == "axisymmetric"):
-            beside = wp.sqrt(here[0] * here[0] + here[1] * here[1])
-        is_beyond = here[2] - within > whole[3] or here[2] + within < whole[1]
-        return not (is_beyond or beside - within > whole[2] or beside + within < whole[0])
+        @wp.func
+        def comes_near(field: Field, here: wp.vec3d, within: wp.float64):
+            """Whether a point is within `within` [m] of the box around the whole body.
 
-    return comes_near
-
-
-@built_once
-def build_place(library: KernelLibrary):
-    """Build a function -> position of a ray, from the sums of its steps so far."""
-    t = library.types
-    vec3, vec4, Interval = t.vec3, t.vec4, t.Interval
+            The distance is taken along each axis.
+            """
+            whole = field.wall_boxes[0]
+            beside = here[1]
+            if wp.static(geometry == "axisymmetric"):
+                beside = wp.sqrt(here[0] * here[0] + here[1] * here[1])
+            is_beyond = here[2] - within > whole[3] or here[2] + within < whole[1]
+            return not (is_beyond or beside - within > whole[2] or beside + within < whole[0])
 
     @wp.func
     def place_of(
@@ -305,6 +257,7 @@ def build_place(library: KernelLibrary):
         sums: vec4,
         sums_carry: vec4,
     ):
+        """Position of a ray, from the sums of its steps so far."""
         sigma = wp.float64(sums[0]) - wp.float64(sums_carry[0])
         beside = wp.vec3d(
             wp.float64(q[0]) - wp.float64(q_carry[0]),
@@ -313,26 +266,15 @@ def build_place(library: KernelLibrary):
         )
         return p + (interval.t_enter + ambient * sigma) * d + beside
 
-    return place_of
-
-
-@built_once
-def build_behind_wall(library: KernelLibrary, geometry: str):
-    """Build a function -> how much of a step of length h is behind its entry into the body; -1 if it does not enter.
-
-    The step goes from `here` along its first tangent, with the bend `kick` [m]; it is replaced by chords that stay
-    within WALL_SAG cells of it. `allowance`: how far before the step's start a wall counts, in the unit of h.
-    """
-    t = library.types
-    real, vec3, Field, Control = t.real, t.vec3, t.Field, t.Control
-    wall_line = build_wall_line(library, geometry)
-    meet_wall = build_meet_wall(library, geometry)
-    comes_near = build_comes_near(library, geometry)
-
     @wp.func
     def behind_wall(
         field: Field, control: Control, here: wp.vec3d, tangent: vec3, kick: vec3, h: real, allowance: real
     ):
+        """How much of a step of length h is behind its entry into the body; -1 if it does not enter.
+
+        The step goes from `here` along its first tangent, with the bend `kick` [m]; it is replaced by chords that stay
+        within WALL_SAG cells of it. `allowance`: how far before the step's start a wall counts, in the unit of h.
+        """
         one = wp.float64(1.0)
         sag = wp.length(wp.cw_mul(kick, control.cell_rate)) / (real(4.0) * real(WALL_SAG))
         pieces = int(1)
@@ -352,7 +294,7 @@ def build_behind_wall(library: KernelLibrary, geometry: str):
         while k < pieces:
             share = wp.float64(k + 1) / wp.float64(pieces)
             end = here + share * straight + (share * share) * bend
-            met = meet_wall(field, wall_line(begin, end - begin), first, one)
+            met = crossings.meet_wall(field, crossings.wall_line(begin, end - begin), first, one)
             if met.entry <= one:
                 found = real(one - (wp.float64(k) + met.entry) / wp.float64(pieces)) * h
                 k = pieces
@@ -361,4 +303,4 @@ def build_behind_wall(library: KernelLibrary, geometry: str):
             k += 1
         return found
 
-    return behind_wall
+    return SimpleNamespace(**locals())

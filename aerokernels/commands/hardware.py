@@ -1,0 +1,371 @@
+"""Commands for recorded echoes: record, board, export, compare."""
+
+import re
+import sys
+import time
+from collections import deque
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from aerokernels.commands._output import Screen, note, output, print_table, result, say, shown_progress, silence, warn
+from aerokernels.display.plain_text import plain
+
+if TYPE_CHECKING:
+    from aerokernels.hardware.recorder import RecordingStatus
+    from aerokernels.hardware.sources import EchoStream
+
+
+def record(
+    port: Annotated[
+        str, typer.Option(help="Serial device, its by-id path, or a pyserial URL (socket://, rfc2217://, ...).")
+    ],
+    store: Annotated[Path, typer.Option(help="SQLite file; created if it does not exist, else continued.")],
+    protocol: Annotated[str, typer.Option(help="frames (digitiser board) or scpi (oscilloscope).")] = "frames",
+    count: Annotated[
+        int | None, typer.Option(min=1, help="Echoes to store before stopping [default: until Ctrl-C].")
+    ] = None,
+    baud: Annotated[int, typer.Option(min=1, help="Line rate [bit/s].")] = 115200,
+    flow: Annotated[str, typer.Option(help="Hardware flow control: none, rtscts or dsrdtr.")] = "none",
+    label: Annotated[list[str] | None, typer.Option(help="key=value stored with every echo. Repeatable.")] = None,
+    dialect: Annotated[
+        str, typer.Option(help="For --protocol scpi: auto (ask the instrument), tektronix or rigol.")
+    ] = "auto",
+    timeout: Annotated[
+        float, typer.Option(min=0.1, help="Longest silence before and within an oscilloscope's answer [s].")
+    ] = 3.0,
+    stall: Annotated[
+        float, typer.Option(min=0.0, help="Silence after which the port is closed and opened again [s]; 0: never.")
+    ] = 30.0,
+    commit_interval: Annotated[
+        float,
+        typer.Option(
+            min=0.0, help="Longest time between two commits [s]; a kill loses at most the echoes of this time."
+        ),
+    ] = 0.25,
+) -> None:
+    """Record echoes from hardware.
+
+    Record until --count or Ctrl-C; a port that is lost is opened again when it comes back.
+    """
+    from dataclasses import asdict
+
+    from aerokernels.commands.hardware import describe, parse_labels, reporter
+    from aerokernels.hardware import DIALECT_NAMES, PROTOCOLS
+    from aerokernels.hardware.port import PortError
+    from aerokernels.hardware.recorder import NO_GOOD_FRAME, Recorder
+    from aerokernels.hardware.store import EchoStore
+    from aerokernels.inputs.checks import check_choice
+    from aerokernels.process.interrupt import interrupt_flag
+
+    check_choice(protocol, "--protocol", PROTOCOLS)
+    check_choice(dialect, "--dialect", ("auto", *DIALECT_NAMES))
+    labels = parse_labels(label or [])
+    with interrupt_flag() as interrupted:
+        connect = connector(port, protocol, baud, flow, dialect, timeout, interrupted.is_set)
+        # Open the port first, so that a missing port leaves no empty store behind.
+        try:
+            stream = connect()
+        except PortError:
+            if interrupted.is_set():  # interrupted during the search for an instrument
+                raise KeyboardInterrupt from None
+            raise
+        try:
+            with EchoStore(store) as echoes, reporter() as report:
+                echoes.begin_recording(port, protocol, labels)
+                if not (output.quiet or output.as_json):
+                    say(plain(f"recording {protocol} from {port} into {store}"))
+                status = Recorder(
+                    stream,
+                    echoes,
+                    connect,
+                    count=count,
+                    commit_interval=commit_interval,
+                    stall_time=stall,
+                    stopped=interrupted.is_set,
+                    report=report,
+                ).run()
+        finally:
+            stream.close()
+    if status.port_state == NO_GOOD_FRAME or (
+        status.damaged_count and not status.stored_count + status.duplicate_count
+    ):
+        note(
+            f"bytes came from {port}, but no good frame: check that the instrument sends at --baud {baud} and in "
+            f"--protocol {protocol}"
+        )
+    result(f"done: {describe(status)}, in {store}", {**asdict(status), "store": str(store)})
+
+
+def connector(
+    port: str, protocol: str, baud: int, flow: str, dialect: str, timeout: float, stopped: Callable[[], bool]
+) -> "Callable[[], EchoStream]":
+    """Return a function that opens the port and finds the instrument on it, for the first time or again."""
+    from aerokernels.hardware.port import open_port
+    from aerokernels.hardware.sources import CurveStream, FrameStream
+
+    def connect() -> "EchoStream":
+        opened = open_port(port, baud=baud, flow=flow)
+        if protocol == "scpi":
+            return CurveStream(opened, dialect=dialect, timeout=timeout, stopped=stopped)
+        return FrameStream(opened)
+
+    return connect
+
+
+_RATE_TIME = 5.0  # [s] over which the displayed rate is averaged
+
+
+def parse_labels(pairs: list[str]) -> dict[str, str]:
+    """Parse "key=value" texts into labels.
+
+    Raises:
+        ValueError: a text without a key or without "=", a text that is not Unicode, or a key given twice.
+    """
+    labels: dict[str, str] = {}
+    for pair in pairs:
+        key, equals, value = (part.strip() for part in pair.partition("="))
+        if not key or not equals:
+            raise ValueError(f"--label {pair!r}: give key=value, for example mach=3")
+        if re.search(r"[\ud800-\udfff]", pair):  # bytes of the command line that are no UTF-8
+            raise ValueError(f"--label {pair!r}: contains bytes that are not UTF-8; type the label again")
+        if key in labels:
+            raise ValueError(f"--label {pair!r}: {key!r} is given twice; give each key once")
+        labels[key] = value
+    return labels
+
+
+def describe(status: "RecordingStatus", rate: float | None = None) -> str:
+    """Describe on one line what is stored on the disk; with `rate`, also the recent echoes per second."""
+    parts = [f"stored {status.stored_count}"]
+    if status.last_sequence is not None:
+        parts.append(f"last sequence {status.last_sequence}")
+    if rate is not None:
+        parts.append(f"{rate:.1f}/s")
+    if status.last_peak is not None:
+        parts.append(f"last peak {status.last_peak:.3f} V")
+    parts.append(f"damaged {status.damaged_count}")
+    parts.append(f"missing {status.missing_count}")
+    if status.duplicate_count:
+        parts.append(f"sent twice {status.duplicate_count}")
+    if status.waiting_count:
+        parts.append(f"{status.waiting_count} wait for the store, which another program keeps locked")
+    if status.reconnect_count:
+        parts.append(f"reconnected {status.reconnect_count}")
+    if rate is not None:
+        parts.append(f"port {status.port_state}" if status.port_open else f"port away: {status.port_state}")
+    return ", ".join(parts)
+
+
+class RateMeter:
+    """Echoes per second over the last seconds."""
+
+    def __init__(self) -> None:
+        """Start without counts."""
+        self._seen: deque[tuple[float, int]] = deque()
+
+    def rate(self, stored_count: int) -> float:
+        """Record a count and return the rate [1/s]."""
+        now = time.monotonic()
+        self._seen.append((now, stored_count))
+        while now - self._seen[0][0] > _RATE_TIME:
+            self._seen.popleft()
+        since, first = self._seen[0]
+        return (stored_count - first) / (now - since) if now > since else 0.0
+
+
+@contextmanager
+def reporter() -> Iterator[Callable[["RecordingStatus"], None]]:
+    """Yield a function that shows a status: live on a terminal, elsewhere as a line where something has changed.
+
+    A change of the port is printed at once, changed counts once a second. With --quiet or --json nothing is shown.
+    """
+    if output.quiet or output.as_json:
+        yield lambda status: None
+        return
+    from rich.console import Console
+    from rich.text import Text
+
+    screen: Any = Screen(sys.stdout)
+    console, meter = Console(file=screen), RateMeter()
+    if console.is_terminal:
+        with console.status("waiting for the first echo") as live:
+            yield lambda status: live.update(
+                Text(plain(describe(status, meter.rate(status.stored_count))), no_wrap=True, overflow="ellipsis")
+            )
+        return
+    shown_at = -1.0
+    shown: RecordingStatus | None = None
+
+    def tell(status: "RecordingStatus") -> None:
+        nonlocal shown_at, shown
+        rate, now = meter.rate(status.stored_count), time.monotonic()
+        port_changed = shown is not None and (status.port_open, status.reconnect_count) != (
+            shown.port_open,
+            shown.reconnect_count,
+        )
+        if status != shown and (port_changed or now - shown_at >= 1.0):
+            shown_at, shown = now, status
+            try:
+                print(plain(describe(status, rate)), flush=True)
+            except OSError:  # the reader has left, or the log's disk is full: no reason to stop recording
+                silence(sys.stdout)
+
+    yield tell
+
+
+def board(
+    link: Annotated[Path, typer.Option(help="Path of the simulated port: a symbolic link, removed at the end.")],
+    protocol: Annotated[str, typer.Option(help="frames (digitiser board) or scpi (oscilloscope).")] = "frames",
+    dialect: Annotated[str, typer.Option(help="For --protocol scpi: tektronix or rigol.")] = "tektronix",
+    echo: Annotated[
+        Path | None,
+        typer.Option(help="Folder or result.nc of a run whose echo through the flow is sent [default: --scene]."),
+    ] = None,
+    scene: Annotated[
+        str | None,
+        typer.Option(help="TOML file or shipped scene whose echo in vacuum is sent [default: wind-tunnel-static]."),
+    ] = None,
+    rate: Annotated[float, typer.Option(help="Echoes per second.")] = 50.0,
+    count: Annotated[int | None, typer.Option(min=1, help="Echoes to send [default: until Ctrl-C].")] = None,
+    noise: Annotated[float, typer.Option(min=0.0, help="Standard deviation of the noise [V].")] = 0.02,
+    samples: Annotated[int, typer.Option(min=1, max=65535, help="Samples per echo.")] = 128,
+    sample_period: Annotated[int, typer.Option(min=1, max=2**32 - 1, help="Time between samples [ps].")] = 250,
+    fault: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="KIND=PROBABILITY per echo: torn, flipped, glued, garbage, gap, repeat, stall or unplug. Repeatable."
+        ),
+    ] = None,
+    pause: Annotated[float, typer.Option(min=0.0, help="Duration of a stall or of an unplugged port [s].")] = 1.0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the noise and the faults.")] = 0,
+) -> None:
+    """Simulate a digitiser board or an oscilloscope.
+
+    With it, `record` can be tried without hardware.
+    """
+    from aerokernels.hardware import DIALECT_NAMES, PROTOCOLS
+    from aerokernels.hardware.echo_source import DEFAULT_SCENE, EchoSource
+    from aerokernels.hardware.simulator import FaultPlan, PseudoTerminal, SimulatedScope, run_board, run_scope
+    from aerokernels.inputs.checks import check_choice
+    from aerokernels.process.interrupt import interrupt_flag
+
+    check_choice(protocol, "--protocol", PROTOCOLS)
+    check_choice(dialect, "--dialect", DIALECT_NAMES)
+    if not rate > 0.0:
+        raise ValueError(f"--rate {rate}: give a positive number of echoes per second")
+    faults = FaultPlan.parse(fault or [], pause, seed)
+    if echo is not None and scene is not None:
+        raise ValueError(f"--echo {echo} and --scene {scene}: give the run or the scene, not both")
+    make, place = (EchoSource.from_scene, scene or DEFAULT_SCENE) if echo is None else (EchoSource.from_result, echo)
+    source = make(place, sample_count=samples, sample_period_ps=sample_period, noise=noise)
+    with interrupt_flag() as interrupted, PseudoTerminal(link) as terminal:
+        more = "" if protocol == "frames" else f"--protocol {protocol} "
+        if not (output.quiet or output.as_json):
+            say(f"board on {link} ({terminal.name}); record it with: aerokernels record {more}--port {link} ...")
+        if protocol == "scpi":
+            scope = SimulatedScope(source, dialect=dialect, rate=rate, seed=seed)
+            sent, what = run_scope(terminal, scope, count=count, faults=faults, stopped=interrupted.is_set), "curves"
+        else:
+            sent = run_board(
+                terminal, source, rate=rate, count=count, seed=seed, faults=faults, stopped=interrupted.is_set
+            )
+            what = "frames"
+    text = f"done: {sent} {what} sent{', faults: ' if str(faults) else ''}{faults}"
+    result(text, {"sent_count": sent, "protocol": protocol, "faults": str(faults)})
+
+
+def export(
+    store: Annotated[Path, typer.Argument(help="SQLite file that `record` wrote or is writing.")],
+    out: Annotated[Path, typer.Option(help="FILE.nc or FILE.csv; an existing file is replaced.")],
+    label: Annotated[
+        list[str] | None, typer.Option(help="key=value: export only echoes with this label. Repeatable.")
+    ] = None,
+) -> None:
+    """Write the echoes of a store to a NetCDF or CSV file.
+
+    A recording into the store may go on meanwhile.
+    """
+    from aerokernels.commands.hardware import parse_labels
+    from aerokernels.hardware.export import export as write_echoes
+    from aerokernels.hardware.store import EchoStore
+
+    labels = parse_labels(label or [])
+    with EchoStore(store, read_only=True) as echoes:
+        count = write_echoes(echoes, out, labels)
+    note(f"wrote {count} echoes to {out}")
+
+
+def compare(
+    store: Annotated[
+        Path,
+        typer.Argument(metavar="STORE", help="The recorder's store, or a CSV or NetCDF file of recorded waveforms."),
+    ],
+    runs: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="RUN...",
+            help="Folders of finished runs. A label mach=3 uses the run at Mach 3, or DIR if given as mach=3=DIR.",
+        ),
+    ],
+    out: Annotated[
+        Path | None, typer.Option(help="Folder for report.html, compare.csv, compare.png, compare.nc and summary.json.")
+    ] = None,
+    align: Annotated[
+        str,
+        typer.Option(
+            help="Trigger offset: none (times as recorded), each (measured on each label), or a label such as mach=0 "
+            "(measured on that label, applied to all)."
+        ),
+    ] = "none",
+    trigger_offset: Annotated[
+        str, typer.Option(help="Known trigger offset: time by which the recorded times are late, such as 2.5 ns.")
+    ] = "0 s",
+    voltage_offset: Annotated[
+        str, typer.Option(help="Known offset of the recorded voltages, which is subtracted, such as 12 mV.")
+    ] = "0 V",
+    threshold: Annotated[str | None, typer.Option(help="Level of the leading edge [default: the run's].")] = None,
+    ranged: Annotated[int, typer.Option(help="Greatest number of echoes per label that are ranged one by one.")] = 300,
+) -> None:
+    """Compare recorded echoes with simulated ones.
+
+    Label by label: peaks, relative errors, correlation, ranges.
+    """
+    from aerokernels.inputs.units import quantity
+    from aerokernels.jobs.comparison import CompareOptions, compare_recording
+    from aerokernels.jobs.comparison_report import TABLES, write_comparison
+    from aerokernels.jobs.recorded import label_text
+    from aerokernels.jobs.run_folder import read_run
+    from aerokernels.jobs.store import check_output_folder
+
+    options = CompareOptions(
+        align=align,
+        trigger_offset=quantity(trigger_offset, "time"),
+        voltage_offset=quantity(voltage_offset, "voltage"),
+        threshold=None if threshold is None else quantity(threshold, "voltage"),
+        ranged_count=ranged,
+    )
+    folders = [read_run(text) for text in runs]
+    if out is not None:
+        check_output_folder(out)
+    with shown_progress("compare") as progress:
+        found = compare_recording(store, folders, options, progress)
+        files = [] if out is None else write_comparison(found, out)
+    for make in TABLES:
+        title, columns, rows = make(found)
+        print_table(title, columns, rows)
+    for text in found.warnings:
+        warn(f"warning: {text}")
+    unfit = sum(one.unfit_count for one in found.labels)
+    if unfit:
+        note(f"skipped {unfit} echoes with too few samples or without a sample period")
+    if found.left_out:
+        (note if output.as_json else say)(f"labels without a run: {', '.join(map(label_text, found.left_out))}")
+    if files:
+        note(f"wrote {', '.join(files)} to {out}")
+
+
+COMMANDS = {"record": record, "board": board, "export": export, "compare": compare}

@@ -1,0 +1,88 @@
+"""Read cases of EnSight and Fluent with VTK's readers, whose coordinates are in single precision.
+
+A new format that VTK reads takes an entry in `READERS` and one in formats.py. Runs in the child process of fragile.py.
+"""
+
+import os
+import re
+from collections.abc import Mapping
+from dataclasses import replace
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from aerokernels.flow.reading.dataset import UNFINISHED, Dataset, Patch, ReadError
+from aerokernels.flow.reading.readers.vtk_files import vtk_dataset
+from aerokernels.flow.reading.readers.vtk_running import run
+from aerokernels.process.foreign_files import own_file
+
+SINGLE = "VTK reads its coordinates in single precision"
+# Format, module of VTK and reader by the end of the name; the longest end counts.
+READERS = {
+    ".cas.h5": ("Fluent", "vtkIOFLUENTCFF", "vtkFLUENTCFFReader"),
+    ".cas": ("Fluent", "vtkIOGeometry", "vtkFLUENTReader"),
+    ".case": ("EnSight", "vtkIOEnSight", "vtkGenericEnSightReader"),
+    ".encas": ("EnSight", "vtkIOEnSight", "vtkGenericEnSightReader"),
+}
+_NAMED = re.compile(
+    r"^[ \t]*(?:model|measured|match|boundary|rigid_body|scalar|vector|tensor|complex|filename)[^:\n]*:(.*)$",
+    re.MULTILINE,
+)
+_ZONE = re.compile(rb"\((?:39|45)\s+\(\d+\s+([\w-]+)\s+([^\s()]+)")
+
+
+def read(path: Path, time: Any, options: Mapping[str, Any]) -> Dataset:
+    """Read a case."""
+    name, module, reader_name = next(own for end, own in READERS.items() if path.name.lower().endswith(end))
+    files(path, options, None)  # refuses those that may not be opened
+    reader = getattr(import_module(f"vtkmodules.{module}"), reader_name)()
+    if name == "EnSight":
+        reader.SetFilePath(str(path.parent))
+        reader.SetCaseFileName(path.name)
+        reader.ReadAllVariablesOn()
+    else:
+        reader.SetFileName(str(path))
+    data, times, chosen = run(path, reader, time)
+    dataset = vtk_dataset(path, data, name)
+    blocks, patches = dataset.blocks, dataset.patches
+    if name == "Fluent":  # whose zones of faces are blocks too, without values
+        blocks = [block for block in blocks if block.cell_data or block.point_data] or blocks
+        kinds = _kinds(path)
+        patches = [Patch(own.name, kinds.get(own.name, own.kind), own.edges, own.polygons) for own in patches]
+    return replace(dataset, blocks=blocks, patches=patches, times=times, time=chosen, notes=[*dataset.notes, SINGLE])
+
+
+def files(path: Path, options: Mapping[str, Any], time: float | None) -> list[Path]:
+    """Return the files that `read` opens: those that a case of EnSight names, the data beside a case of Fluent.
+
+    Raises:
+        OwnFilesError: A file outside of the case's folder, or one that is not regular.
+        ReadError: A file of Fluent that was not written to its end.
+    """
+    if path.suffix.lower() not in (".case", ".encas"):
+        data = own_file(path, re.sub(r"\.cas(?=\.h5$|$)", ".dat", path.name, flags=re.IGNORECASE))
+        for file in (path, data):
+            if path.suffix.lower() == ".cas" and file.is_file() and not _ends(file).endswith(b")"):
+                raise ReadError(file, "its last section is not closed", UNFINISHED)
+        return [path, data] if data.is_file() else [path]
+    named = [path]
+    words = [word.strip('"') for rest in _NAMED.findall(path.read_text("latin-1")) for word in rest.split()]
+    for word in words:
+        own_file(path, word)
+        matching = sorted(path.parent.glob(word)) if "*" in word else [path.parent / word]  # a star is a time's number
+        named += [own_file(path, os.path.relpath(file, path.parent)) for file in matching if file.is_file()]
+    return list(dict.fromkeys(named))
+
+
+def _ends(file: Path) -> bytes:
+    """Return the last bytes of a file, without blanks."""
+    with file.open("rb") as stream:
+        stream.seek(max(file.stat().st_size - 200, 0))
+        return stream.read().rstrip()
+
+
+def _kinds(path: Path) -> dict[str, str]:
+    """Return the type of each zone of a text case of Fluent, by its name."""
+    if path.suffix.lower() != ".cas":
+        return {}
+    return {name.decode("latin-1"): kind.decode("latin-1") for kind, name in _ZONE.findall(path.read_bytes())}

@@ -1,0 +1,350 @@
+"""What a run writes to its folder: the numbers of summary.json, each with its error, and the dataset of result.nc.
+
+strehl, range_m, ...   the numbers, SI; null if there is no result
+errors                 the errors of the numbers by the same keys, in the same units; null if not known; no entry for
+numbers that are not estimates (counts, settings, times). The error of a ratio between 0 and 1 is at most what these
+bounds allow, max(ratio, 1 - ratio): the number is then not meaningful, as the verdict on the Strehl ratio says
+still_air_m            the part of the range error that the air at rest between aperture and target causes, not the flow
+range_uncertainty_m    the error of the range by cause, by ranging method
+verdict, warnings      whether the answer is meaningful given its errors ("fine", "warning", "worthless"), and why
+failures               why a stage has no result, by stage ("wavefront", "rays", "echo", "range", "picture echo", ...)
+error                  the error budget of the Strehl ratio by cause, each at most what the bounds 0 and 1 allow
+averages_lacking       deficit of the interpolant against the averages over rows and columns of the flow's cells and
+over single cells, as shares of the range of densities, and over a row as optical path [m]; empty if the flow has no
+averages over the cells of a mesh
+scene_values           the whole scene as it was run, every key with its default, SI
+seconds                wall time of each part of the run, and of "prepare" by its own parts; "total" is that of the run
+stage_seconds          the same time by activity, each moment counted once (clock.py): trace_seconds is its "kernel",
+compile_seconds its "compile"; both include the rays of the error budget
+"""
+
+import json
+import math
+import os
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from dataclasses import field as attribute
+from datetime import UTC, datetime
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from aerokernels import __version__
+from aerokernels.display.quantities import TOTAL, Verdict, greatest_ratio_error, judge, main_cause
+from aerokernels.display.shown import shown
+from aerokernels.echo import EchoResult
+from aerokernels.jobs.numbers import NUMBERS
+from aerokernels.jobs.plots import density_cells
+from aerokernels.jobs.store import number_or_nan, to_json
+from aerokernels.medium import AveragesLacking, SolidBody
+from aerokernels.prepare import Prepared
+from aerokernels.scene import Scene
+from aerokernels.scene.pupil_table import axis_words
+from aerokernels.strehl import StrehlEstimate
+from aerokernels.wavefront import Wavefront, point_spread_function
+
+if TYPE_CHECKING:
+    import xarray
+
+SPOT_PADDING, SPOT_RINGS = 8, 8.0  # samples per wavelength / diameter of the spot, and its half-width in these
+
+
+@dataclass(frozen=True, eq=False)
+class RayFan:
+    """Rays in the plane of a pupil's direction of view and its second axis (x = 0 if it faces ahead).
+
+    Attributes:
+        position: Intersection of each ray with each plane [m], shape (ray_count, plane_count, 3); NaN after its end.
+        deviation: Displacement from the undisturbed ray along the second axis [m], shape (ray_count, plane_count).
+    """
+
+    position: np.ndarray
+    deviation: np.ndarray
+
+
+@shown
+@dataclass(frozen=True, eq=False)
+class RunResult:
+    """The results of all stages of a run, its summary and its dataset.
+
+    Attributes:
+        scene: The scene.
+        prepared: Its flow and index fields.
+        strehl: The Strehl ratio of a plane wave through the scene's pupil.
+        wavefront: The optical path difference over the scene's pupil, piston removed; None if that stage failed.
+        fan: Rays for the figures; None if that stage failed.
+        echo: The laser echo and its range; None if no light returns.
+        seconds: Wall time [s] of each part ("prepare", "strehl", "wavefront", "fan", "echo", "error"), and "total".
+        stages: Wall time [s] of the run by activity, such as compiling or running kernels: see STAGES in clock.py.
+        failed: The reason for each stage that failed: "wavefront", "rays", "echo".
+    """
+
+    scene: Scene
+    prepared: Prepared
+    strehl: StrehlEstimate
+    wavefront: Wavefront | None
+    fan: RayFan | None
+    echo: EchoResult | None
+    seconds: Mapping[str, float]
+    stages: Mapping[str, float]
+    failed: Mapping[str, str] = attribute(default_factory=dict)
+
+    @property
+    def failures(self) -> dict[str, str]:
+        """The reason for each stage without a result; "range" is for an echo that cannot be ranged."""
+        reason = self.echo.reason if self.echo is not None else None
+        return {**self.failed, **({"range": reason} if reason else {})}
+
+    @property
+    def verdict(self) -> Verdict:
+        """Whether the Strehl ratio and the echo's peak are meaningful given their errors, and why."""
+        numbers = {"Strehl ratio": self.strehl.quantities["value"]}
+        if self.echo is not None:
+            numbers["echo's peak power"] = self.echo.quantities["peak_power"]
+        return judge(numbers, main_cause(self.strehl.error))
+
+    @cached_property
+    def summary(self) -> dict[str, Any]:
+        """The run's numbers, in SI units, as written to summary.json; computed when first read."""
+        return summarise(self)
+
+    def to_xarray(self) -> "xarray.Dataset":
+        """Return the run as one dataset with units, as written to result.nc."""
+        return run_dataset(self, self.summary)
+
+
+def summarise(result: RunResult) -> dict[str, Any]:
+    """Return the content of summary.json; lengths in m, angles in rad, powers in W; NaN if there is no result."""
+    scene, strehl, density, verdict = result.scene, result.strehl, result.prepared.density, result.verdict
+    plan, seen = strehl.plan.as_dict(), strehl.quantities
+    numbers = {
+        "strehl": (strehl.value, seen["value"].error),
+        "strehl_marechal": (strehl.marechal, seen["marechal"].error),
+        "opd_rms_m": (strehl.opd_rms, seen["opd_rms"].error),
+        # The vector's length changes by at most the length of the vector of the components' errors.
+        "boresight_rad": (
+            float(np.hypot(*strehl.boresight)),
+            math.hypot(*(seen[f"boresight_{axis}"].error or 0.0 for axis in "xy")),
+        ),
+        "boresight_x_rad": (float(strehl.boresight[0]), seen["boresight_x"].error),
+        "boresight_y_rad": (float(strehl.boresight[1]), seen["boresight_y"].error),
+    }
+    for key, number in NUMBERS.items():
+        if number.of_echo:
+            one = None if result.echo is None else result.echo.quantities[number.of_echo]
+            numbers[key] = (math.nan, math.nan) if one is None else (one.value, one.error)
+    ranges, range_errors = _ranges(result.echo)
+    return {
+        "scene": scene.name,
+        "title": scene.title,
+        **{key: value for key, (value, _) in numbers.items()},
+        "strehl_standard_error": strehl.standard_error,
+        **ranges,
+        "errors": {**{key: error for key, (_, error) in numbers.items()}, "ranges_m": range_errors},
+        "verdict": verdict.level,
+        "warnings": [verdict.reason] if verdict else [],
+        "failures": dict(result.failures),
+        "return_factor": scene.receiver.return_factor,
+        "true_range_m": float(scene.target.distance),
+        "mach": math.nan if density is None else density.mach,
+        "ambient_density_kg_m3": math.nan if density is None else density.ambient_density,
+        "wavelength_m": scene.flow.wavelength,
+        "ray_count": strehl.ray_count,
+        "traced_ray_count": strehl.traced_ray_count,
+        "evaluation_count": strehl.evaluation_count,
+        "trace_seconds": result.stages["kernel"],
+        "compile_seconds": result.stages["compile"],
+        "total_seconds": result.seconds["total"],
+        **{name: plan[name] for name in ("backend", "device", "precision")},
+        "plan": plan,
+        "error": {
+            cause: float(np.minimum(one, greatest_ratio_error(strehl.value))) for cause, one in strehl.error.items()
+        },
+        "seconds": {**result.seconds, "prepare": dict(result.prepared.seconds)},
+        "stage_seconds": dict(result.stages),
+        "provenance": result.prepared.provenance,
+        "averages_lacking": _averages_lacking(result.prepared.lacking),
+        "scene_values": scene.as_dict(),
+        "version": __version__,
+    }
+
+
+def _averages_lacking(lacking: AveragesLacking | None) -> dict[str, float]:
+    """Return the deficits of rows of cells and of single cells; without the rows if the cells form none."""
+    if lacking is None:
+        return {}
+    names = {"row_path": "row_path_m"}
+    deficits = {name: getattr(lacking, name) for name in ("rows_max", "rows_rms", "row_path", "cells_max", "cells_rms")}
+    return {names.get(name, name): value for name, value in deficits.items() if value is not None}
+
+
+def _ranges(echo: EchoResult | None) -> tuple[dict[str, Any], dict[str, float]]:
+    """Return what the echo gives by ranging method, and the errors of the ranges."""
+    if echo is None:
+        return {"ranges_m": {}, "range_uncertainty_m": {}, "range_statistics_m": {}, "noise_rms_v": math.nan}, {}
+    uncertainty = {method: {cause: float(one) for cause, one in echo.error[method].items()} for method in echo.ranges}
+    statistics = {
+        method: {
+            "systematic_error": one.systematic_error,
+            "random_error": one.random_error,
+            "random_error_interval": one.random_interval,
+            "cramer_rao_bound": one.cramer_rao_bound,
+            "missed_count": one.missed_count,
+        }
+        for method, one in echo.statistics.items()
+    }
+    return {
+        "ranges_m": dict(echo.ranges),
+        "range_uncertainty_m": uncertainty,
+        "range_statistics_m": statistics,
+        "noise_rms_v": echo.noise_rms,
+    }, {method: errors[TOTAL] for method, errors in uncertainty.items()}
+
+
+def run_dataset(result: RunResult, summary: Mapping[str, Any]) -> "xarray.Dataset":
+    """Make the dataset of a run's arrays and its summary; arrays of a failed stage are absent.
+
+    The times of the stages are only in summary.json, so that equal runs give equal datasets.
+    """
+    import xarray
+
+    first, second = axis_words(result.scene.view)
+    variables: dict[str, Any] = {}
+    coordinates: dict[str, Any] = {
+        "axis": variable("axis", np.array(["x", "y", "z"]), "1", "component"),
+        "wavelength": variable((), result.scene.flow.wavelength, "m", "vacuum wavelength of the light"),
+    }
+    coordinates["wavelength"][2]["standard_name"] = "radiation_wavelength"
+    flow = result.prepared.density
+    if flow is not None:
+        density, corner_y, corner_z = density_cells(flow)
+        cells, corners = ("cell_i", "cell_j"), ("corner_i", "corner_j")
+        variables["density"] = variable(cells, density, "kg m-3", "density, cell averages")
+        for name, corner in (("y", corner_y), ("z", corner_z)):
+            variables[f"density_{name}"] = variable(corners, corner, "m", f"{name} of the cells' corners")
+            middle = 0.25 * (corner[1:, 1:] + corner[:-1, 1:] + corner[1:, :-1] + corner[:-1, :-1])
+            coordinates[f"cell_{name}"] = variable(cells, middle, "m", f"{name} of the cells' centres")
+    if result.fan is not None:
+        variables["ray_position"] = variable(("ray", "plane", "axis"), result.fan.position, "m", "rays of the picture")
+        words = f"displacement along {second} from the straight ray"
+        variables["ray_deviation"] = variable(("ray", "plane"), result.fan.deviation, "m", words)
+    if result.wavefront is not None:
+        variables |= _maps(result.wavefront)
+        coordinate = result.wavefront.coordinate
+        angle, spread, perfect = _spot(result.wavefront)
+        angles = ("angle_y", "angle_x")
+        variables["point_spread"] = variable(angles, spread, "1", "intensity over the undisturbed peak")
+        variables["point_spread_perfect"] = variable(angles, perfect, "1", "the same without flow")
+        for name, along in (("x", first), ("y", second)):
+            coordinates[f"pupil_{name}"] = variable(f"pupil_{name}", coordinate, "m", f"along {along} in the pupil")
+            coordinates[f"angle_{name}"] = variable(f"angle_{name}", angle, "rad", f"angle toward {along}")
+    body = result.prepared.field.body
+    if isinstance(body, SolidBody):
+        variables["body_point"] = variable(("body_vertex", "axis"), body.vertices, "m", "points of the body's surface")
+        variables["body_triangle"] = variable(
+            ("body_face", "corner"), body.triangles, "1", "corners of its triangles, by the number of their point"
+        )
+    elif body is not None:
+        for k, name in enumerate("yz"):
+            variables[f"body_{name}"] = variable(
+                "body_vertex", body.profile[:, k], "m", f"{name} of the body's outline"
+            )
+    dataset = xarray.Dataset(variables, coordinates, _attributes(result, summary, (first, second)))
+    if result.echo is None:
+        return dataset
+    echo = result.echo.to_xarray()
+    dataset.attrs |= {
+        name: value for name, value in echo.attrs.items() if name not in summary and "seconds" not in name
+    }
+    echo = echo.drop_vars("axis", errors="ignore")
+    for label in echo.variables:
+        echo[label].attrs.setdefault("units", "1")  # labels have no unit
+    return dataset.merge(echo, combine_attrs="override")
+
+
+def _attributes(result: RunResult, summary: Mapping[str, Any], axes: tuple[str, str]) -> dict[str, Any]:
+    """Return the attributes of a run's dataset: the scene, the summary, and what its figures show."""
+    scene, flow = result.scene, result.prepared.density
+    numbers = {name: value for name, value in to_json(summary).items() if not name.endswith("seconds")}
+    attributes = {
+        "Conventions": "CF-1.11",
+        "title": scene.title or scene.name,
+        "history": f"{written_at():%Y-%m-%dT%H:%M:%SZ}: made by aerokernels {__version__}",
+        "source": f"aerokernels {__version__}",
+        "geometry": result.prepared.field.geometry,
+        "pupil_axes": list(axes),
+        "flow_front_m": result.prepared.front,
+        "scene": scene_toml(scene),
+        "summary": json.dumps(numbers),
+        **{name: number_or_nan(numbers[name]) for name in ("strehl", "range_m", "true_range_m")},
+        **{f"{name}_error": number_or_nan(numbers["errors"][name]) for name in ("strehl", "range_m")},
+    }
+    if flow is not None:
+        attributes["ambient_density"] = flow.ambient_density
+    if scene.detector.ranging == "leading-edge":  # the other methods use no fixed level
+        attributes["threshold_v"] = scene.detector.threshold
+    return attributes
+
+
+def variable(dims: str | tuple[str, ...], values: Any, units: str, long_name: str) -> tuple[Any, ...]:
+    """Return a variable with its unit and meaning, as xarray.Dataset takes it."""
+    return dims, values, {"units": units, "long_name": long_name}
+
+
+def _maps(wave: Wavefront) -> dict[str, Any]:
+    """Return the OPD over the pupil without piston, tilt and focus, each with the error of its rms."""
+    maps = {}
+    for name, terms in (("opd", ()), ("opd_without_tilt", ("tilt",)), ("opd_without_focus", ("tilt", "focus"))):
+        one = wave.remove(*terms)
+        maps[name] = variable(
+            ("pupil_y", "pupil_x"), one.opd, "m", f"optical path difference, {', '.join(one.removed)} removed"
+        )
+        rms = one.quantities["opd_rms"]
+        maps[name][2].update(rms_m=rms.value, rms_error_m=number_or_nan(rms.error))
+    return maps
+
+
+def _spot(wave: Wavefront) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the field angles [rad] of a wavefront's focus, the intensity there and that without flow."""
+    options: dict[str, Any] = {"padding": SPOT_PADDING}
+    options["half_width"] = SPOT_RINGS * wave.wavelength / (wave.pixel * len(wave.opd))
+    spread = wave.psf(**options)
+    perfect = point_spread_function(np.zeros(wave.opd.shape), wave.weight, wave.pixel, wave.wavelength, **options)
+    return spread.angle, spread.intensity, perfect.intensity
+
+
+def written_at() -> datetime:
+    """Return the time stamp for files: now, or SOURCE_DATE_EPOCH if it is set, so that equal runs give equal files."""
+    epoch = os.environ.get("SOURCE_DATE_EPOCH", "")
+    known = epoch.isascii() and epoch.isdigit() and len(epoch) <= 11  # up to the year 5138
+    return datetime.fromtimestamp(int(epoch), UTC) if known else datetime.now(UTC)
+
+
+def scene_toml(scene: Scene) -> str:
+    """Return all keys of a scene, defaults included, as a TOML text that loads to an equal scene."""
+    tables = {key: value for key, value in scene.as_dict().items() if isinstance(value, Mapping)}
+    single = {key: value for key, value in scene.as_dict().items() if not isinstance(value, Mapping)}
+    parts = [_lines(single), *(f"[{name}]\n{_lines(table)}" for name, table in tables.items())]
+    return "\n\n".join(part for part in parts if part) + "\n"
+
+
+def _lines(values: Mapping[str, Any]) -> str:
+    return "\n".join(_assignments(values))
+
+
+def _assignments(values: Mapping[str, Any]) -> list[str]:
+    # TOML has no null, and an absent key means the same.
+    return [
+        f"{key if re.fullmatch('[A-Za-z0-9_-]+', key) else _value(key)} = {_value(value)}"
+        for key, value in values.items()
+        if value is not None
+    ]
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, Mapping):
+        return f"{{{', '.join(_assignments(value))}}}"
+    # JSON texts, numbers and lists are valid TOML too, but for the delete character, which TOML wants escaped.
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")

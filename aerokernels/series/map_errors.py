@@ -1,0 +1,144 @@
+"""Errors of the maps of a series: its numbers on some of the rays, computed again as each cause changes these.
+
+They are computed for the snapshots at every k-th place, where k is the least power of two for which there are at most
+MOST_PLACES, and not below LEAST_STEP; and for those whose wavefront is much steeper or flatter than it was when that
+was last so. Each other one takes the errors of the nearest of these in time. A series that has grown has the errors of
+one that was as long from the start, because its places are among those of the shorter one.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from aerokernels.display.quantities import combine
+from aerokernels.medium import IndexField
+from aerokernels.rays import RayBundle
+from aerokernels.tracing import Plane
+from aerokernels.tracing.cuts import lost
+from aerokernels.tracing.engines.choice import choose_backend
+from aerokernels.tracing.plan import TracePlan
+from aerokernels.tracing.planning import backend_for
+from aerokernels.tracing.step_bound import step_allowance
+from aerokernels.tracing.stop import stop_distance
+from aerokernels.tracing.trace import rerun
+from aerokernels.tracing.variants.causes import Variants, errors, of_a_ray, variants
+from aerokernels.tracing.variants.paths import Rays
+from aerokernels.wavefront.terms import PupilNumbers, fit_tilt, remove_terms, weighted_mean
+
+# The numbers, in order; and with the optical path difference of a ray, what has an error.
+NAMES = ("strehl", "boresight_x", "boresight_y", "piston", "opd_rms", "opd_rms_with_tilt")
+WRONG = (*NAMES, "error")
+
+
+@dataclass(frozen=True, eq=False)
+class MapNumbers:
+    """Computes NAMES: Strehl ratio, tilt along both axes [rad], mean, rms without tilt and rms with it [m].
+
+    Attributes:
+        points: Coordinates of the rays across the look direction [m], shape (n, 2).
+        weight: Their shares, which sum to 1, shape (n,).
+        wavelength: Vacuum wavelength [m].
+        remove: Terms removed before the Strehl ratio.
+    """
+
+    points: np.ndarray
+    weight: np.ndarray
+    wavelength: float
+    remove: tuple[str, ...]
+
+    def __call__(self, rays: Rays) -> np.ndarray:
+        """Return NAMES of rays, shape (6,)."""
+        strehl = PupilNumbers(self.points, self.weight, self.wavelength, self.remove)(rays)[0]
+        fit = fit_tilt(rays.opd, self.points, self.weight)
+        with_tilt = np.sqrt(weighted_mean(self.weight, (rays.opd - fit.piston) ** 2))
+        return np.array([strehl, *fit.tilt, fit.piston, fit.residual_rms, with_tilt])
+
+    def left(self, rays: Rays) -> np.ndarray:
+        """Return the optical path differences without the removed terms [m], shape (n,)."""
+        return remove_terms(rays.opd, self.remove, self.points, self.weight)
+
+
+def map_errors(found: Variants | None, numbers: MapNumbers) -> dict[str, float]:
+    """Return the errors of WRONG; NaN where no ray is known."""
+    if found is None:
+        return dict.fromkeys(WRONG, float("nan"))
+    by_cause = errors(numbers, found)
+    totals = [combine({cause: error[k] for cause, error in by_cause.items()})["total"] for k in range(len(NAMES))]
+    return {**dict(zip(NAMES, totals, strict=True)), "error": of_a_ray(numbers.left, found)["total"]}
+
+
+# Places with errors of their own; least number of snapshots from one to the next, for which errors take little of the
+# time; most other snapshots with errors of their own.
+MOST_PLACES, LEAST_STEP, MOST_MORE = 8, 128, 8
+
+
+class Chosen:
+    """Says of one snapshot after another whether errors are computed for it."""
+
+    def __init__(self, total: int):
+        """Begin with the first snapshot of `total`."""
+        self._step = LEAST_STEP
+        while self._step * MOST_PLACES < total:
+            self._step *= 2
+        self._number, self._more, self._slope = 0, 0, np.nan
+
+    def __call__(self, slope: float) -> bool:
+        """Whether the next snapshot is one of them; `slope` is the mean square of its wavefront's slopes."""
+        other = self._number > 0 and not self._slope / 3.0 <= slope <= self._slope * 3.0
+        other = other and self._more < MOST_MORE
+        if other or self._number == 0:
+            self._slope = slope
+        self._more += other
+        self._number += 1
+        return bool((self._number - 1) % self._step == 0 or other)
+
+
+def nearest_in_time(errors: np.ndarray, slopes: np.ndarray, total: int) -> np.ndarray:
+    """Return errors of all snapshots, shape (n,), of which those that were not computed are NaN.
+
+    Args:
+        errors: As they were computed, NaN elsewhere, shape (n,).
+        slopes: Mean squares of the wavefronts' slopes, shape (n,).
+        total: Number of snapshots of the series.
+    """
+    chosen = Chosen(total)
+    known = np.flatnonzero([chosen(slope) for slope in slopes])
+    known = known[np.isfinite(errors[known])]
+    if not len(known):
+        return np.full(len(errors), np.nan)
+    place = np.arange(len(errors))
+    return np.asarray(errors[known[np.abs(place[:, None] - known).argmin(axis=1)]])
+
+
+def straight_variants(
+    field: IndexField,
+    rays: RayBundle,
+    opd: np.ndarray,
+    until: Plane,
+    wavelength: float,
+    tolerance: float,
+    options: Mapping[str, Any],
+) -> Variants:
+    """Return how the rays change by cause; the part of "step" is what rays traced in full bring besides `opd`.
+
+    Args:
+        field: The refractive index.
+        rays: The rays, in random order; `weight` is their share in means.
+        opd: Their optical path differences along straight lines [m], shape (n,).
+        until: Their stop.
+        wavelength: Vacuum wavelength [m].
+        tolerance: Requested OPD error [waves].
+        options: backend and device of rays that are traced.
+    """
+    backend = backend_for(field, options.get("backend") or "auto")
+    backend, device, _ = choose_backend(backend, options.get("device"))
+    allowance = step_allowance(field, "adaptive", None, None)
+    plan = TracePlan("adaptive", backend, device, "float64", allowance, None, tolerance)
+    way = stop_distance(rays.position, rays.direction, until)
+    base = Rays(np.asarray(opd, np.float64), rays.direction, rays.position + way[:, None] * rays.direction)
+    weight = np.broadcast_to(np.asarray(rays.weight, np.float64), way.shape)
+    beyond = lost(field, rays, until)
+    run = rerun(until, wavelength)
+    return variants(field, rays, base, plan, until, run, weight=weight / weight.sum(), lost=beyond)

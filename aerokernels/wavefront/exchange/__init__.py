@@ -1,1 +1,0 @@
-"""Export of wavefronts to other packages and formats, in their units and signs; each package is imported when used."""

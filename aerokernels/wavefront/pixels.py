@@ -1,0 +1,93 @@
+"""Square grid of pixels of a wavefront over its pupil."""
+
+import numpy as np
+
+from ..inputs.checks import check_count
+from ..process.machine import free_memory
+from ..pupils import Mask, Projected, Pupil
+
+# A pixel whose covered share is below this share of the greatest one is dropped: it is rounding.
+LEAST_COVER = 1e-9
+
+
+def pupil_grid(pupil: Pupil | Projected, pixel_count: int | None) -> tuple[np.ndarray, float, np.ndarray, np.ndarray]:
+    """Return the smallest square grid that holds a pupil.
+
+    Returns:
+        Coordinates of the pixels along x and y [m], shape (n,); side of a pixel [m]; mean amplitude and mean intensity
+        of each pixel, both of shape (n, n).
+
+    Raises:
+        ValueError: `pixel_count` is not a whole number of at least 2, or needs more memory than is free.
+    """
+    if pixel_count is None:
+        pixel_count = 128
+        if isinstance(pupil, Mask) and np.ptp(pupil.pixel) == 0.0 and max(pupil.weights.shape) > 1:
+            pixel_count = max(pupil.weights.shape)
+    pixel_count, half = check_count(pixel_count, "pixel_count", 2), max(pupil.half_extent)
+    if (memory := 64 * pixel_count**2) > free_memory():
+        raise ValueError(f"pixel_count = {pixel_count} needs {memory / 2**30:.1f} GiB or more: take a smaller one")
+    edges = np.linspace(-half, half, pixel_count + 1)
+    weight = pupil.coverage(edges, edges)
+    weight[weight < LEAST_COVER * weight.max()] = 0.0
+    intensity = np.where(weight > 0.0, pupil.coverage(edges, edges, 2), 0.0)
+    return 0.5 * (edges[1:] + edges[:-1]), 2.0 * half / pixel_count, weight, intensity
+
+
+# Finite differences: offset in pixels -> coefficients of the first and the second derivative at offset 0. Central ones
+# first, then one-sided ones over three pixels and over two.
+STENCILS = (
+    {-1: (-0.5, 1.0), 0: (0.0, -2.0), 1: (0.5, 1.0)},
+    {0: (-1.5, 1.0), 1: (2.0, -2.0), 2: (-0.5, 1.0)},
+    {0: (1.5, 1.0), -1: (-2.0, -2.0), -2: (0.5, 1.0)},
+    {0: (-1.0, 0.0), 1: (1.0, 0.0)},
+    {0: (1.0, 0.0), -1: (-1.0, 0.0)},
+)
+REACH = 2
+
+
+def three_in_a_row(lit: np.ndarray) -> bool:
+    """Return whether three pixels in a row or a column have a sample, shape (ny, nx).
+
+    Without them nothing tells how much a wavefront varies within a pixel, and errors due to the pixels are not known.
+    """
+    return any(bool((one[:-2] & one[1:-1] & one[2:]).any()) for one in (lit, lit.T))
+
+
+def derivatives(values: np.ndarray, lit: np.ndarray, axis: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return first and second derivatives along an axis, per pixel and pixel squared; 0 without neighbours."""
+    values, free = (np.pad(array, REACH) for array in (values, lit))
+    there = free.copy()
+    slope, bend = np.zeros(values.shape), np.zeros(values.shape)
+    for stencil in STENCILS:
+        taken = free.copy()
+        for place in stencil:
+            taken &= np.roll(there, -place, axis)
+        free &= ~taken
+        for place, (first, second) in stencil.items():
+            at = np.where(taken, np.roll(values, -place, axis), 0.0)
+            slope += first * at
+            bend += second * at
+    inner = slice(REACH, -REACH)
+    return slope[inner, inner], bend[inner, inner]
+
+
+def derivative_weights(lit: np.ndarray, first: np.ndarray, second: np.ndarray, axis: int) -> np.ndarray:
+    """Return the weights of the pixels in a sum of their derivatives along an axis, each times its moment.
+
+    Args:
+        lit: Mask of the pixels that have a sample, shape (ny, nx).
+        first: Factors of the first derivatives [pixels], of the same shape.
+        second: Twice the factors of the second derivatives.
+        axis: The axis.
+    """
+    lit, first, second = (np.pad(array, REACH) for array in (lit, first, second))
+    free, found = lit.copy(), np.zeros(lit.shape)
+    for stencil in STENCILS:
+        taken = free.copy()
+        for place in stencil:
+            taken &= np.roll(lit, -place, axis)
+        free &= ~taken
+        for place, (slope, bend) in stencil.items():
+            found += np.roll(np.where(taken, slope * first + 0.5 * bend * second, 0.0), place, axis)
+    return found[REACH:-REACH, REACH:-REACH]
