@@ -6,8 +6,7 @@ import pytest
 from hypothesis import strategies as st
 
 from aerokernels import trace
-from aerokernels.flow.reading.planes.polygon_cells import Polygons
-from aerokernels.flow.reading.planes.polygons import quad_mesh
+from aerokernels.flow.reading.planes.polygons import Polygons, quad_mesh
 from aerokernels.medium import IndexField, QuadMesh
 from aerokernels.medium.averages.kept_averages import cut_and_kept
 from aerokernels.medium.averages.vertex_values import of_parents
