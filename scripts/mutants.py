@@ -23,7 +23,9 @@ TREES = ("aerokernels", "kernels", "tests", "scripts")
 
 def planted(line: str, put: str, root: Path) -> Path | None:
     """Replace the only occurrence of `line` in a copy's package; return its file, None where it is not the only one."""
-    holders = [path for path in (root / "aerokernels").rglob("*.py") if line in map(str.strip, path.read_text().splitlines())]
+    holders = [
+        path for path in (root / "aerokernels").rglob("*.py") if line in map(str.strip, path.read_text().splitlines())
+    ]
     if len(holders) != 1:
         return None
     lines = holders[0].read_text().splitlines()
