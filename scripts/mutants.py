@@ -23,19 +23,19 @@ TREES = ("aerokernels", "kernels", "tests", "scripts")
 
 def planted(line: str, put: str, root: Path) -> Path | None:
     """Replace the only occurrence of `line` in a copy's package; return its file, None where it is not the only one."""
-    holders = [
-        path for path in (root / "aerokernels").rglob("*.py") if line in map(str.strip, path.read_text().splitlines())
+    places = [
+        (path, number)
+        for path in (root / "aerokernels").rglob("*.py")
+        for number, text in enumerate(path.read_text(encoding="utf-8").splitlines())
+        if text.strip() == line
     ]
-    if len(holders) != 1:
-        return None
-    lines = holders[0].read_text().splitlines()
-    places = [number for number, text in enumerate(lines) if text.strip() == line]
     if len(places) != 1:
         return None
-    text = lines[places[0]]
-    lines[places[0]] = text[: len(text) - len(text.lstrip())] + put
-    holders[0].write_text("\n".join(lines) + "\n")
-    return holders[0]
+    path, number = places[0]
+    lines = path.read_text(encoding="utf-8").splitlines()
+    lines[number] = lines[number].replace(line, put)
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return path
 
 
 def outcome(mutant: dict[str, str], limit: float) -> str:
