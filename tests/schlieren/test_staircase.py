@@ -15,7 +15,7 @@ import math
 import numpy as np
 import pytest
 
-from aerokernels.schlieren import Picture, measure_shock_angle
+from aerokernels.benches import Picture, measure_shock_angle
 
 from .test_fronts import HORIZONTAL, PITCH, VERTICAL, WINDOW, area_below
 

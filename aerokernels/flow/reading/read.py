@@ -55,11 +55,6 @@ class ReadOptions(TypedDict, total=False):
 def checked_options(options: ReadOptions, taker: str, *, without: Sequence[str] = ()) -> ReadOptions:
     """Return options in their own types: a `Frame`, a `Reference`, metres; those left out as None.
 
-    Args:
-        options: As a caller gives them.
-        taker: The function that takes them, for messages.
-        without: Options that it does not take.
-
     Raises:
         TypeError: An unknown option, or a value of another kind.
         ValueError: A value that an option cannot have.
