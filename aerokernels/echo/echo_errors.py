@@ -12,7 +12,7 @@ point of the target. (Group and phase index of air differ by 1.4 %, which is lef
 
     factor      at some of the points on which the beam's power falls, drawn by their shares of it, the factor computed
                 directly, with four times as many rays over the pupil: its changes there have a mean, which counts, and
-                a standard error; the share of the beam that is lost (vacuum.py)
+                a standard error; the share of the beam that is lost (rangefinder.py)
     peaks       twice the rms error of the echo in vacuum where it arrives fractions of a sample later; of the voltage
                 the noise at the peak and half a code of the digitiser
     ranges      the changes of the reading with the factor, of the mean path over the points weighted by it, with the
@@ -31,11 +31,10 @@ from aerokernels.echo.parts import RANGING_METHODS, Setup
 from aerokernels.echo.paths import air_error
 from aerokernels.echo.pulse_curve import peak_height
 from aerokernels.echo.pulses import SPEED_OF_LIGHT
-from aerokernels.echo.rangefinder import Rangefinder
+from aerokernels.echo.rangefinder import Rangefinder, VacuumEcho
 from aerokernels.echo.ranging import AMPLITUDE_METHODS
 from aerokernels.echo.result import EchoResult
 from aerokernels.echo.return_paths import factor_of, is_symmetric, reduce_pupils, upper_half
-from aerokernels.echo.vacuum import VacuumEcho
 from aerokernels.medium import IndexField
 from aerokernels.pupils.base import lengths
 from aerokernels.strehl import StrehlEstimate

@@ -9,7 +9,7 @@ the point where the ray meets the target: the Strehl ratio of its return path, a
 (return_paths.py). The return path has the same lengths as the outward path. R_i in R_i^2 is an optical path too,
 as in eq 10: 5e-4 of the power at sea level. Path, incidence and return factor are those of the point where the
 refracted ray meets the target. Which rays meet the reflector is decided without the flow: the flow displaces rays by
-0.1 mm, which matters at the edges only. Where rays are lost, as behind a body, the beam has more points (vacuum.py).
+0.1 mm, which matters at the edges only. Where rays are lost, as behind a body, the beam has more points.
 
 Like a real rangefinder, each method is calibrated on a known echo, the same scene's echo in vacuum: the error of the
 reading of this echo is subtracted. The remaining error is due to air and flow: mainly the range walk of a fixed
@@ -29,10 +29,9 @@ from aerokernels.echo.parts import Detector, Laser, Receiver, Setup, Target
 from aerokernels.echo.paths import TransmitPaths, air_error, point_power, still_air
 from aerokernels.echo.pulse_curve import peak_height
 from aerokernels.echo.pulses import SPEED_OF_LIGHT, sum_of_pulses
-from aerokernels.echo.rangefinder import Rangefinder
+from aerokernels.echo.rangefinder import Rangefinder, VacuumEcho, cut_beam
 from aerokernels.echo.result import EchoResult
 from aerokernels.echo.return_paths import ReturnPaths, return_paths
-from aerokernels.echo.vacuum import VacuumEcho, cut_beam
 from aerokernels.inputs.arguments import checked
 from aerokernels.medium import IndexField
 from aerokernels.prepare import prepare_field

@@ -22,8 +22,6 @@ from .instrument import FLDI
 # Radii up to which a beam is traced; fewest and most rays across a beam; share of the light beyond REACH.
 REACH, LEAST_RAYS, MOST_RAYS = 2.6, 20, 192
 BEYOND_REACH = math.exp(-2.0 * REACH**2)
-# Iterations that find the range of the beams in the box from their widest radius, and that radius from the range.
-BEAM_TURNS = 4
 # Layers along the beams: per cell of fields with and without kinks, fewest, most; points interpolated together.
 LAYERS_PER_CELL, LEAST_LAYERS, MOST_LAYERS, BLOCK = (2, 1), 8, 2048, 200_000
 GAUSS = 0.5 - 0.5 / math.sqrt(3.0), 0.5 + 0.5 / math.sqrt(3.0)
@@ -39,7 +37,7 @@ def crossed(field: IndexField, instrument: FLDI, focus: np.ndarray) -> tuple[flo
     there = np.isfinite(low)
     away = np.linalg.norm(np.where(there, focus - low, 0.0)) + np.linalg.norm(np.where(there, focus - high, 0.0))
     ends = (-float(away), float(away))
-    for _ in range(BEAM_TURNS):
+    for _ in range(4):  # the range from the beams' widest radius, and that radius from the range
         reach = REACH * float(instrument.radius(np.asarray(ends)).max()) + 0.5 * instrument.separation
         found = _span_of_disc(field, focus, instrument.axis, reach)
         if found[0] > found[1]:
@@ -187,10 +185,6 @@ def _in_body(field: IndexField, points: np.ndarray) -> np.ndarray:
     return inside
 
 
-# Lines across a beam, and path that a line may lose [waves].
-LINES, TOLERANCE = 33, 1e-3
-
-
 def truncated_share(
     field: IndexField, instrument: FLDI, focus: np.ndarray, ends: tuple[float, float] | None, reach: float
 ) -> float:
@@ -204,7 +198,7 @@ def truncated_share(
             the box.
         reach: Radii up to which a beam is traced.
     """
-    tolerance = TOLERANCE * instrument.wavelength
+    tolerance = 1e-3 * instrument.wavelength
     if not may_lose(field, tolerance):
         return 0.0
     if ends is None:
@@ -212,7 +206,7 @@ def truncated_share(
         ends = along - size, along + size
     first, second = instrument.direction, instrument.normal
     assert first is not None
-    u, v = (axis.ravel() for axis in np.meshgrid(*(2 * [np.linspace(-reach, reach, LINES)])))
+    u, v = (axis.ravel() for axis in np.meshgrid(*(2 * [np.linspace(-reach, reach, 33)])))
     light = np.exp(-2.0 * (u**2 + v**2)) * (u**2 + v**2 <= reach**2)
     across = u[:, None] * first + v[:, None] * second
     over = np.zeros((2, len(light)), dtype=bool)

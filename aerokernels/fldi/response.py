@@ -31,8 +31,6 @@ from ..tracing.variants.paths import Paths, Rays, paths_of
 from .instrument import FLDI
 from .rays import BEYOND_REACH, REACH, beam_grid, crossed, gathered, ray_points, truncated_share, warn_of_truncation
 
-# Most rays across a beam that a caller may request.
-MOST = 2048
 # Column of the error in what is read.
 ERROR = 3
 
@@ -168,7 +166,7 @@ def fldi_response(
     if not isinstance(instrument, FLDI):
         raise TypeError(f"instrument must be an FLDI, got {type(instrument).__name__}")
     if rays is not None:
-        rays = check_count(rays, "rays", 3, MOST)
+        rays = check_count(rays, "rays", 3, 2048)
     moved = np.zeros((1, 3)) if offsets is None else np.atleast_2d(np.asarray(offsets, dtype=np.float64))
     if moved.ndim != 2 or moved.shape[1] != 3 or not np.isfinite(moved).all():
         raise ValueError(f"offsets must be finite, shape (n, 3), got shape {np.asarray(offsets).shape}")

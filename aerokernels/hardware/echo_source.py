@@ -68,7 +68,7 @@ class EchoSource:
         Raises:
             ValueError: a scene that cannot be used.
         """
-        from aerokernels.echo.vacuum import vacuum_echo
+        from aerokernels.echo.rangefinder import vacuum_echo
         from aerokernels.scene import Scene
 
         echo = vacuum_echo(Scene.load(scene))

@@ -1,8 +1,7 @@
 """Pictures of an extended scene through a flow, and background-oriented schlieren (BOS)."""
 
-from .bos import BackgroundPictures, bos
+from .bos import BackgroundPictures, DotPattern, bos
 from .camera import Camera
-from .dots import DotPattern
 from .shift import BackgroundDisplacement, background_displacement
 from .through import ImageThrough, image_through
 

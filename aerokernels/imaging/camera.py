@@ -15,13 +15,10 @@ from typing import Any
 import numpy as np
 
 from ..inputs.arguments import checked
-from ..inputs.checks import check_positive, warn_caller
-from ..medium import IndexField
+from ..inputs.checks import check_count, check_positive
 from ..pupils import Pupil
 from ..rays import RayBundle
 from ..tracing import Plane
-from ..tracing.cuts import lost, may_lose
-from ..tracing.pupil.air import GREATEST_SHARE
 
 GREATEST_PIXELS = 100_000_000
 
@@ -117,6 +114,46 @@ class Camera:
             found[:, axis] = x * first[axis] + y * second[axis] + size * self.pupil.normal[axis]
         return found
 
+    @property
+    def scene_plane(self) -> Plane | None:
+        """The plane of the scene, on which rays end; None for a far scene: rays end where they leave the field."""
+        if not np.isfinite(self.distance):
+            return None
+        return Plane(self.pupil.center + self.distance * self.pupil.normal, self.pupil.normal)
+
+    def rays(self, point: np.ndarray, x: np.ndarray, y: np.ndarray) -> RayBundle:
+        """Return rays of a point of the aperture [m] for pixels that look along tangents x and y, of shape (n,)."""
+        first, second = self.pupil.axes
+        start = self.pupil.center + point[0] * first + point[1] * second
+        directions = self.directions(x - point[0] / self.focus_distance, y - point[1] / self.focus_distance)
+        return RayBundle.of_units(np.broadcast_to(start, (len(x), 3)), directions)
+
+    def shift(self, ends: np.ndarray, point: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """Return where rays meet the scene less where they would without the flow [pixels], shape (n, 2).
+
+        Args:
+            ends: End points of the rays [m], or their final directions if the scene is far, shape (n, 3).
+            point: The points of the aperture at which they start [m], shape (2,) or (n, 2).
+            x: Tangents of their pixels along x, shape (n,).
+            y: Tangents along y.
+        """
+        if np.isfinite(self.distance):
+            met = (self.across(ends - self.pupil.center) - point) / self.distance
+        else:
+            met = self.across(ends) / along(ends, self.pupil.normal)[:, None]
+        straight = np.stack([x, y], axis=1) - np.asarray(point) / self.focus_distance
+        return np.asarray((met - straight) / self.pixel_tangent)
+
+    def aperture(self, count: int) -> "Aperture":
+        """Return about so many points of the aperture, or its middle alone for 1."""
+        if check_count(count, "aperture_rays") == 1:
+            return Aperture(np.zeros((1, 2)), np.ones(1))
+        points, weight = self.pupil.sample(int(count), "gauss")
+        flat = self.across(points - self.pupil.center)
+        # The sampling weights include the amplitude transmission once: light has its square.
+        light = weight * self.pupil.transmission(flat[:, 0], flat[:, 1])
+        return Aperture(flat, light / light.sum())
+
     def across(self, vectors: np.ndarray) -> np.ndarray:
         """Return the components of vectors (n, 3) along the pupil's axes, shape (n, 2)."""
         found = np.empty((len(vectors), 2))
@@ -145,74 +182,18 @@ def rows_and_columns(counts: Any, name: str) -> tuple[int, int]:
     return rows, columns
 
 
-# Pixels along a side of the picture that are tested for a warning.
-LOOKED_AT = 32
-
-
 @dataclass(frozen=True, eq=False)
-class KnownView:
-    """A camera in front of a field.
+class Aperture:
+    """Points of an aperture along its axes [m], shape (n, 2), and their shares of the light, shape (n,)."""
 
-    Attributes:
-        field: The refractive index.
-        camera: The camera.
-        points: Points of the aperture along its axes [m], shape (n, 2).
-        weights: Shares of the light of these points, shape (n,).
-        tolerance: Greatest OPD that a ray may lose by cuts [m].
-    """
-
-    field: IndexField
-    camera: Camera
     points: np.ndarray
     weights: np.ndarray
-    tolerance: float
 
-    def truncated(self, shape: tuple[int, int], stride: tuple[int, int] = (1, 1)) -> np.ndarray:
-        """Return the share of the aperture that loses more than the tolerance, for every `stride`-th pixel."""
-        x, y = (axis[step // 2 :: step] for axis, step in zip(self.camera.tangents(shape), stride[::-1], strict=True))
-        found = np.zeros((len(y), len(x)))
-        if not may_lose(self.field, self.tolerance):
-            return found
-        across, up = (axis.ravel() for axis in np.meshgrid(x, y))
-        for point, weight in zip(self.points, self.weights, strict=True):
-            rays = rays_of(self.camera, point, across, up)
-            amount = lost(self.field, rays, scene_plane(self.camera), tolerance=self.tolerance)
-            found.ravel()[np.abs(amount) > self.tolerance] += weight
-        return found
+    def mean(self, shift: np.ndarray) -> np.ndarray:
+        """Return the displacement of the picture's content [pixels], shape (m, 2), of shifts (m, n, 2)."""
+        return np.asarray(-np.einsum("j,ijk->ik", self.weights, shift))
 
-    def check(self, shape: tuple[int, int], allowed: bool) -> None:
-        """Check that at most a thousandth of a view is truncated, unless more is allowed; warn of less.
-
-        Raises:
-            ValueError: More is truncated.
-        """
-        if allowed:
-            return
-        stride = tuple(max(1, count // LOOKED_AT) for count in shape)
-        share = self.truncated(shape, (stride[0], stride[1]))
-        concerned = 100.0 * float(np.mean(share > GREATEST_SHARE))
-        if concerned == 0.0:
-            return
-        text = f"{concerned:.3g} % of the picture looks through disturbed air that was cut off the field"
-        if float(np.mean(share)) <= GREATEST_SHARE:
-            warn_caller(f"{text}; those pixels are marked in `known`", RuntimeWarning)
-            return
-        raise ValueError(
-            f"{text}. Give the field a larger region there, look another way, or take allow_truncation=True and read "
-            "`known`, where those pixels are marked"
-        )
-
-
-def rays_of(camera: Camera, point: np.ndarray, x: np.ndarray, y: np.ndarray) -> RayBundle:
-    """Return rays of a point of the aperture [m] for pixels that look along tangents x and y, both of shape (n,)."""
-    first, second = camera.pupil.axes
-    start = camera.pupil.center + point[0] * first + point[1] * second
-    tangent = (t - place / camera.focus_distance for t, place in zip((x, y), point, strict=True))
-    return RayBundle(np.broadcast_to(start, (len(x), 3)), camera.directions(*tangent))
-
-
-def scene_plane(camera: Camera) -> Plane | None:
-    """Return the plane of the scene, on which rays end; None for a far scene: rays end where they leave the field."""
-    pupil = camera.pupil
-    far = not np.isfinite(camera.distance)
-    return None if far else Plane(pupil.center + camera.distance * pupil.normal, pupil.normal)
+    def blur(self, shift: np.ndarray) -> np.ndarray:
+        """Return the root mean square distances from the mean [pixels], shape (m, 2), of shifts (m, n, 2)."""
+        apart = shift + self.mean(shift)[:, None]
+        return np.asarray(np.sqrt(np.einsum("j,ijk->ik", self.weights, apart**2)))

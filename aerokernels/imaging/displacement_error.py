@@ -1,4 +1,4 @@
-"""Errors of a displacement and of a blur, computed again for some pixels whose rays change by each cause.
+"""Errors of a displacement and of a blur, computed again for some pixels whose rays change by each cause; cut views.
 
 The rays are those of the aperture's points, or of fewer such points where there are many. The number of points is the
 cause "sampling": what another number of points makes of the same pixels.
@@ -9,32 +9,73 @@ from typing import Any
 
 import numpy as np
 
+from ..inputs.checks import warn_caller
 from ..medium import IndexField
 from ..rays import RayBundle
 from ..tracing import trace
+from ..tracing.cuts import lost, may_lose
+from ..tracing.pupil.air import GREATEST_SHARE
 from ..tracing.some_pixels import SomePixels, total
 from ..tracing.variants.paths import Rays
-from .camera import Camera, along, rays_of, scene_plane
+from .camera import Aperture, Camera
 
-# Most points of the aperture whose rays change, and most pixels that another number of points is tried on.
-MOST_POINTS, TRIED = 16, 64
+# Most points of the aperture whose rays change.
+MOST_POINTS = 16
 
 
 @dataclass(frozen=True, eq=False)
-class Aperture:
-    """Points of an aperture along its axes [m], shape (n, 2), and their shares of the light, shape (n,)."""
+class KnownView:
+    """A camera in front of a field: finds the pixels that look through disturbed air that was cut off the field.
 
-    points: np.ndarray
-    weights: np.ndarray
+    Straight rays from the points of the aperture are tested, as for a pupil (tracing/pupil/air.py): a ray counts if it
+    loses more of its optical path than the tolerance. A picture, unlike a Strehl ratio, can mark few such pixels.
 
-    def mean(self, shift: np.ndarray) -> np.ndarray:
-        """Return the displacement of the picture's content [pixels], shape (m, 2), of shifts (m, n, 2)."""
-        return np.asarray(-np.einsum("j,ijk->ik", self.weights, shift))
+    Attributes:
+        field: The refractive index.
+        camera: The camera.
+        aperture: Points of the aperture.
+        tolerance: Greatest OPD that a ray may lose by cuts [m].
+    """
 
-    def blur(self, shift: np.ndarray) -> np.ndarray:
-        """Return the root mean square distances from the mean [pixels], shape (m, 2), of shifts (m, n, 2)."""
-        apart = shift + self.mean(shift)[:, None]
-        return np.asarray(np.sqrt(np.einsum("j,ijk->ik", self.weights, apart**2)))
+    field: IndexField
+    camera: Camera
+    aperture: Aperture
+    tolerance: float
+
+    def truncated(self, shape: tuple[int, int], stride: tuple[int, int] = (1, 1)) -> np.ndarray:
+        """Return the share of the aperture that loses more than the tolerance, for every `stride`-th pixel."""
+        x, y = (axis[step // 2 :: step] for axis, step in zip(self.camera.tangents(shape), stride[::-1], strict=True))
+        found = np.zeros((len(y), len(x)))
+        if not may_lose(self.field, self.tolerance):
+            return found
+        across, up = (axis.ravel() for axis in np.meshgrid(x, y))
+        for point, weight in zip(self.aperture.points, self.aperture.weights, strict=True):
+            rays = self.camera.rays(point, across, up)
+            amount = lost(self.field, rays, self.camera.scene_plane, tolerance=self.tolerance)
+            found.ravel()[np.abs(amount) > self.tolerance] += weight
+        return found
+
+    def check(self, shape: tuple[int, int], allowed: bool) -> None:
+        """Check that at most a thousandth of a view is truncated, unless more is allowed; warn of less.
+
+        Raises:
+            ValueError: More is truncated.
+        """
+        if allowed:
+            return
+        stride = tuple(max(1, count // 32) for count in shape)
+        share = self.truncated(shape, (stride[0], stride[1]))
+        concerned = 100.0 * float(np.mean(share > GREATEST_SHARE))
+        if concerned == 0.0:
+            return
+        text = f"{concerned:.3g} % of the picture looks through disturbed air that was cut off the field"
+        if float(np.mean(share)) <= GREATEST_SHARE:
+            warn_caller(f"{text}; those pixels are marked in `known`", RuntimeWarning)
+            return
+        raise ValueError(
+            f"{text}. Give the field a larger region there, look another way, or take allow_truncation=True and read "
+            "`known`, where those pixels are marked"
+        )
 
 
 class PixelErrors:
@@ -49,7 +90,7 @@ class PixelErrors:
         self.field, self.camera, self.options, self.own = field, camera, options, own
         self.few = own if len(own.points) <= MOST_POINTS else _thinned(own)
         self.pixels = SomePixels(shape, len(self.few.points))
-        self.pixels.trace(field, self._rays(self.few, self.pixels.place), scene_plane(camera), options)
+        self.pixels.trace(field, self._rays(self.few, self.pixels.place), camera.scene_plane, options)
 
     def displacement(self, stored: np.ndarray, other: Aperture | None) -> np.ndarray:
         """Return the error of the size of a displacement [pixels], shape (rows, columns).
@@ -74,10 +115,10 @@ class PixelErrors:
             stored if self.few is self.own else None,
         )
         if other is not None:
-            tried = np.arange(len(place))[:TRIED]
+            tried = np.arange(len(place))[:64]
             rays = self._rays(other, place[tried])
             traced = trace(
-                self.field, rays, until=scene_plane(self.camera), outputs=("position", "direction"), **self.options
+                self.field, rays, until=self.camera.scene_plane, outputs=("position", "direction"), **self.options
             )
             assert traced.direction is not None and traced.position is not None  # requested
             ends = Rays(np.zeros(rays.ray_count), traced.direction, traced.position)
@@ -92,22 +133,19 @@ class PixelErrors:
 
     def _rays(self, aperture: Aperture, place: np.ndarray) -> RayBundle:
         """Return the rays of all points of the aperture for each pixel at rows and columns (m, 2)."""
-        each = [rays_of(self.camera, point, *self._tangents(place)) for point in aperture.points]
+        each = [self.camera.rays(point, *self._tangents(place)) for point in aperture.points]
         position, direction = (
             np.stack([getattr(one, name) for one in each], axis=1).reshape(-1, 3) for name in ("position", "direction")
         )
         return RayBundle.of_units(position, direction)
 
     def _shifts(self, aperture: Aperture, place: np.ndarray, rays: Rays) -> np.ndarray:
-        """Return where the rays meet the scene less where they would without the flow [pixels], shape (m, n, 2)."""
-        camera, points = self.camera, aperture.points
-        shape = len(place), len(points), 2
-        if np.isfinite(camera.distance):
-            met = (camera.across(rays.position - camera.pupil.center).reshape(shape) - points) / camera.distance
-        else:
-            met = (camera.across(rays.direction) / along(rays.direction, camera.pupil.normal)[:, None]).reshape(shape)
-        straight = np.stack(self._tangents(place), axis=1)[:, None] - points / camera.focus_distance
-        return np.asarray((met - straight) / camera.pixel_tangent)
+        """Return the shifts of the rays [pixels], shape (m, n, 2)."""
+        count = len(aperture.points)
+        x, y = (np.repeat(tangent, count) for tangent in self._tangents(place))
+        ends = rays.position if np.isfinite(self.camera.distance) else rays.direction
+        shifts = self.camera.shift(ends, np.tile(aperture.points, (len(place), 1)), x, y)
+        return shifts.reshape(len(place), count, 2)
 
 
 def _thinned(aperture: Aperture) -> Aperture:

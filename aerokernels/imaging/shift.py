@@ -18,27 +18,26 @@ import numpy as np
 
 from ..display.shown import drawn_on, is_flat, say_flat
 from ..inputs.arguments import checked
-from ..inputs.checks import check_count, check_positive
+from ..inputs.checks import check_positive
 from ..medium import IndexField
 from ..process.clock import clocked, stage
+from ..tracing import trace
 from ..tracing.pupil.air import GREATEST_SHARE
+from ..tracing.status import reached
 from ..tracing.stop import plane_beyond
-from .camera import Camera, KnownView, rows_and_columns
-from .displacement_error import Aperture, PixelErrors
-from .landing import by_rows, land
+from .camera import Camera, rows_and_columns
+from .displacement_error import KnownView, PixelErrors
 
 if TYPE_CHECKING:
     import xarray
 
 # Points of the aperture: a ring of four gives the exact mean of polynomials up to the third order.
 APERTURE_RAYS = 4
-# Points for the error of a mean over fewer points; for more points a quarter of them is used.
-OTHER_RAYS, BLUR_RAYS = 16, 36
 # Default tolerance of `trace` [waves].
 DEFAULT_TOLERANCE = 1e-3
-# Called by threads, each with its own rows of the picture: (rows, point of the aperture [m], its share of the light,
-# shifts [pixels] of shape (rows, columns, 2), mask of the rays that arrived).
-Visit = Callable[[slice, np.ndarray, float, np.ndarray, np.ndarray], None]
+# (point of the aperture [m], its share of the light, shifts [pixels] of shape (rows, columns, 2), mask of the rays that
+# arrived)
+Visit = Callable[[np.ndarray, float, np.ndarray, np.ndarray], None]
 # Options passed to `trace`.
 TRACE_OPTIONS = ("method", "tolerance", "wavelength", "backend", "device", "precision", "step", "max_steps")
 
@@ -80,8 +79,8 @@ class BackgroundDisplacement:
         """
         if self.pixel_errors is None or self.view is None:
             return np.full(self.through.shape, np.nan)
-        count = len(self.view.points)
-        other = None if count == 1 else Aperture(*aperture(self.camera, _others(count, OTHER_RAYS)))
+        count = len(self.view.aperture.points)
+        other = None if count == 1 else self.camera.aperture(_others(count, 16))
         return self.pixel_errors.displacement(self.displacement, other)
 
     @cached_property
@@ -89,7 +88,7 @@ class BackgroundDisplacement:
         """Error of the blur along x and y [pixels], shape (rows, columns, 2), as `error`; NaN if it is not known."""
         if self.pixel_errors is None or self.view is None:
             return np.full(self.blur.shape, np.nan)
-        other = Aperture(*aperture(self.camera, _others(len(self.view.points), BLUR_RAYS)))
+        other = self.camera.aperture(_others(len(self.view.aperture.points), 36))
         return self.pixel_errors.blur(self.blur, other)
 
     @cached_property
@@ -97,8 +96,7 @@ class BackgroundDisplacement:
         """Rays of some pixels and how they change by each cause; None for a displacement without a view."""
         if self.view is None:
             return None
-        own = Aperture(self.view.points, self.view.weights)
-        return PixelErrors(self.view.field, self.camera, self.through.shape, own, self.options)
+        return PixelErrors(self.view.field, self.camera, self.through.shape, self.view.aperture, self.options)
 
     @cached_property
     def truncated(self) -> np.ndarray:
@@ -220,49 +218,39 @@ def gather(
     visit: Visit | None = None,
     allow_truncation: bool = False,
 ) -> BackgroundDisplacement:
-    """Return the displacement; call `visit` for blocks of rows and each point of the aperture while its rays exist."""
+    """Return the displacement; call `visit` for each point of the aperture while its rays exist."""
     with clocked() as seconds, stage("landing"):
-        points, weights = aperture(camera, aperture_rays)
+        points = camera.aperture(aperture_rays)
         tolerance = float(options.get("tolerance", DEFAULT_TOLERANCE))
-        lost = tolerance * field.wavelength_for(options.get("wavelength"))
-        view = KnownView(field, camera, points, weights, lost)
+        view = KnownView(field, camera, points, tolerance * field.wavelength_for(options.get("wavelength")))
         view.check(shape, allow_truncation)
-        several = len(points) > 1
-        through, mean = np.empty(shape), np.empty((*shape, 2))
-        square = np.zeros((*shape, 2))  # one ray has no spread
-        for number, (point, weight) in enumerate(zip(points, weights, strict=True)):
-            landing = land(field, camera, shape, point, options)
-            before = None if number == 0 else (through, mean, square)
-
-            def add(rows: slice, landing=landing, weight=float(weight), before=before) -> None:
-                moved, arrived = landing.moved(rows)
-                if visit is not None:
-                    visit(rows, landing.point, weight, moved, arrived)
-                through[rows] = weight * arrived + (0.0 if before is None else through[rows])
-                if several:
-                    square[rows] += weight * moved**2
-                    moved *= weight
-                mean[rows] = moved if before is None else mean[rows] + moved
-
-            by_rows(add, shape)
-
-        def finish(rows: slice) -> None:
-            seen, light = through[rows] > 0.0, np.maximum(through[rows], 1e-300)[..., None]
-            if several:
-                mean[rows] /= light
-                square[rows] = np.sqrt(np.maximum(square[rows] / light - mean[rows] ** 2, 0.0))
-            np.negative(mean[rows], out=mean[rows])
-            if not seen.all():
-                mean[rows][~seen] = square[rows][~seen] = np.nan
-
-        by_rows(finish, shape)
+        x, y = (axis.ravel() for axis in np.meshgrid(*camera.tangents(shape)))
+        name = "position" if np.isfinite(camera.distance) else "direction"
+        through, mean, square = np.zeros(shape), np.zeros((*shape, 2)), np.zeros((*shape, 2))
+        for point, weight in zip(points.points, points.weights.tolist(), strict=True):
+            traced = trace(field, camera.rays(point, x, y), until=camera.scene_plane, outputs=(name,), **options)
+            arrived = reached(traced.traced_status).reshape(shape)
+            moved = camera.shift(getattr(traced, name), point, x, y).reshape(*shape, 2)
+            moved[~arrived] = 0.0
+            if visit is not None:
+                visit(point, weight, moved, arrived)
+            through += weight * arrived
+            mean += weight * moved
+            if len(points.points) > 1:  # one ray has no spread
+                square += weight * moved**2
+        light = np.maximum(through, 1e-300)[..., None]
+        if len(points.points) > 1:
+            mean /= light
+            square = np.sqrt(np.maximum(square / light - mean**2, 0.0))
+        mean = -mean
+        mean[through == 0.0] = square[through == 0.0] = np.nan
     return BackgroundDisplacement(
         displacement=mean,
         blur=square,
         through=through,
         camera=camera,
-        wavelength=landing.traced.wavelength,
-        plan=landing.traced.plan,
+        wavelength=traced.wavelength,
+        plan=traced.plan,
         seconds=seconds,
         view=view,
         options=options,
@@ -289,15 +277,3 @@ def check_view(field: IndexField, camera: Camera, options: dict[str, Any]) -> No
 def _others(count: int, many: int) -> int:
     """Return the number of points for the error of a mean over `count` points: `many`, or a quarter of more."""
     return many if count < many else max(count // 4, 2)
-
-
-def aperture(camera: Camera, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return points of the aperture along its axes [m], shape (n, 2), and weights of their light, which sum to 1."""
-    if check_count(count, "aperture_rays") == 1:
-        return np.zeros((1, 2)), np.ones(1)
-    pupil = camera.pupil
-    points, weight = pupil.sample(int(count), "gauss")
-    flat = camera.across(points - pupil.center)
-    # The sampling weights include the amplitude transmission once: light has its square.
-    light = weight * pupil.transmission(flat[:, 0], flat[:, 1])
-    return flat, light / light.sum()

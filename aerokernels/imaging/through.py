@@ -33,8 +33,6 @@ from .spreads import Spectrum, SpreadGrid, defocus_paths, mixed, phasors, pixel_
 
 # Defaults: nodes along a side, pixels across a point spread function, rays across the pupil.
 NODE_COUNT, SIZE, PUPIL_PIXELS = 9, 32, 32
-# Share of the light that point spread functions may leave out before a warning.
-MOST_LOST = 0.2
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -217,7 +215,7 @@ def image_through(
         image = sensor.expose(image, seed)
     spreads = mixed(grids, light.mean_weights)
     lost = 1.0 - float(spreads.kept.min())
-    if lost > MOST_LOST:
+    if lost > 0.2:
         warnings.warn(
             f"{100.0 * lost:.3g} % of the light of a point spread function is outside of its {psf_pixels} pixels, the "
             "picture has too little blur: take more psf_pixels",

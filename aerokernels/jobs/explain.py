@@ -106,7 +106,7 @@ def _predicted_ratio(strehl: PreparedStrehl) -> list[tuple[str, str]]:
     varied = strehl.varied(strehl.plan)
     if varied.found is None:
         return []
-    numbers, base = varied.numbers(strehl.remove), varied.found.base
+    numbers, base = varied.numbers(strehl.request.remove), varied.found.base
     error = budget(lambda rays: numbers(rays)[0], varied.found)
     ratio = Quantity(float(numbers(base)[0]), error[TOTAL], is_ratio=True)
     words = f"about {ratio.value:.2f}, error {two_digits(error[TOTAL])}, by {len(base.opd)} rays; {main_cause(error)}"

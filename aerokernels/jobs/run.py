@@ -11,9 +11,8 @@ import numpy as np
 
 from aerokernels.echo import EchoResult
 from aerokernels.echo.parts import Setup, trace_options
-from aerokernels.echo.rangefinder import check_echo
+from aerokernels.echo.rangefinder import VacuumEcho, check_echo
 from aerokernels.echo.simulate import echo_through
-from aerokernels.echo.vacuum import VacuumEcho
 from aerokernels.flow import DensityField
 from aerokernels.inputs.arguments import checked
 from aerokernels.jobs.report import draw_pictures, render_report

@@ -162,7 +162,6 @@ class Bench:
         return np.asarray(0.5 * (edges[1:] + edges[:-1]))
 
 
-SOURCES = ("slit", "disc", "square")
 # Positions of an edge evaluated together.
 BLOCK = 1 << 14  # speed only
 
@@ -174,7 +173,7 @@ def check_source(source: str | Pupil) -> None:
         ValueError: The name is unknown.
     """
     if not isinstance(source, Pupil):
-        check_choice(source, "source", SOURCES)
+        check_choice(source, "source", ("slit", "disc", "square"))
 
 
 def shape_of(source: str | Pupil) -> Pupil | None:

@@ -13,6 +13,7 @@ Reference: W. Merzkirch, Flow Visualization, 2nd ed. (Academic Press, 1987), sec
 
 import math
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -200,10 +201,7 @@ def _picture(
     if brightness is None:
         brightness = np.clip(exposure * fringes.light(traced), 0.0, 1.0)
     _warn_of_narrow(traced, fringes)
-
-    def of_pixels(some: SomeLight) -> np.ndarray:
-        return np.clip(exposure * fringes.of_rays(some).mean(axis=1), 0.0, 1.0)
-
+    of_pixels = partial(_of_pixels, fringes=fringes, exposure=exposure)
     return Interferogram(
         intensity=brightness,
         opd=traced.pixel_mean(traced.opd),
@@ -216,6 +214,11 @@ def _picture(
         exposure=float(exposure),
         measure_error=error_of(brightness, traced, of_pixels, is_same=is_same),
     )
+
+
+def _of_pixels(some: SomeLight, fringes: Fringes, exposure: float) -> np.ndarray:
+    """Return the brightness of some pixels."""
+    return np.clip(exposure * fringes.of_rays(some).mean(axis=1), 0.0, 1.0)
 
 
 def _warn_of_narrow(traced: LineOfSight, fringes: Fringes) -> None:

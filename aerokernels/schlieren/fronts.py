@@ -15,8 +15,6 @@ LEAST_AGREEING = 0.5
 # Number of trial curves: through three points each, one in eight is free of outliers if half of all points are
 # outliers.
 TRIAL_COUNT = 300
-# A band counts if its height is so many standard deviations of the noise, and this share of the strongest one.
-NOISE_FACTOR, LEAST_SHARE = 6.0, 0.03
 # Share of each scan line, from its outer end, that is assumed undisturbed.
 UNDISTURBED_SHARE = 0.05
 
@@ -54,7 +52,7 @@ def outer_fronts(lines: np.ndarray, level: float) -> np.ndarray:
     background = float(np.median(undisturbed))
     noise = 1.4826 * float(np.median(np.abs(undisturbed - background)))
     change = lines - background
-    least = max(NOISE_FACTOR * noise, LEAST_SHARE * float(np.quantile(np.abs(change).max(axis=1), 0.9)), 1e-6)
+    least = max(6.0 * noise, 0.03 * float(np.quantile(np.abs(change).max(axis=1), 0.9)), 1e-6)
     return np.array([_outer_front(line, least, max(3.0 * noise, 0.02 * least), level) for line in change])
 
 

@@ -178,13 +178,15 @@ def _picture(traced: LineOfSight, edge: KnifeEdge, exposure: float) -> Schlieren
         edge = edge.with_full_range(traced.deflection[traced.through])
     light = np.where(traced.through, edge.passed(traced.deflection), 0.0)
     brightness = np.clip(exposure * traced.pixel_mean(light), 0.0, 1.0)
-
-    def of_pixels(some: SomeLight) -> np.ndarray:
-        return np.clip(exposure * edge.passed(some.deflection).mean(axis=1), 0.0, 1.0)
-
+    of_pixels = partial(_of_pixels, edge=edge, exposure=exposure)
     return SchlierenImage(
         intensity=brightness, measure_error=error_of(brightness, traced, of_pixels), **_shared(traced, edge, exposure)
     )
+
+
+def _of_pixels(some: SomeLight, edge: KnifeEdge, exposure: float) -> np.ndarray:
+    """Return the brightness of some pixels."""
+    return np.clip(exposure * edge.passed(some.deflection).mean(axis=1), 0.0, 1.0)
 
 
 def _shared(traced: LineOfSight, edge: KnifeEdge, exposure: float) -> dict[str, Any]:

@@ -35,7 +35,6 @@ from ..tracing.variants.paths import Rays
 from .window import Window, make_window, ray_lines
 
 GREATEST_RAY_COUNT = 100_000_000  # some 20 GB of stored results
-_UPSIDE_DOWN = np.array([1.0, -1.0])  # of (right, up)
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,7 +198,7 @@ class ParallelLight:
             if not symmetric:
                 return values
             lower = values[::-1][: row_count // 2]
-            return np.concatenate([lower * _UPSIDE_DOWN if values.ndim == 3 else lower, values])
+            return np.concatenate([lower * np.array([1.0, -1.0]) if values.ndim == 3 else lower, values])
 
         def seen(values: np.ndarray) -> np.ndarray:
             return whole(np.where(through.reshape(through.shape + (1,) * (values.ndim - 2)), values, np.nan))

@@ -11,9 +11,7 @@ from ..inputs.checks import check_choice, check_path
 from ..process.foreign_files import NoRoomError, check_room
 from .picture import Picture, PictureView
 
-LEAST_PIXELS = 16  # along each side
 COPIES = 3  # float64 arrays in memory at once while a picture is read
-FLOW_SIDES = ("right", "left")
 # Grey level of white, by Pillow's mode.
 _FULL = {"1": 1.0, "L": 255.0, "I;16": 65535.0, "I;16B": 65535.0, "I;16L": 65535.0}
 
@@ -51,7 +49,7 @@ def read_picture(
     tip = np.asarray(nose, dtype=np.float64)
     if tip.shape != (2,) or not np.isfinite(tip).all():
         raise ValueError(f"nose {nose!r}: give (column, row) of the nose's tip in pixels")
-    check_choice(upstream, "upstream", FLOW_SIDES)
+    check_choice(upstream, "upstream", ("right", "left"))
     if not (np.isfinite(roll) and abs(roll) < 0.5 * np.pi):
         raise ValueError(f"roll = {roll}: give an angle in radians between -pi/2 and pi/2")
     grey = _read_grey(path)
@@ -107,10 +105,8 @@ def _read_grey(path: Path) -> np.ndarray:
         raise ValueError(f"picture {path}: cannot be read, {error}; save it again") from None
     if frame_count > 1:
         raise ValueError(f"picture {path}: holds {frame_count} pictures; save the one to read as a file of its own")
-    if min(grey.shape) < LEAST_PIXELS:
-        raise ValueError(
-            f"picture {path}: {grey.shape[1]} x {grey.shape[0]} pixels; at least {LEAST_PIXELS} each way are needed"
-        )
+    if min(grey.shape) < 16:
+        raise ValueError(f"picture {path}: {grey.shape[1]} x {grey.shape[0]} pixels; at least 16 each way are needed")
     if not np.isfinite(grey).all():
         raise ValueError(f"picture {path}: {int(np.sum(~np.isfinite(grey)))} pixels are not finite; repair the file")
     if np.ptp(grey) == 0.0:

@@ -17,6 +17,7 @@ Reference: G. S. Settles, Schlieren and Shadowgraph Techniques (Springer, 2001),
 """
 
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -162,10 +163,7 @@ def _picture(traced: LineOfSight, screen: Screen, exposure: float) -> Shadowgrap
     brightness = np.clip(exposure * irradiance, 0.0, 1.0)
     if traced.doubtful is not None and traced.doubtful.any():
         known = known & (screen.light(traced, traced.doubtful.astype(np.float64)) <= GREATEST_SHARE)
-
-    def of_pixels(some: SomeLight) -> np.ndarray:
-        return np.clip(exposure * light_on_squares(some, screen.landing(some)), 0.0, 1.0)
-
+    of_pixels = partial(_of_pixels, screen=screen, exposure=exposure)
     square = max(*traced.window.pitch, abs(screen.distance) * screen.source_angle)
     return Shadowgraph(
         intensity=brightness,
@@ -177,6 +175,11 @@ def _picture(traced: LineOfSight, screen: Screen, exposure: float) -> Shadowgrap
         source=screen.source,
         measure_error=error_of(brightness, traced, of_pixels, square=square, curved=SPREAD),
     )
+
+
+def _of_pixels(some: SomeLight, screen: Screen, exposure: float) -> np.ndarray:
+    """Return the brightness of some pixels."""
+    return np.clip(exposure * light_on_squares(some, screen.landing(some)), 0.0, 1.0)
 
 
 def spread(traced: LineOfSight, shift: np.ndarray, share: np.ndarray | None = None) -> np.ndarray:

@@ -22,8 +22,6 @@ from .terms import PupilNumbers, remove_named, weighted_mean
 PIXELS, DRAWS, WAVES, SIZES = 512, 16, 24, (1.0, 0.5, 0.25, 0.1)
 # Greatest size of changes by a cause, over the greatest of any, that does not count.
 LEAST = 0.01
-# Error due to the pixels over the change by finer ones.
-BY_PIXELS = 3.0
 # A wavefront -> a number of it, or an array.
 Number = Callable[[Any], Any]
 
@@ -99,7 +97,7 @@ def of_pixels(wave: Any, number: Number) -> np.ndarray:
     plain = np.asarray(number(wave))
     if not three_in_a_row(wave.lit):
         return np.full(plain.shape, np.nan)
-    return np.asarray(BY_PIXELS * np.abs(number(finer(wave)) - plain))
+    return np.asarray(3.0 * np.abs(number(finer(wave)) - plain))
 
 
 def of_changes(wave: Any, number: Number) -> np.ndarray:

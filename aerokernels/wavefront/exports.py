@@ -3,16 +3,26 @@
 poppy (since 1.0) and Zemax have the opposite sign of OPD; HCIPy and prysm have ours, and our order of axes.
 """
 
+import math
+from dataclasses import fields
+from functools import partial
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
+from ..display.quantities import ErrorBudget
 from ..files.writing import replacing
-from ..inputs.arguments import checked
+from ..inputs.arguments import Numbers, checked
 from ..inputs.checks import check_choice
+from ..inputs.wavelength import check_spectrum
+from ..pupils import Annulus, Disc, Mask, Polygon, Pupil, Rectangle
+from .image import mixed_weights
 from .point_spread import complex_amplitude
+
+if TYPE_CHECKING:
+    import xarray
 
 
 @checked
@@ -115,9 +125,6 @@ def to_prysm(wavefront: Any):
     )
 
 
-KINDS = ("phase", "sag")
-
-
 @checked
 def to_zemax(wavefront: Any, path: str | Path, kind: str = "phase") -> None:
     """Write a Zemax grid file.
@@ -126,7 +133,7 @@ def to_zemax(wavefront: Any, path: str | Path, kind: str = "phase") -> None:
         ValueError: `kind` is neither "phase" nor "sag", or the path is a folder or in none.
         OutputError: The disk is full; an earlier file is as it was.
     """
-    check_choice(kind, "kind", KINDS)
+    check_choice(kind, "kind", ("phase", "sag"))
     scale = 2.0 * np.pi / wavefront.wavelength if kind == "phase" else 1e3
     height = np.where(wavefront.lit, -scale * wavefront.opd, 0.0)[::-1]
     lost = (~wavefront.lit)[::-1]
@@ -135,3 +142,213 @@ def to_zemax(wavefront: Any, path: str | Path, kind: str = "phase") -> None:
     lines += [f"{z:.17g} 0 0 0 {int(no)}" for z, no in zip(height.ravel() + 0.0, lost.ravel(), strict=True)]
     with replacing(Path(path)) as (draft,):
         draft.write_text("\n".join(lines) + "\n", encoding="ascii")
+
+
+SIGN_CONVENTION = "OPD is positive where light is delayed"
+PUPILS: dict[str, Any] = {kind.__name__: kind for kind in (Annulus, Disc, Mask, Polygon, Rectangle)}
+
+
+def to_xarray(wavefront: Any):
+    """Return an xarray.Dataset of "opd", "weight" and "intensity" over (y, x); computes the OPD's error budget."""
+    import xarray
+
+    coordinate = wavefront.coordinate
+    opd = {"units": "m", "long_name": "optical path difference", "sign_convention": SIGN_CONVENTION}
+    attributes: dict[str, Any] = {
+        "Conventions": "CF-1.8",
+        "title": "wavefront over a pupil",
+        "sign_convention": SIGN_CONVENTION,
+        "wavelength": wavefront.wavelength,
+        "pixel": wavefront.pixel,
+        "radius": wavefront.radius,
+        "blocked": wavefront.blocked,
+        "removed": " ".join(wavefront.removed),
+        "opd_error": wavefront.opd_error,
+    }
+    if wavefront.direction is not None:
+        attributes["direction"] = np.asarray(wavefront.direction)
+    shape, numbers = _pupil_numbers(wavefront.pupil)
+    attributes.update(numbers)
+    return xarray.Dataset(
+        {
+            **shape,
+            "opd": (("y", "x"), wavefront.opd, opd),
+            "weight": (
+                ("y", "x"),
+                wavefront.weight,
+                {"units": "1", "long_name": "transmission of the amplitude, mean over the pixel"},
+            ),
+            "intensity": (("y", "x"), wavefront.intensity, {"units": "1", "long_name": "mean intensity in the pixel"}),
+        },
+        coords={
+            name: (name, coordinate, {"units": "m", "long_name": f"{name} in the pupil, from its centre"})
+            for name in ("x", "y")
+        },
+        attrs=attributes,
+    )
+
+
+def from_xarray(dataset) -> dict[str, Any]:
+    """Return the attributes of the wavefront by name.
+
+    Raises:
+        TypeError: `dataset` is not a dataset.
+        ValueError: The dataset is not one of `to_xarray`, has another sign or unit, or its map was cut, thinned out or
+            flipped.
+    """
+    if not hasattr(dataset, "attrs") or not hasattr(dataset, "data_vars"):
+        raise TypeError(f"dataset must be an xarray.Dataset, as `to_xarray` makes one, got {type(dataset).__name__}")
+    lost = [name for name in ("opd", "weight") if name not in dataset] + [
+        name for name in ("wavelength", "pixel", "sign_convention") if name not in dataset.attrs
+    ]
+    if lost:
+        raise ValueError(f"the dataset was not made by Wavefront.to_xarray: {', '.join(lost)} is missing")
+    attributes = dataset.attrs
+    if str(attributes["sign_convention"]) != SIGN_CONVENTION:
+        raise ValueError(f"the dataset's sign convention is {attributes['sign_convention']!r}, not {SIGN_CONVENTION!r}")
+    unit = str(dataset["opd"].attrs.get("units", "m"))
+    if unit != "m":
+        raise ValueError(f"the dataset's opd is in {unit!r}: convert it to metres, and set its units to 'm'")
+    error = _number(attributes, "opd_error", np.nan)
+    opd = _map(dataset, "opd")
+    _check_coordinates(dataset, opd.shape, _number(attributes, "pixel"))
+    return {
+        "opd": opd,
+        "weight": _map(dataset, "weight"),
+        "pixel": _number(attributes, "pixel"),
+        "wavelength": _number(attributes, "wavelength"),
+        "intensity": _map(dataset, "intensity") if "intensity" in dataset else None,
+        "radius": _number(attributes, "radius") if "radius" in attributes else None,
+        "blocked": _number(attributes, "blocked", 0.0),
+        "removed": tuple(str(attributes.get("removed", "")).split()),
+        "direction": _numbers(attributes, "direction", (3,)) if "direction" in attributes else None,
+        "pupil": _pupil(dataset),
+        "budget": partial(ErrorBudget, total=error) if np.isfinite(error) else None,
+    }
+
+
+def _pupil_numbers(pupil: Pupil | None) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return a pupil's numbers as a dataset's variables (of two axes) and attributes (the others, and its class)."""
+    variables: dict[str, Any] = {}
+    attributes: dict[str, Any] = {}
+    if pupil is not None:
+        attributes["pupil"] = type(pupil).__name__
+        for field in fields(cast(Any, pupil)):
+            value, name = getattr(pupil, field.name), f"pupil_{field.name}"
+            if np.ndim(value) == 2:
+                variables[name] = ((f"{name}_row", f"{name}_column"), value)
+            else:
+                attributes[name] = value
+    return variables, attributes
+
+
+def _pupil(dataset) -> Pupil | None:
+    """Return the pupil that a dataset was made with; None if it has none, or not all of its numbers."""
+    kind = PUPILS.get(str(dataset.attrs.get("pupil")))
+    if kind is None:
+        return None
+    found = {}
+    for field in fields(kind):
+        name = f"pupil_{field.name}"
+        if name not in dataset and name not in dataset.attrs:
+            return None
+        found[field.name] = np.asarray(dataset[name] if name in dataset else dataset.attrs[name])
+        if found[field.name].ndim < 2 and found[field.name].size == 1:  # files turn single numbers into arrays
+            found[field.name] = found[field.name].item()
+    return kind(**found)
+
+
+def _map(dataset, name: str) -> np.ndarray:
+    """Return a map [y, x] of a dataset."""
+    own = dataset[name]
+    if set(own.dims) != {"y", "x"} or own.ndim != 2 or own.dtype.kind not in "iuf":
+        axes = ", ".join(map(str, own.dims))
+        raise ValueError(f"the dataset's {name} must be numbers over (y, x), got {own.dtype} over ({axes})")
+    return np.asarray(own.variable.transpose("y", "x"))  # the variable alone: its coordinates are not needed
+
+
+def _check_coordinates(dataset, shape: tuple[int, ...], pixel: float) -> None:
+    """Check that x and y, where the dataset has them, are those of pixels about the pupil's centre, ascending.
+
+    Raises:
+        ValueError: They are not: the map was cut, thinned out or turned round, and its numbers belong elsewhere.
+    """
+    for name, count in zip(("y", "x"), shape, strict=True):
+        if name not in dataset.coords:
+            continue
+        found, expected = np.asarray(dataset[name]), pixel * (np.arange(count) - 0.5 * (count - 1))
+        # A file may hold coordinates in single precision.
+        is_right = found.dtype.kind in "iuf" and found.shape == (count,)
+        if not (is_right and np.abs(found - expected).max(initial=0.0) <= 1e-3 * pixel):
+            raise ValueError(
+                f"the dataset's {name} must ascend about the pupil's centre in steps of its pixel, {pixel:g} m: give "
+                "the whole map, not cut, thinned out or flipped"
+            )
+
+
+def _numbers(attributes, name: str, shape: tuple[int, ...]) -> np.ndarray:
+    """Return an attribute of a dataset as numbers of a shape; NetCDF stores a single number as an array of one."""
+    value = np.asarray(attributes[name])
+    if value.dtype.kind not in "iuf" or value.size != math.prod(shape):
+        raise ValueError(
+            f"the dataset's attribute {name} must be {'a number' if shape == () else f'{shape[0]} numbers'}, "
+            f"got {str(attributes[name])[:60]!r}"
+        )
+    return value.astype(np.float64).reshape(shape)
+
+
+def _number(attributes, name: str, otherwise: float | None = None) -> float:
+    if name not in attributes and otherwise is not None:
+        return otherwise
+    return float(_numbers(attributes, name, ()))
+
+
+@checked
+def over_wavelengths(
+    wavefront: Any, wavelengths: Numbers, angle: Numbers | None = None, weights: Numbers | None = None
+) -> "xarray.Dataset":
+    """Return image quantities at several wavelengths [m] as an xarray.Dataset with a wavelength axis.
+
+    The OPD is the same at all wavelengths: dispersion of air is ignored, see `at_wavelength`. The dataset holds
+    `strehl`, `strehl_error`, `fwhm` [rad] and `psf` over (wavelength, y, x). `angle` are the angles of the rows and
+    columns of `psf` [rad], shape (m,); None takes 33 up to four times the longest wavelength over the pupil's
+    width. `weights` are the shares of the light at the wavelengths, equal if None; `polychromatic_psf` over (y, x)
+    is the point spread function of all the light, over its peak without aberrations.
+
+    Raises:
+        ValueError: There are no wavelengths, one is outside 0.1 to 20 um, or weights are negative or all zero.
+    """
+    import xarray
+
+    lengths, shares = check_spectrum(wavelengths, weights)
+    if angle is None:
+        reach = 4.0 * float(lengths.max()) / (len(wavefront.opd) * wavefront.pixel)
+        angle = np.linspace(-reach, reach, 33)
+    angle = np.atleast_1d(np.asarray(angle, dtype=np.float64))
+    at = [wavefront.at_wavelength(float(length)) for length in lengths]
+    strehl = [one.quantities["strehl"] for one in at]
+    dims = ("wavelength", "y", "x")
+    intensity = np.stack([one.psf(angle).intensity for one in at])
+    ratio = {"units": "1", "long_name": "Strehl ratio"}
+    width = {"units": "rad", "long_name": "full width at half maximum"}
+    mixed = np.tensordot(mixed_weights(lengths, shares), intensity, 1)
+    return xarray.Dataset(
+        {
+            "strehl": ("wavelength", [one.value for one in strehl], ratio),
+            "strehl_error": ("wavelength", [one.error for one in strehl], {"units": "1"}),
+            "fwhm": ("wavelength", [one.fwhm for one in at], width),
+            "psf": (dims, intensity, {"units": "1", "long_name": "over the perfect peak"}),
+            "polychromatic_psf": (
+                dims[1:],
+                mixed,
+                {"units": "1", "long_name": "of all the light, over its perfect peak"},
+            ),
+            "weight": ("wavelength", shares, {"units": "1", "long_name": "share of the light"}),
+        },
+        {
+            "wavelength": ("wavelength", lengths, {"units": "m", "standard_name": "radiation_wavelength"}),
+            "x": ("x", angle, {"units": "rad"}),
+            "y": ("y", angle, {"units": "rad"}),
+        },
+        {"sign_convention": SIGN_CONVENTION},
+    )

@@ -17,9 +17,6 @@ from .modes import centroid_weights
 from .point_spread import PointSpread, complex_amplitude, width_at_half
 from .transfer import autocorrelation, encircler, transfer_function
 
-# Most angles along a side of a grid of angles that is chosen here.
-MOST_ANGLES = 4097
-
 
 def spot_width(wave: Any) -> tuple[float, float]:
     """Return the full width at half maximum of the point spread function [rad] and its error by the image's sampling.
@@ -83,7 +80,7 @@ def polychromatic_psf(
             raise ValueError(f"padding must be at least 1, got {padding!r}")
         reach = 0.5 * shortest / wavefront.pixel if half_width is None else float(half_width)
         steps = reach * len(wavefront.opd) * wavefront.pixel * padding / shortest
-        if not 0.0 <= steps <= MOST_ANGLES // 2:
+        if not 0.0 <= steps <= 4097 // 2:
             raise ValueError(
                 f"half_width = {half_width!r} rad needs {2.0 * steps:.3g} angles along a side: give `angle`"
             )
@@ -91,13 +88,13 @@ def polychromatic_psf(
     each = [wavefront.at_wavelength(float(length)).psf(angle) for length in lengths]
     share = mixed_weights(lengths, shares)
     mean = np.tensordot(share, np.stack([one.intensity for one in each]), 1)
-
-    def mixed(wave: Any, angle: np.ndarray) -> np.ndarray:
-        spreads = [intensities(wave.at_wavelength(float(length)), angle) for length in lengths]
-        return np.asarray(np.tensordot(share, np.stack(spreads), 1))
-
-    errors = partial(spread_errors, wavefront.at_wavelength(shortest), each[0].angle, mixed)
+    errors = partial(spread_errors, wavefront.at_wavelength(shortest), each[0].angle, partial(_mixed, lengths, share))
     return PointSpread(mean, each[0].angle, errors)
+
+
+def _mixed(wavelengths: np.ndarray, shares: np.ndarray, wave: Any, angle: np.ndarray) -> np.ndarray:
+    each = [intensities(wave.at_wavelength(float(length)), angle) for length in wavelengths]
+    return np.asarray(np.tensordot(shares, np.stack(each), 1))
 
 
 def mixed_weights(wavelengths: np.ndarray, shares: np.ndarray) -> np.ndarray:

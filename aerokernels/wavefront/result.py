@@ -18,8 +18,17 @@ from ..process.clock import clocked, stage
 from ..pupils import Projected, Pupil, seen_along
 from ..tracing.variants.causes import Variants
 from .changes import Changes, changes_of, of_extremes, of_opd, of_samples
-from .datasets import SIGN_CONVENTION, from_xarray, over_wavelengths, to_xarray
-from .exports import to_fits, to_hcipy, to_poppy, to_prysm, to_zemax
+from .exports import (
+    SIGN_CONVENTION,
+    from_xarray,
+    over_wavelengths,
+    to_fits,
+    to_hcipy,
+    to_poppy,
+    to_prysm,
+    to_xarray,
+    to_zemax,
+)
 from .image import (
     encircled_errors,
     image_quantities,

@@ -27,9 +27,8 @@ from ..pupils import Pupil
 from ..wavefront import Wavefront
 from ..wavefront.changes import of_pixels
 from ..wavefront.pixels import LEAST_COVER
-from .angular_spectrum import transfer_exponent, warn_of_wrapping
 from .layers import FEWEST_STEPS, check_memory, layer_count, mean_layers, path_range
-from .wave import Wave, propagated
+from .wave import Wave, propagated, transfer_exponent, warn_of_wrapping
 
 # Fewest pixels along a side of a window.
 FEWEST_PIXELS = 8

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from aerokernels.imaging import Camera, background_displacement
-from aerokernels.imaging.shift import aperture
 from aerokernels.pupils import Annulus, Disc, Pupil, Rectangle
 
 from .closed_air import HALF, DrawnAir, draw_air, log_uniform
@@ -73,7 +72,8 @@ def check_camera(drawn: DrawnCamera, **options) -> ViewCheck:
     seen = background_displacement(
         drawn.air.field, drawn.camera, aperture_rays=drawn.aperture_rays, allow_truncation=True, **options
     )
-    points, weights = aperture(drawn.camera, TRUE_POINTS)
+    light = drawn.camera.aperture(TRUE_POINTS)
+    points, weights = light.points, light.weights
     normal = drawn.camera.pupil.normal
     slant = float(np.hypot(normal[1], normal[2])) if drawn.air.field.geometry == "planar" else 1.0
     shifts = true_shifts(drawn.air.contrast, drawn.camera, SHAPE, points, slant)

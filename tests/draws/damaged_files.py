@@ -13,8 +13,6 @@ from numpy.random import Generator
 from aerokernels.flow import DensityField, read
 from aerokernels.process.fragile import LibraryEndedError
 
-from .damaged_structure import damage_structure, has_structure
-
 
 def damage(data: bytes, generator: Generator) -> bytes:
     """Damage a file's bytes in one of ten ways."""
@@ -97,8 +95,7 @@ class DamagedCopies:
         generator = np.random.default_rng(seed)
         chosen, content = list(self._contents.items())[int(generator.integers(len(self._contents)))]
         place = self._copy / chosen.relative_to(self._sound)
-        structural = has_structure(content) and generator.random() < 0.5
-        place.write_bytes((damage_structure if structural else damage)(content, generator))
+        place.write_bytes(damage(content, generator))
         try:
             return outcome_of(self._damaged)
         except BaseException as fault:

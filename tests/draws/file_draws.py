@@ -9,6 +9,7 @@ import json
 import random
 import shutil
 import sqlite3
+from collections.abc import Iterable
 from contextlib import closing
 from pathlib import Path
 
@@ -18,12 +19,11 @@ from aerokernels.hardware.export import export
 from aerokernels.hardware.frames import EchoFrame
 from aerokernels.hardware.store import EchoStore
 from aerokernels.hardware.store_file import StoreError
-from aerokernels.jobs.recorded import recorded_echoes, recorded_labels
+from aerokernels.jobs.recorded import RecordedEcho, recorded_echoes, recorded_labels
 from aerokernels.jobs.sweeps.records import CASES_FILE, DEFINITION_FILE, Records, read_definition
 
 from .damaged_files import damaged
 from .input_draws import Draw
-from .record_draws import check_echoes
 from .refusals import check_refusal
 
 SAMPLES = 20
@@ -32,6 +32,19 @@ COLUMNS = ("sequence", "device_time_us", "host_time_ns", "label", "sample_period
            "offset", "sample_count", "samples", "crc32", "preamble", "raw", "session", "flags")  # fmt: skip
 STORED = (0, -1, 2**63 - 1, 1e300, float("inf"), "text", b"", b"\xff", b"\x00" * 3, b"\x01\x00" * 40, "[]", "{}",
           "null", '{"mach": 3}', '{"\\u001b[31m": "x"}', "[" * 3000, '{"a": {"b": [1]}}', "١", None)  # fmt: skip
+
+
+def check_echoes(echoes: Iterable[RecordedEcho]) -> bool:
+    """Whether there are any echoes; check that all have finite voltages at increasing times, and labels of texts."""
+    count = 0
+    for echo in echoes:
+        finite = np.isfinite(echo.voltage).all() and np.isfinite(echo.time).all()
+        if not (finite and (np.diff(echo.time) > 0).all() and echo.time.dtype == echo.voltage.dtype == np.float64):
+            raise AssertionError(f"finite voltages at increasing times: {echo}")
+        if not all(isinstance(part, str) for pair in echo.label for part in pair):
+            raise AssertionError(f"a label of texts: {echo.label}")
+        count += 1
+    return count > 0
 
 
 def _read_all(path: Path) -> bool:

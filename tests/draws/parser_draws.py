@@ -3,7 +3,7 @@
 It returns whether the input was accepted; an input refused in words was not. Any other outcome is an exception.
 """
 
-from . import file_draws, flow_draws, input_draws, name_draws, netcdf_draws, record_draws, tree_draws
+from . import file_draws, input_draws
 
-PARTS = (input_draws, record_draws, flow_draws, name_draws, netcdf_draws, tree_draws, file_draws)
+PARTS = (input_draws, file_draws)
 DRAWS = {name: draw for part in PARTS for name, draw in part.DRAWS.items()}

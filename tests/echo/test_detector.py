@@ -7,7 +7,7 @@ import pytest
 from scipy import signal
 
 from aerokernels.echo import detect, gaussian_pulse
-from aerokernels.echo.detector import RESPONSES, low_pass_gain, sample_times
+from aerokernels.echo.detector import low_pass_gain, sample_times
 
 TIME = np.arange(0, 200e-9, 0.1e-9)
 PULSE = 1e-4 * gaussian_pulse(TIME - 80e-9, 6e-9)
@@ -15,21 +15,6 @@ PULSE = 1e-4 * gaussian_pulse(TIME - 80e-9, 6e-9)
 
 def test_without_bandwidth_volts_follow_watts():
     assert np.array_equal(detect(TIME, PULSE, volts_per_watt=5e3), 5e3 * PULSE)
-
-
-@pytest.mark.parametrize("response", RESPONSES)
-def test_bandwidth_is_the_half_power_point(response):
-    """|gain|^2 = 1/2 at the bandwidth, 1 at 0 Hz; scipy's Bessel normalisation is good to its last digits."""
-    gain = low_pass_gain([0.0, 40e6], 40e6, response)
-    assert np.abs(gain) ** 2 == pytest.approx([1.0, 0.5], rel=1e-9)
-
-
-@pytest.mark.parametrize("response", RESPONSES)
-def test_area_is_kept(response):
-    """Unit gain at 0 Hz keeps the integral; the pulse and its tail end within the record. Tolerance: tail, 1e-9."""
-    volts = detect(TIME, PULSE, volts_per_watt=2.0, bandwidth=100e6, response=response)
-    assert abs(volts.sum() / (2.0 * PULSE.sum()) - 1.0) < 1e-9
-    assert volts.max() < 2.0 * PULSE.max()
 
 
 def test_gaussian_response_widens_a_gaussian():
@@ -66,11 +51,6 @@ def test_nothing_wraps_around():
     for response in ("first-order", "bessel"):
         volts = detect(TIME, late, volts_per_watt=1.0, bandwidth=5e6, response=response)
         assert volts[-1] > 0.05 and np.abs(volts[:800]).max() < 1e-12
-
-
-def test_sample_times_run_from_zero_and_cover():
-    times = sample_times(9.97e-9, 20.01e-9, 1e9)
-    assert times == pytest.approx(np.arange(9, 22) * 1e-9, rel=1e-12)
 
 
 def test_bad_values_are_refused():

@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 from aerokernels.echo import GaussianPulse, HeliosPulse, SampledPulse, estimate_range
 from aerokernels.echo.parts import Setup
 from aerokernels.echo.pulse_curve import PulseCurve
-from aerokernels.echo.pulses import SPEED_OF_LIGHT, as_pulse, sum_of_pulses
+from aerokernels.echo.pulses import SPEED_OF_LIGHT, as_pulse
 from aerokernels.scene import Scene
 
 TAU = 6e-9
@@ -62,15 +62,6 @@ def test_a_sampled_gaussian_is_the_gaussian():
 
 
 @pytest.mark.parametrize("pulse", SHAPES, ids=lambda pulse: type(pulse).__name__)
-def test_delayed_copies_add_up(pulse):
-    generator = np.random.default_rng(4)
-    delay, peak = generator.uniform(0.0, 1e-7, 9), generator.uniform(0.0, 2.0, 9)
-    time = generator.uniform(-1e-7, 3e-7, (5, 4))
-    plain = sum(p * pulse(time - d) for d, p in zip(delay, peak, strict=True))
-    assert np.abs(sum_of_pulses(time, delay, peak, pulse) - plain).max() < 1e-12
-
-
-@pytest.mark.parametrize("pulse", SHAPES, ids=lambda pulse: type(pulse).__name__)
 def test_the_matched_filter_finds_any_of_them(pulse):
     """An echo of the template's own shape reads its delay: to the root of rounding, and the splines' 1e-4 samples."""
     time = np.arange(-200, 900) * 0.25e-9
@@ -112,15 +103,6 @@ def test_what_is_no_pulse_is_refused():
             make(-1.0)
     with pytest.raises(TypeError, match="pulse_tau"):
         as_pulse("6 ns")
-
-
-def test_a_sampled_pulse_ends_with_its_samples():
-    """A record that ends at 0.2 of its peak. Expected: 0.2 at the last sample, and nothing half a sample behind it."""
-    samples = np.array([0.0, 0.3, 1.0, 0.6, 0.2])
-    pulse = SampledPulse(samples, 1e-9)
-    end = pulse.support[1]
-    assert pulse(end - 1e-15) == pytest.approx(0.2, rel=0.1)
-    assert pulse(end + 0.5e-9) == 0.0 and pulse(end + 1.5e-9) == 0.0
 
 
 def test_the_peak_is_the_greatest_place_beside_the_greatest_sample():

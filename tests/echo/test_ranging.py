@@ -79,17 +79,6 @@ def test_arrival_is_exact_between_samples(arrival, peak, rate):
         assert abs(reading - 0.5 * SPEED_OF_LIGHT * moment) < 3e-4, method
 
 
-@pytest.mark.parametrize("method", RANGING_METHODS)
-@settings(max_examples=20, deadline=None)
-@given(shift=st.floats(-1e-3, 1e-3))
-def test_moving_the_clock_moves_the_range(method, shift):
-    """Range is linear in time: the same samples, clocked later by s, read c s / 2 farther. Rounding only."""
-    time, volts = record()
-    near, far = (estimate_range(t, volts, method, **options(method)) for t in (time, time + shift))
-    # Times of 1e-3 s hold 2e-19 s, and so does their mean step, times 100 samples; matching: 1e-8 tau.
-    assert far - near == pytest.approx(0.5 * SPEED_OF_LIGHT * shift, abs=1e-7)
-
-
 @pytest.mark.parametrize("method", ["constant-fraction", "centroid", "matched-filter"])
 @pytest.mark.parametrize("sampled", [False, True])
 def test_a_template_makes_its_zero_the_arrival(method, sampled):
@@ -114,25 +103,12 @@ def test_a_template_makes_its_zero_the_arrival(method, sampled):
         assert abs(bare - reading) > 0.05
 
 
-def test_leading_edge_leaves_the_template_alone():
-    """Nothing of its own is taken off; between samples that suffice its shape changes nothing: 1 um."""
-    time, volts = record()
-    readings = [estimate_range(time, volts, "leading-edge", threshold=1.0, template=t) for t in (None, pulse)]
-    assert readings[0] == pytest.approx(readings[1], abs=1e-6)
-
-
 def test_a_peak_between_samples_still_crosses():
     """Samples at +-0.5 ns of the peak show 1.986 V; 1.99 V is crossed between them, at the exact place."""
     time, volts = record(arrival=10.5e-9)
     assert volts.max() < 1.99
     exact = 10.5e-9 - TAU * math.sqrt(math.log(2.0 / 1.99))
     assert abs(estimate_range(time, volts, "leading-edge", threshold=1.99) - 0.5 * SPEED_OF_LIGHT * exact) < 1e-3
-
-
-def test_no_crossing_says_peak_and_threshold():
-    time, volts = record(peak=0.75)
-    with pytest.raises(ValueError, match=r"its peak is 0\.75 V, the threshold 1 V"):
-        estimate_range(time, volts, "leading-edge", threshold=1.0)
 
 
 @pytest.mark.parametrize(
@@ -223,24 +199,6 @@ def test_matched_filter_reaches_the_bound_and_none_beats_it():
         assert found.missed_count == 0 and found.trial_count == 600
 
 
-def test_matched_filter_is_within_5_per_cent_of_the_bound():
-    """2000 noisy echoes at 100 : 1, seed 11. Sampling error of the deviation 1.6 %. The intervals hold the truth."""
-    time, volts = record()
-    found = range_statistics(
-        time,
-        volts,
-        "matched-filter",
-        noise_rms=0.02,
-        trial_count=2000,
-        seed=11,
-        template=pulse,
-        true_range=0.5 * SPEED_OF_LIGHT * 10e-9,
-    )
-    assert abs(found.random_error / found.cramer_rao_bound - 1.0) < 0.05
-    assert found.random_interval[0] < found.cramer_rao_bound < found.random_interval[1]
-    assert found.systematic_interval[0] < 0.0 < found.systematic_interval[1]
-
-
 def test_confidence_intervals_cover_as_often_as_they_say():
     """Set-up: 400 samples of 12 normal numbers of mean 3 and deviation 2.
 
@@ -255,12 +213,6 @@ def test_confidence_intervals_cover_as_often_as_they_say():
         row[0] = found.systematic_interval[0] < 0.0 < found.systematic_interval[1]
         row[1] = found.random_interval[0] < 2.0 < found.random_interval[1]
     assert np.abs(held.mean(axis=0) - 0.8).max() < 0.08
-
-
-def test_a_true_range_that_is_no_number_is_refused():
-    time, signal = record()
-    with pytest.raises(ValueError, match="true_range"):
-        range_statistics(time, signal, "centroid", noise_rms=0.1, true_range=math.nan, trial_count=2)
 
 
 def test_rounding_is_no_correlation():
@@ -296,26 +248,3 @@ def test_an_offset_is_told_where_it_would_move_the_centroid():
     time, voltage = record(rate=10e9)
     with pytest.raises(ValueError, match="remove its offset"):
         estimate_range(time, voltage + 0.4, "centroid")
-
-
-def test_a_first_sample_of_noise_does_not_count_as_the_pulse():
-    """The part above a tenth of the peak is that about the peak, whatever the record begins with."""
-    time, voltage = record(rate=10e9)
-    reading = estimate_range(time, voltage, "centroid")
-    voltage[0] = 0.3
-    assert estimate_range(time, voltage, "centroid") == pytest.approx(reading, abs=1e-9)
-
-
-def test_a_flat_line_is_no_pulse():
-    """A matched filter found one wherever rounding put it."""
-    time, _ = record()
-    with pytest.raises(ValueError, match="there is no pulse"):
-        estimate_range(time, np.full(time.shape, 0.7), "matched-filter", template=pulse)
-
-
-def test_a_template_may_begin_and_end_within_its_pulse():
-    """Beyond its samples there is nothing: its own centroid is that of its samples."""
-    time, voltage = record(rate=1e9)
-    samples = pulse(np.arange(-7, 8) * NANOSECOND)
-    exact = 0.5 * SPEED_OF_LIGHT * 10e-9
-    assert estimate_range(time, voltage, "centroid", template=samples) == pytest.approx(exact, abs=2e-3)

@@ -8,7 +8,6 @@ import pytest
 
 from aerokernels import Scene, echo, estimate_range, range_statistics
 from aerokernels.echo import RANGING_METHODS, CoarseSamplingWarning
-from aerokernels.echo.pulse_curve import shaped_curve
 from aerokernels.echo.pulses import SPEED_OF_LIGHT, GaussianPulse, HeliosPulse
 from aerokernels.echo.ranging import Reading
 
@@ -103,15 +102,6 @@ def test_enough_samples_are_not_warned_of(method):
         estimate_range(time, volts, method, threshold=1.0, template=template)
         found = range_statistics(time, volts, method, noise_rms=0.02, trial_count=2, threshold=1.0, template=template)
     assert found.sampling_error == 0.0
-
-
-def test_the_shape_leaves_noise_and_other_pulses_as_they_are():
-    """What is not of the shape goes through the spline: at the samples the curve has the samples' own values."""
-    time, volts, _ = record(SHAPES["gaussian"], 4e-9, 0.2, noise=0.05)
-    volts = volts + 0.7 * SHAPES["gaussian"](time - 180e-9)
-    curve = shaped_curve(volts, SHAPES["gaussian"], 4e-9)
-    assert curve.upsampling > 1
-    np.testing.assert_allclose(curve.samples[:: curve.upsampling], volts, rtol=0.0, atol=1e-12)
 
 
 @pytest.mark.parametrize("method", RANGING_METHODS)

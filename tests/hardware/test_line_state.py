@@ -142,25 +142,6 @@ def test_an_interrupt_during_the_search_for_an_instrument(tmp_path: Path, name: 
 
 
 @needs_pseudo_terminals
-def test_the_command_says_at_its_end_what_to_check(tmp_path: Path):
-    """Before: "stored 0, damaged 0, missing 0, port open" for as long as one waited, and "done" with status 0."""
-    link = tmp_path / "port"
-    with PseudoTerminal(link) as terminal:
-        with started("record", "--port", link, "--store", tmp_path / "s.sqlite", "--commit-interval", 0.05) as recorder:
-            assert recorder.stdout is not None
-            assert "recording frames" in recorder.stdout.readline()
-            while "damaged 0" in (line := recorder.stdout.readline()) or not line.strip():
-                terminal.write(b"\1\2\0")
-            while "damaged" not in line:
-                terminal.write(b"\1\2\0")
-                line = recorder.stdout.readline()
-            recorder.terminate()
-            output = recorder.communicate(timeout=30)[0]
-    assert "but no good frame: check that the instrument sends at --baud 115200 and in --protocol frames" in output
-    assert recorder.returncode == 0
-
-
-@needs_pseudo_terminals
 def test_what_a_full_disk_does_not_take_is_kept_elsewhere(tmp_path: Path, run_code):
     """A process whose files may grow to 150 kB: what it recorded is in the store and in one among temporary files.
 

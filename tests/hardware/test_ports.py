@@ -190,17 +190,3 @@ def test_every_error_of_a_driver_means_that_the_port_is_lost(tmp_path: Path, kin
     (away,) = [one for one in seen if not one.port_open]
     assert away.stored_count == 30 and "port was lost" in away.port_state
     assert sequences(tmp_path / "s.sqlite") == list(range(60))
-
-
-@pytest.mark.parametrize(
-    ("settings", "match"),
-    [
-        ({"baud": 0}, "line rate must be a whole number of at least 1, got 0"),
-        ({"baud": 2**31}, "got 2147483648"),
-        ({"flow": "xonxoff"}, "takes bytes out of binary data"),
-        ({"flow": "x"}, "one of none"),
-    ],
-)
-def test_settings_that_no_port_has(settings: dict, match: str):
-    with pytest.raises(ValueError, match=match):
-        open_port("loop://", **settings)

@@ -8,9 +8,7 @@ import pytest
 from aerokernels.hardware.echo_source import EchoSource
 from aerokernels.hardware.preamble import Preamble, PreambleError
 from aerokernels.hardware.recorder import Recorder
-from aerokernels.hardware.simulator import FaultPlan, PseudoTerminal, SimulatedScope, run_board
-
-from .line import needs_pseudo_terminals
+from aerokernels.hardware.simulator import FaultPlan, SimulatedScope, run_board
 
 SOURCE = EchoSource.gaussian(noise=0.0)
 
@@ -43,17 +41,3 @@ def test_preambles_out_of_range(name, value):
     kinds = {field: sound.get(field) for field in Preamble.__dataclass_fields__}
     with pytest.raises(PreambleError, match=r"preamble: (offset|first_sample_time) = |is out of range"):
         Preamble(**{**kinds, name: value})
-
-
-@needs_pseudo_terminals
-def test_a_plug_that_is_pulled_and_put_back(tmp_path):
-    """Expected: the link is gone while the plug is out, and leads to a terminal again when it is in."""
-    link = tmp_path / "port"
-    plan, seen = FaultPlan({}, pause=0.02), []
-    with PseudoTerminal(link) as terminal:
-        plan.interrupt("gap", terminal, lambda: pytest.fail("a gap does not wait"))
-        plan.interrupt("stall", terminal, lambda: seen.append(link.exists()))
-        plan.interrupt("unplug", terminal, lambda: seen.append(link.exists()))
-        assert link.exists() and True in seen and False in seen
-    with pytest.raises(ValueError, match=r"folder .* does not exist"):
-        PseudoTerminal(tmp_path / "none" / "port")

@@ -133,16 +133,3 @@ def test_a_message_names_the_waveform_that_is_wrong(recorded, simulated, match: 
     given = [pulse if one is None else one * pulse if np.isscalar(one) else one for one in (recorded, simulated)]
     with pytest.raises(ValueError, match=match):
         compare_waveforms(time, *given)
-
-
-def test_a_store_that_is_cut_off_keeps_its_remedy(tmp_path: Path):
-    """The beginning of the file is that of a store: the remedy is to recover it, not to give another file."""
-    with EchoStore(tmp_path / "s.sqlite") as store:
-        store.begin_recording("p", "frames", {})
-        for number in range(200):
-            store.add(EchoFrame(**(FRAME | {"sequence": number})), number)
-        store.commit()
-    (tmp_path / "t.sqlite").write_bytes((tmp_path / "s.sqlite").read_bytes()[:20_000])
-    for read_only in (True, False):
-        with pytest.raises(ValueError, match=r"t\.sqlite: database disk image is malformed; keep the file, recover"):
-            EchoStore(tmp_path / "t.sqlite", read_only=read_only)

@@ -14,7 +14,7 @@ from aerokernels import (
     schlieren,
     strehl,
 )
-from aerokernels.echo.vacuum import vacuum_echo
+from aerokernels.echo.rangefinder import vacuum_echo
 from aerokernels.strehl.estimate import PreparedStrehl
 
 SAMPLES = np.arange(100.0)

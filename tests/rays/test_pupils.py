@@ -21,7 +21,6 @@ from aerokernels import (
 )
 from aerokernels.prepare import prepare_field
 from aerokernels.pupils import Pupil
-from aerokernels.pupils.base import lengths, transverse_axes
 from tests.phase_plates import WAVELENGTH, phase_plate
 from tests.tracing.backends import on
 
@@ -262,53 +261,3 @@ def test_an_annular_receiver_goes_through_the_job():
     start, weight = scene.receiver.pupil.sample(32, "gauss")
     assert np.hypot(*start[:, :2].T).min() > 3e-3 and weight.sum() == pytest.approx(1.0)
     assert estimate_strehl(field, scene.receiver.pupil, ray_count=1024).value == pytest.approx(1.0, abs=1e-9)
-
-
-def test_vectors_by_their_numbers_are_numpys_to_the_last_bit():
-    """Lengths and the axes of a pupil, of any size and with zeros of either sign."""
-    draw = np.random.default_rng(2)
-    many = draw.normal(size=(50, 3)) * 10.0 ** draw.integers(-100, 100, size=(50, 1))
-    many[::7, 1] = -0.0
-    assert lengths(many).tobytes() == np.linalg.norm(many, axis=1).tobytes()
-    for normal in many / lengths(many)[:, None]:
-        helper = np.array([0.0, 1.0, 0.0]) if abs(normal[1]) < 0.9 else np.array([0.0, 0.0, 1.0])
-        first = np.cross(helper, normal)
-        first /= np.linalg.norm(first)
-        assert np.stack(transverse_axes(normal)).tobytes() == np.stack([first, np.cross(normal, first)]).tobytes()
-
-
-@pytest.mark.parametrize(
-    "made",
-    [
-        (Disc, (1e-3,)),
-        (Annulus, (2e-3, 1e-3)),
-        (Rectangle, (1e-3, 2e-3)),
-        (Mask, ([[1.0, 0.5], [1.0, 1.0]], [1e-3, 2e-3])),
-        (Polygon, ([[0.0, 0.0], [1e-3, 0.0], [0.0, 1e-3]],)),
-    ],
-)
-def test_equal_pupils_have_one_key_and_others_have_others(made):
-    """Equal numbers, whether as lists or arrays; another number, place or kind makes another key."""
-    kind, numbers = made
-    one = kind(*numbers, (0.0, 0.0, 1e-3))
-    same = kind(*(np.array(each) for each in numbers), np.array([0.0, 0.0, 1e-3]))
-    greater = kind(*(1.5 * np.array(each) for each in numbers), (0.0, 0.0, 1e-3))
-    keys = {one.key, kind(*numbers).key, greater.key, Disc(1.0, (0.0, 0.0, 1e-3)).key}
-    assert one.key == same.key and len(keys) == 4
-
-
-def test_a_pupil_of_a_users_class_has_a_key_of_its_own():
-    """It may hold more than the fields of the class that it is made from."""
-
-    class Dusty(Disc):
-        pass
-
-    one, other = Dusty(1e-3), Dusty(1e-3)
-    assert one.key == one.key != other.key
-
-
-def test_axes_are_made_once_and_nobody_changes_them():
-    pupil = Disc(1e-3, normal=(0.0, 0.6, 0.8))
-    assert pupil.axes is pupil.axes
-    with pytest.raises(ValueError, match="read-only"):
-        pupil.axes[0][0] = 2.0

@@ -37,10 +37,6 @@ def test_transverse_axes_complete_a_right_handed_frame(value):
     assert abs(np.linalg.det(frame) - 1.0) < 1e-14
 
 
-def test_a_pupil_that_looks_along_z_has_the_axes_x_and_y():
-    assert np.array_equal(Disc(1.0).axes, [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
-
-
 @pytest.mark.parametrize("bad", [(1.0, 2.0), (1.0, 2.0, np.nan), (np.inf, 0.0, 0.0), 3.0, np.zeros((1, 3))])
 def test_what_is_no_vector(bad):
     with pytest.raises(ValueError, match="axis must be three finite numbers"):
@@ -83,34 +79,6 @@ def test_gauss_is_exact_for_polynomials():
     for a in range(23):
         for b in range(23 - a):
             assert abs(weight @ (x**a * y**b) - mean_of_monomial(a, b)) < 1e-15
-
-
-def test_gauss_converges_exponentially_on_smooth_functions():
-    """Mean of exp(x + y / 2) over the disc is 2 I1(s) / s with s^2 = 5 / 4; 64 points already to 1e-10."""
-    from scipy.special import iv
-
-    s = np.sqrt(1.25)
-    points, weight = unit_disc_samples(64, "gauss")
-    assert abs(weight @ np.exp(points @ [1.0, 0.5]) - 2.0 * iv(1, s) / s) < 1e-10
-
-
-@pytest.mark.parametrize(("sampling", "steepest", "flattest"), [("sobol", -2.0, -1.0), ("random", -0.7, -0.3)])
-def test_convergence_of_equal_weights(sampling, steepest, flattest):
-    """Root mean square error of the mean of exp(x + y / 2) over 24 seeds against the count, as a power.
-
-    Scrambled Sobol points: better than -1 (the ideal is -3/2); independent points: -1/2.
-    """
-    from scipy.special import iv
-
-    s = np.sqrt(1.25)
-    counts, errors = [64, 256, 1024, 4096], []
-    for count in counts:
-        miss = []
-        for seed in range(24):
-            points, weight = unit_disc_samples(count, sampling, seed)
-            miss.append(weight @ np.exp(points @ [1.0, 0.5]) - 2.0 * iv(1, s) / s)
-        errors.append(np.sqrt(np.mean(np.square(miss))))
-    assert steepest < np.polyfit(np.log(counts), np.log(errors), 1)[0] < flattest
 
 
 def test_grid_is_even_and_symmetric():

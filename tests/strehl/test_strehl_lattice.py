@@ -4,9 +4,7 @@ import numpy as np
 import pytest
 
 from aerokernels import Annulus, Disc, IndexField, Mask, Rectangle, estimate_strehl, prepare_strehl
-from aerokernels.tracing.engines import interface
-from aerokernels.tracing.leapfrog.cube_polynomials import cube_polynomials
-from aerokernels.tracing.pupil.quadrature import LATTICES, lattice_order, lattice_points, lattice_sizes
+from aerokernels.tracing.pupil.quadrature import lattice_points, lattice_sizes
 
 WAVE = 905e-9
 ASKED = 1 << 17
@@ -45,12 +43,6 @@ def test_lattices_integrate_smooth_functions_without_bias(smoothed: int):
     error = np.std(found) / 8.0
     assert abs(np.mean(found) - exact) < 4.0 * error + 1e-14
     assert np.std(found) < (1e-6 if smoothed else 1e-2)
-
-
-def test_an_order_holds_each_point_once():
-    for size in LATTICES:
-        for by_radius in (False, True):
-            assert (np.sort(lattice_order(size, by_radius)) == np.arange(size)).all()
 
 
 @pytest.mark.parametrize("pupil", [Disc(1e-3), Annulus(1e-3, 4e-4), Rectangle(1.6e-3, 1.1e-3)], ids=repr)
@@ -107,38 +99,3 @@ def test_cells_are_never_skipped():
 def test_bundle_is_checked():
     with pytest.raises(ValueError, match="bundle 'on' is not known"):
         estimate_strehl(volume(1e-5), Disc(1e-3, (0.0, 0.0, -1.2e-3)), bundle="on", **OPTIONS)
-
-
-def test_other_values_on_the_same_grid():
-    """What was chosen is confirmed: the samples of the field before, and its value as if it were made ready anew.
-
-    Where it does not hold, as between samples of a field with structure of a cell's size, more samples are taken.
-    """
-    pupil = Disc(1e-3, (1e-4, 0.0, -1.2e-3))
-    seen = prepare_strehl(volume(3e-4), pupil, **OPTIONS)
-    other = volume(2.4e-4)
-    again, anew = seen.with_field(other), prepare_strehl(other, pupil, **OPTIONS)
-    assert again.plan.sample_count == seen.plan.sample_count > 0
-    first, second = again(seed=3), anew(seed=3)
-    assert abs(first.value - second.value) < 4.0 * np.hypot(first.standard_error, second.standard_error) + 1e-6
-    assert seen(seed=3).value != first.value and seen.field is not other
-    fine = np.array(other.samples.samples)
-    fine += 3e-4 * np.cos(np.pi * np.arange(17))
-    rough = IndexField.from_samples(fine, origin=other.samples.origin, spacing=(H,) * 3, geometry="volume")
-    found, sought = seen.with_field(rough), prepare_strehl(rough, pupil, **OPTIONS)
-    assert min(found.plan.sample_count, sought.plan.sample_count) > seen.plan.sample_count
-    exact = prepare_strehl(rough, pupil, **{**OPTIONS, "method": "adaptive", "tolerance": 1e-5})(seed=3)
-    assert found(seed=3).value == pytest.approx(exact.value, abs=1e-5)
-    with pytest.raises(TypeError, match="must be an IndexField"):
-        seen.with_field(fine)
-
-
-def test_tables_are_made_for_the_rays_that_are_traced(monkeypatch: pytest.MonkeyPatch):
-    """2,304 rays of a lattice look up the spline, all 131,072 polynomials of cubes, which take longer to make."""
-    made: list = []
-    monkeypatch.setattr(interface, "cube_polynomials", lambda grid: made.append(grid) or cube_polynomials(grid))
-    field, pupil = volume(1e-4), Disc(1e-3, (1e-4, 0.0, -1.2e-3))
-    few = prepare_strehl(field, pupil, **OPTIONS)
-    assert few(0).traced_ray_count == 2304 and not few.plan.cubes and not made
-    assert not few.with_field(volume(1.1e-4)).plan.cubes
-    assert prepare_strehl(field, pupil, bundle="off", **OPTIONS).plan.cubes and made

@@ -5,7 +5,7 @@ import pytest
 
 from aerokernels import Camera, Disc, IndexField, estimate_strehl, image_through, wavefront
 from aerokernels.tracing.lines import box_span
-from aerokernels.tracing.stop import plane_beyond, ways_through
+from aerokernels.tracing.stop import plane_beyond
 
 
 def blob(geometry: str, contrast: float = 3e-5) -> IndexField:
@@ -35,13 +35,6 @@ def test_all_lines_of_a_pupil_have_left_the_box_at_the_plane(geometry: str):
         assert (way > 0.0).all() and (way > np.where(span.meets, span.leave, 0.0)).all()
         checked += int(span.meets.sum())
     assert checked > 1000
-
-
-def test_lengths_are_those_of_the_light_in_y_and_z():
-    """Set-up: light at 30 degrees to the span; a metre of it advances by half a metre along z."""
-    low, high = np.array([-np.inf, -1.0, 2.0]), np.array([np.inf, 1.0, 6.0])
-    middle, end, square = ways_through((low, high), np.array([7.0, 0.0, 0.0]), np.array([np.sqrt(0.75), 0.0, 0.5]))
-    assert (middle, end, square) == pytest.approx((8.0, 12.0, 0.25))
 
 
 def test_light_that_may_never_leave_a_planar_field_is_refused():

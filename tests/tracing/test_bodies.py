@@ -6,7 +6,6 @@ body. Statuses, places and ways follow from `Body.crossings`, which tests/medium
 profile itself.
 """
 
-import functools
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,8 +14,7 @@ import pytest
 from aerokernels.medium import Body, IndexField
 from aerokernels.rays import Disc, RayBundle
 from aerokernels.strehl.estimate import estimate_strehl
-from aerokernels.tracing import Plane, RayStatus, TraceResult, trace
-from tests.bodies import local, plate, star, stepped
+from aerokernels.tracing import Plane, RayStatus, trace
 
 from .backends import ENGINES, OPENCL, on
 
@@ -78,24 +76,6 @@ def by_geometry(body: Body, position, direction) -> tuple[np.ndarray, ...]:
     return status, begin, np.minimum(hit, leave)
 
 
-def assert_exact(body: Body, rays: RayBundle, result: TraceResult, truth: Expected, contrast: float = WEAK) -> None:
-    """Statuses; optical path within 5 um of way; hits on the surface and on the ray within 1e-6 of the box."""
-    assert truth.sure.mean() > 0.99
-    assert np.array_equal(result.traced_status[truth.sure], truth.status[truth.sure])
-    through = truth.sure & (truth.status == RayStatus.OK)
-    # At a face met at a slant even this displacement changes the path in first order: the ray's own way counts.
-    way = np.linalg.norm(result.position - rays.position - truth.begin[:, None] * rays.direction, axis=1)
-    assert np.abs(way - (truth.end - truth.begin))[through].max(initial=0.0) < 1e-8
-    longer = result.optical_path - truth.begin - way
-    assert np.abs(longer / contrast - way)[through].max(initial=0.0) < 5e-6
-    assert np.abs(result.optical_path - truth.end - result.opd)[through].max(initial=0.0) < 1e-15
-    hit = truth.sure & (truth.status == RayStatus.HIT_BODY)
-    places = local(body, result.position[hit])
-    assert np.linalg.norm(places - body.nearest_wall(places), axis=1).max(initial=0.0) < 1e-6 * SIZE
-    beside = np.cross(result.position - rays.position, rays.direction)[hit]
-    assert np.linalg.norm(beside, axis=1).max(initial=0.0) < 1e-6 * SIZE
-
-
 def spread(rng: np.random.Generator, count: int, geometry: str, along_z: bool) -> RayBundle:
     """Rays from everywhere in the box, inside and outside the body; none nearly along a face of the box."""
     position = 0.7 * SIZE * rng.uniform(-1.0, 1.0, (count, 3))
@@ -123,26 +103,6 @@ def test_plates_thinner_than_anything_else(engine, ray_count):
         assert np.abs(result.position[hit, 2] - low).max() < 1e-8
 
 
-@functools.cache
-def drawn_bodies(geometry: str, ray_count: int) -> list[tuple[Body, RayBundle, int, Expected]]:
-    """Bodies, rays, cells of the grid, and what geometry says: one for all engines."""
-    rng, drawn = np.random.default_rng(6), []
-    for maker, cells, along_z in ((star, 8, True), (star, 50, False), (stepped, 8, False), (plate, 8, True)):
-        body = maker(rng, geometry, 0.8 * SIZE)
-        rays = spread(rng, ray_count, geometry, along_z)
-        drawn.append((body, rays, cells, expected(body, rays)))
-    return drawn
-
-
-@pytest.mark.parametrize("ray_count", [300, 5000])
-@pytest.mark.parametrize("geometry", ["planar", "axisymmetric"])
-@pytest.mark.parametrize("engine", ENGINES)
-def test_random_bodies(engine, geometry, ray_count):
-    """Set-up: stars, steps and thin plates on grids of 8 and 50 cells, rays of all directions from in- and outside."""
-    for body, rays, cells, truth in drawn_bodies(geometry, ray_count):
-        assert_exact(body, rays, trace(constant(body, cells), rays, **on(engine)), truth)
-
-
 @pytest.mark.parametrize("engine", ENGINES)
 def test_double_precision(engine):
     """A comb of slits 30 um wide on cells of 1 mm; float64 is exact to 1e-9 wave and 1e-13 m for rays from outside."""
@@ -157,19 +117,6 @@ def test_double_precision(engine):
     assert np.abs(result.opd - 2e-4 * (truth.end - truth.begin))[through].max() < 1e-9 * WAVE
     hit = truth.sure & (result.status == RayStatus.HIT_BODY)
     assert hit.any() and np.abs(result.arc_length - truth.end)[hit].max() < 1e-13
-
-
-@pytest.mark.parametrize("engine", ENGINES)
-def test_steps_of_a_body_on_a_coarse_grid(engine):
-    """Set-up: radius 4 mm behind z = -5 mm, 2 mm before; cells of 1 mm. The way begins at one face or the other."""
-    body = Body(np.array([[0, 0], [2, 0], [2, -5], [4, -5], [4, -20], [0, -20]]) * 1e-3)
-    rng = np.random.default_rng(8)
-    radius, angle = 3.9e-3 * np.sqrt(rng.random(5000)), rng.uniform(0.0, 2.0 * np.pi, 5000)
-    rays = RayBundle(np.c_[radius * np.cos(angle), radius * np.sin(angle), np.full(5000, -10e-3)], [UP])
-    result = trace(constant(body, 20), rays, until=Plane((0.0, 0.0, 25e-3), UP), **on(engine))
-    way = SIZE - np.where(radius < 2e-3, 0.0, -5e-3)
-    assert result.ok.all()
-    assert np.abs(result.opd / WEAK - way).max() < 5e-6
 
 
 @pytest.mark.parametrize("engine", ENGINES)

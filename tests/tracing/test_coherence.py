@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from aerokernels import IndexField, Plane, RayBundle, trace
-from aerokernels.tracing.launch import PACKET, coherent_order
 
 from .backends import WAVE, on
 
@@ -23,35 +22,6 @@ def incoherent(count: int) -> RayBundle:
     rng = np.random.default_rng(3)
     way = np.c_[rng.normal(0.0, 0.05, (count, 2)), np.ones(count)]
     return RayBundle(np.c_[rng.uniform(-5e-4, 5e-4, (count, 2)), np.full(count, -1.2e-3)], way)
-
-
-@pytest.mark.parametrize("geometry", ["volume", "planar", "axisymmetric"])
-def test_neighbours_share_cells_at_both_ends(geometry: str):
-    """Of 40,000 rays packets of 16 lie in less than a fifth of the cells of before; each ray once."""
-    rays = incoherent(40_000)
-    order = coherent_order(field(geometry), rays.position, rays.direction)
-    assert order is not None and (np.sort(order) == np.arange(rays.ray_count)).all()
-    ends = [rays.position + (z - rays.position[:, 2:]) / rays.direction[:, 2:] * rays.direction for z in (X[0], X[-1])]
-
-    def spread(rows: np.ndarray) -> float:
-        sizes = []
-        for end in ends:
-            local = {"volume": end[:, :2], "planar": end[:, 1:2], "axisymmetric": np.hypot(*end[:, :2].T)[:, None]}
-            packets = (local[geometry][rows] / H).reshape(-1, PACKET, local[geometry].shape[1])
-            sizes.append(np.prod(np.ptp(packets, axis=1), axis=1))
-        return float(np.mean(sizes))
-
-    assert spread(order) < 0.2 * spread(np.arange(rays.ray_count))
-
-
-def test_what_is_in_order_stays_so():
-    across = np.linspace(-5e-4, 5e-4, 256)
-    u, v = (axis.ravel() for axis in np.meshgrid(across, across, indexing="ij"))
-    rays = RayBundle(np.c_[u, v, np.full(u.size, -1.2e-3)], [[0.05, 0.02, 1.0]])
-    assert coherent_order(field(), rays.position, rays.direction) is None
-    assert coherent_order(field(), rays.position[:1000], rays.direction[:1000]) is None
-    sideways = RayBundle(rays.position, np.random.default_rng(1).normal(size=(u.size, 3)))
-    assert coherent_order(field(), sideways.position, sideways.direction) is None
 
 
 def test_each_ray_keeps_its_result():

@@ -29,7 +29,6 @@ from .disturbed_boxes import CONTRAST, GEOMETRIES, HALF, LENGTH, UP, WAVE, box
 
 COUNT, SIZE = 64, 0.1
 CELL = SIZE / COUNT
-SAYS = "the flow ends with its box at .*the answer is that of the air in the box"
 
 
 def kolmogorov(seed: int = 5, rms: float = 2e-6) -> np.ndarray:

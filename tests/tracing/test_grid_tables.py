@@ -1,12 +1,9 @@
 """What planning asks of a grid, worked out on a device: NumPy's, but for rounding."""
 
-from contextlib import nullcontext
-
 import numpy as np
 import pytest
 
 from aerokernels import IndexField, RayBundle, trace
-from aerokernels.medium import spline
 from aerokernels.medium.grid import UniformGrid
 from aerokernels.tracing import grid_tables
 from aerokernels.tracing.engines import engine_of
@@ -81,55 +78,6 @@ def test_tables_of_two_axes_are_numpys(engine, monkeypatch):
         grid_tables.prepare_grid(device, there)
         assert {each.function for each in MADE} <= set(there.__dict__["_derived"])
         _check_equal(there, here)
-
-
-@pytest.mark.parametrize("engine", ENGINES)
-def test_greatest_values_along_an_axis_of_one_node(engine):
-    """The axis that a grid of two axes lacks: one block, with the sizes of all values; an integer is divided by 1."""
-    choices = on(engine)
-    device = engine_of(choices["backend"], choices["device"])
-    values = np.random.default_rng(8).normal(size=77)
-    made, found = device.empty(len(values)), np.empty(len(values))
-    before = [device.put(values), 1, len(values), 1]
-    device.launch(device.kernels(["block_maxima"])["block_maxima"], before, [made], len(values))
-    device.get(made, found)
-    np.testing.assert_array_equal(found, np.abs(values))
-
-
-@pytest.mark.parametrize("engine", ENGINES)
-def test_a_mirrored_end_is_solved_as_by_numpy(engine):
-    """Lines of an axis that is mirrored at its first node, of 4 and of 7 nodes: the kernel alone."""
-    choices = on(engine)
-    device = engine_of(choices["backend"], choices["device"])
-    for count in (4, 7):
-        values = np.random.default_rng(count).normal(size=(count, 3))
-        made, found = device.empty((count + 2) * 3), np.empty((count + 2) * 3)
-        before = [device.put(values.ravel()), device.put(spline.pivots(count, True)), count, 3, 1, 0.0]
-        device.launch(device.kernels(["spline_lines"])["spline_lines"], before, [made], 3)
-        device.get(made, found)
-        assert close(found.reshape(count + 2, 3), spline.spline_along(values, 0, True))
-
-
-def test_only_other_values_of_a_known_pupil_are_prepared_there(monkeypatch):
-    """Grids of few nodes, and on a GPU those of two axes, are left to NumPy."""
-    asked = []
-    monkeypatch.setattr(grid_tables, "GridTables", lambda engine, grid: asked.append(grid.shape) or 1 / 0)
-    engine = engine_of("warp", "cpu")
-    engine.grid_tables = GRID_TABLES
-    for grid in (volume((5, 5, 9), 1).samples, volume((3, 200, 200), 1).samples):
-        grid_tables.prepare_grid(engine, grid)
-    for grid in (volume((100, 100, 7), 1).samples, flat((2000, 7), "planar").samples):  # less than a processor's vector
-        grid_tables.prepare_grid(engine, grid)
-    grid_tables.prepare_grid(engine, flat((60, 60), "planar").samples)
-    for is_gpu in (True, False):
-        engine.is_gpu = is_gpu
-        assert not asked
-        with nullcontext() if is_gpu else pytest.raises(ZeroDivisionError):
-            grid_tables.prepare_grid(engine, flat((200, 200), "planar").samples)
-    with pytest.raises(ZeroDivisionError):
-        grid_tables.prepare_grid(engine, volume((4, 100, 100), 1).samples)
-    assert asked == [(200, 200), (4, 100, 100)]
-    grid_tables.prepare_grid(engine_of("warp", "cpu"), volume((4, 100, 100), 1).samples)
 
 
 def test_a_processor_prepares_grids_of_many_nodes_at_their_first_trace(monkeypatch):

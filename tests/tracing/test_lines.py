@@ -4,20 +4,15 @@ import numpy as np
 import pytest
 
 from aerokernels.medium import IndexField
-from aerokernels.rays import RayBundle
 from aerokernels.tracing import ArcLength, Plane
 from aerokernels.tracing.lines import (
     FACES,
     box_size,
     box_span,
-    cell_along,
     crossing_of_box,
-    cylinder_span,
     face_text,
-    slab_span,
 )
 from aerokernels.tracing.stop import stop_distance
-from aerokernels.tracing.straight_lines import lever_arms_of, obliquity
 
 LOW, HIGH, RADIUS = np.array([-1.0, -1.5, 1.0]), np.array([0.75, 2.0, 4.5]), 1.7
 GEOMETRIES = ("volume", "planar", "axisymmetric")
@@ -98,28 +93,6 @@ def test_lines_cross_boxes_where_samples_say(geometry: str):
     assert box_size(field) == pytest.approx(np.linalg.norm(whole), rel=1e-14)
 
 
-def test_lines_along_slabs_and_cylinders():
-    """Within, in the face, off it by less and by more than a tolerance; across it the tolerance counts for nothing."""
-    place, rate = np.array([0.5, 1.0, 1.05, 1.15, -0.05, -0.15, 2.0, 2.0]), np.array([0, 0, 0, 0, 0, 0, -2.0, 4.0])
-    first, last = slab_span(place, rate, 0.0, 1.0, 0.1)
-    infinite = np.inf
-    assert first.tolist() == [-infinite, -infinite, -infinite, infinite, -infinite, infinite, 0.5, -0.5]
-    assert last.tolist() == [infinite, infinite, infinite, -infinite, infinite, -infinite, 1.0, -0.25]
-    position = np.array([[3.0, 4.0, 0.0], [3.0, 4.0, 0.0], [-9.0, 3.0, 7.0], [-9.0, 5.1, 7.0], [-9.0, -5.3, 7.0]])
-    heading = np.array([[0.0, 0.0, 1.0], [0.0, 0.0, 1.0], [0.8, 0.0, 0.6], [0.8, 0.0, 0.6], [0.8, 0.0, 0.6]])
-    for radius, tolerance, good in (
-        (5.0, 0.0, [1, 1, 1, 0, 0]),
-        (5.0, 0.2, [1, 1, 1, 1, 0]),
-        (4.9, 0.0, [0, 0, 1, 0, 0]),
-    ):
-        first, last = cylinder_span(position, heading, radius, tolerance)
-        assert (first <= last).tolist() == [bool(one) for one in good]
-        if good[0]:
-            assert np.isneginf(first[:2]).all() and np.isposinf(last[:2]).all()
-        half = np.sqrt(radius**2 - 9.0)
-        assert (first[2], last[2]) == pytest.approx(((9.0 - half) / 0.8, (9.0 + half) / 0.8))
-
-
 def test_lines_beside_a_box_by_rounding_touch_it():
     """A line along an edge, outside both faces by 1e-10 of the size, meets the box; one outside by 1e-8 does not."""
     field = field_of("volume")
@@ -133,65 +106,6 @@ def test_lines_beside_a_box_by_rounding_touch_it():
         assert box_span(field, (corner - 2.0 * heading)[None], heading[None]).meets[0] == meets
     assert [face_text(field, face) for face in (0, 3, 4)] == ["x = -1000 mm", "y = 2000 mm", "z = 1000 mm"]
     assert face_text(field_of("axisymmetric"), 6) == "r = 1700 mm" and FACES[6] == "r"
-
-
-@pytest.mark.parametrize("geometry", GEOMETRIES)
-def test_lengths_within_a_cell(geometry: str):
-    """The least of spacing over component."""
-    field, heading = field_of(geometry), lines()[1]
-    spacing = {
-        "volume": field.spacing,
-        "planar": [np.inf, *field.spacing],
-        "axisymmetric": [field.spacing[0], field.spacing[0], field.spacing[1]],
-    }[geometry]
-    expected = np.min(np.asarray(spacing) / np.abs(heading), axis=1)
-    assert cell_along(field, heading) == pytest.approx(expected, rel=1e-13)
-
-
-@pytest.mark.parametrize("geometry", GEOMETRIES)
-@pytest.mark.parametrize("until", [None, ArcLength(4.1), Plane((0.2, 0.1, 3.7), (0.2, -0.5, 1.0))])
-def test_lever_arms_are_the_greatest_of_each_ray(geometry: str, until):
-    """Path in the box up to the stop, way from the entry to the stop, and that times the tangent at the stop."""
-    field, (start, heading) = field_of(geometry), lines()
-    found = lever_arms_of(field, RayBundle(start, heading), until)
-    span = box_span(field, start, heading)
-    path, reach, lever = [], [], []
-    for row in np.flatnonzero(span.meets):
-        enter, leave, stop = span.enter[row], span.leave[row], span.leave[row]
-        end = start[row] + leave * heading[row]
-        face = span.exit_face[row]
-        cosine = abs(heading[row, face // 2]) if face < 6 else abs(end[:2] @ heading[row, :2]) / RADIUS
-        if isinstance(until, ArcLength):
-            stop, cosine = until.length, 1.0
-        elif until is not None:
-            cosine = abs(heading[row] @ until.normal)
-            stop = ((until.point - start[row]) @ until.normal) / (heading[row] @ until.normal)
-            stop = stop if stop > 0.0 else np.inf
-        leave = min(leave, stop)
-        if not leave > enter or not np.isfinite(leave):
-            continue
-        path.append(leave - enter)
-        reach.append((stop if np.isfinite(stop) else leave) - enter)
-        if np.isfinite(stop) and cosine > 0.05:
-            lever.append(reach[-1] * np.sqrt(1.0 - cosine**2) / cosine)
-    assert (found.path_length, found.reach, found.lever_arm) == pytest.approx((max(path), max(reach), max(lever)))
-    away = RayBundle([[0.0, 0.0, 9.0]], [[0.0, 0.0, 1.0]])
-    assert lever_arms_of(field, away, until) is None
-
-
-def test_oblique_stops_turn_displacements_into_path():
-    """A ray moved by x across itself meets the plane later by -x n / (d n); a grazing one by no more than the least."""
-    until, (_, heading) = Plane((0.0, 0.0, 1.0), (0.3, -0.4, 1.2)), lines()
-    found, cosine = obliquity(heading, until), heading @ until.normal
-    steep = np.abs(cosine) > 0.05
-    assert 0 < steep.sum() < len(steep)
-    rng = np.random.default_rng(72)
-    move = rng.normal(size=heading.shape)
-    move -= np.sum(move * heading, axis=1)[:, None] * heading
-    expected = -(move @ until.normal) / np.where(steep, cosine, np.copysign(0.05, cosine))
-    assert np.sum(move * found, axis=1) == pytest.approx(expected, rel=1e-9)
-    assert np.abs(np.sum(found * heading, axis=1)).max() < 1e-12
-    assert not obliquity(heading, None).any() and not obliquity(heading, ArcLength(1.0)).any()
 
 
 def test_distances_to_stops():

@@ -24,7 +24,6 @@ from aerokernels import (
     trace,
     wavefront,
 )
-from aerokernels.derived import cached_on, key_of
 
 from .backends import WAVE
 
@@ -159,52 +158,3 @@ def test_a_plan_is_of_all_rays_not_of_its_pilot():
     after, anew = (trace(each, RayBundle(two, [[0.0, 0.0, 1.0]]), **options) for each in (used, air()))
     assert after.plan == anew.plan and after.plan.sample_count != before.plan.sample_count
     assert np.array_equal(after.opd, anew.opd)
-
-
-def test_threads_keep_no_more_results_than_one_thread():
-    """Two threads fill a cache of three results with 2000 each: three stay, and each call gets its own."""
-
-    class Owner:
-        pass
-
-    @cached_on("owner", 3)
-    def double(owner: Owner, number: int) -> int:
-        return 2 * number
-
-    owner, wrong = Owner(), []
-
-    def work(first: int) -> None:
-        wrong.extend(k for k in range(first, first + 2000) if double(owner, k) != 2 * k)
-
-    threads = [threading.Thread(target=work, args=(first,)) for first in (0, 1000)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    (results,) = vars(owner)["_derived"].values()
-    assert not wrong and len(results) == 3
-
-
-def test_keys_hold_all_of_an_argument():
-    """Equal content is one key; another type, sign, shape or order is another. What may change has none."""
-    alike = [(1.5, "a", None), np.arange(99.0), [RayBundle([[0.0, 0.0, 1.0]], [0, 0, 1.0])], {"a": 1}, slice(1, 2)]
-    again = [(1.5, "a", None), np.arange(99.0), [RayBundle([[0.0, 0.0, 1.0]], [0, 0, 1.0])], {"a": 1}, slice(1, 2)]
-    assert {key_of(each) for each in alike} == {key_of(each) for each in again}
-    different = [
-        1,
-        1.0,
-        True,
-        0.0,
-        -0.0,
-        np.zeros(2),
-        np.zeros((2, 1)),
-        np.zeros(2, np.float32),
-        (1, 2),
-        (2, 1),
-        [1, 2],
-    ]
-    different += [DISC, Disc(1e-3), World(0).fields[0], RayBundle([[0.0, 0.0, 1.0]], [0, 0, 1.0]), np.float64(1.0)]
-    assert len({key_of(each) for each in different}) == len(different)
-    for hidden in (lambda: different, object(), threading.Lock()):
-        with pytest.raises(TypeError, match="cached function"):
-            key_of(hidden)

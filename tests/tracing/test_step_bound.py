@@ -6,8 +6,7 @@ import pytest
 from aerokernels.medium import IndexField
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import Plane, trace
-from aerokernels.tracing.lines import box_size
-from aerokernels.tracing.step_bound import CONES, cones_of, roughness_along, roughness_of_blocks, step_bound
+from aerokernels.tracing.step_bound import CONES, step_bound
 
 WAVE = 905e-9
 CELL = 1e-4
@@ -26,54 +25,6 @@ def layer(slope: float, place: float, shape=(65, 257), width: float = 0.5) -> np
     """A tanh layer `width` cells thick that crosses the axis at cell `place`, aslant by `slope`."""
     y, z = np.meshgrid(np.arange(shape[0]) - 0.5 * (shape[0] - 1), np.arange(shape[1]), indexing="ij")
     return 1.2e-4 * (1.0 + np.tanh((z - place - slope * y) / (width * np.hypot(1.0, slope))))
-
-
-def test_cones_hold_the_directions_that_pick_them():
-    """Whatever cone a direction picks, it lies in it, 0.02 rad and more from its edge; axes pick narrow ones."""
-    way = np.random.default_rng(3).normal(size=(2000, 3)) * [[0.05, 0.05, 1.0]]
-    way = np.concatenate([way, np.random.default_rng(4).normal(size=(2000, 3)), np.eye(3), -np.eye(3)])
-    way /= np.linalg.norm(way, axis=1, keepdims=True)
-    numbers = cones_of(way, "volume")
-    for number in np.unique(numbers[numbers > 0]):
-        cone = CONES[number]
-        angle = np.arccos(np.clip(way[numbers == number] @ cone.axis_vector, -1.0, 1.0))
-        assert angle.max() <= cone.spread - 0.0199
-    assert (numbers[-6:] > 0).all() and len(set(numbers[-6:])) == 6
-    assert set(cones_of(way, "axisymmetric")) <= {0, *range(9, 13)}
-
-
-def test_a_constant_field_is_crossed_in_one_step():
-    """Nothing to see: the table allows the whole box, and a ray takes one step and the landing."""
-    field = planar(np.full((33, 129), 3e-4))
-    assert step_bound(field.samples, "planar", 1e-9, FORWARD).length.min() > 0.9 * CELL * np.hypot(32, 128)
-    result = trace(
-        field, RayBundle([[0, 0, 0]], [[0, 0.01, 1]]), until=Plane((0, 0, 12.8e-3), (0, 0, 1)), method="adaptive"
-    )
-    assert result.step_count[0] <= 2
-    assert result.opd[0] == pytest.approx(3e-4 * 12.8e-3 / result.direction[0, 2], rel=1e-6)
-
-
-@pytest.mark.parametrize("interpolation", ["cubic", "monotone"])
-def test_the_table_of_a_wave_is_its_formula(interpolation):
-    """Set-up: m = A cos(k z), 31 cells a period, along z. Formula: h^4 = 12 (budget / diagonal) 720 / (A k^4).
-
-    Tolerance: a difference of fourth order over such cells is within 1 - (k dz)^2 / 6 = 0.7 % of the derivative, a
-    spline's within as much; the block holds a trough: 3 % of the derivative, its fourth root below 1 %.
-    """
-    rate, wave = 1e-12, 0.2 / CELL
-    field = planar(np.tile(3e-5 * np.cos(wave * CELL * np.arange(161)), (17, 1)), interpolation)
-    assert box_size(field) == pytest.approx(CELL * np.hypot(16, 160), rel=1e-12)  # the endless x counts as nothing
-    bound = step_bound(field.samples, "planar", rate * box_size(field), FORWARD)
-    expected = (12.0 * rate * 720.0 / (3e-5 * wave**4)) ** 0.25
-    kinks = interpolation != "cubic"  # that A (k dz)^2 / 12 m a kink is above their share of the rate
-    assert bound.length[2, 19] == (0.0 if kinks else pytest.approx(expected, rel=0.02))
-    _, fourth, second = roughness_of_blocks(field.samples)
-    assert fourth[1][2, 19] == pytest.approx(3e-5 * wave**4, rel=0.03) and fourth[0].max() < 1e-6 * fourth[1].max()
-    # Rays that look around on all sides: (sum of roots)^2 of the fourth derivatives, and the sum of the kinks.
-    block, around, kink = roughness_along(field.samples, "planar", CONES[0])
-    assert block == 4 and around == pytest.approx((np.sqrt(fourth[0]) + np.sqrt(fourth[1])) ** 2, rel=1e-12)
-    assert kink == pytest.approx(second[0] + second[1], rel=1e-12)
-    assert second[1][2, 19] == (pytest.approx(3e-5 * 0.2**2, rel=0.01) if kinks else 0.0)
 
 
 @pytest.mark.parametrize("slope", [0.0, 1.0])

@@ -7,7 +7,6 @@ from aerokernels import IndexField, available_backends
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import ArcLength, Plane, trace
 from aerokernels.tracing.result import RAY_OUTPUTS
-from aerokernels.tracing.tableau import BT, PAIR, PATH_ERROR_SLOPE, PATH_ERROR_VALUE, STAGE_MOMENTUM, C, NystromPair
 from tests.random_fields import uniform_field
 from tests.small_fields import oblique_rays
 
@@ -138,14 +137,6 @@ def test_backends_are_listed_with_reasons():
     assert all(info.reason for info in found.values())
 
 
-def test_a_mistyped_tableau_is_refused():
-    """The pair checks its own order conditions."""
-    weights = list(PAIR.bt)
-    weights[1], weights[2] = weights[2], weights[1]
-    with pytest.raises(ValueError, match="order condition"):
-        NystromPair(PAIR.c, PAIR.a, PAIR.b, tuple(weights), PAIR.b_low, PAIR.bt_low)
-
-
 def test_names_may_be_numpy_strings():
     """As they come out of an array of labels: the same kernels, the same bits."""
     names = np.array(["volume", "cubic", "adaptive", "float32"])
@@ -156,16 +147,6 @@ def test_names_may_be_numpy_strings():
     one = trace(field, rays, method=names[2], precision=names[3])
     other = trace(field, rays, method="adaptive", precision="float32")
     assert type(one.plan.precision) is type(field.geometry) is str and one.opd == other.opd
-
-
-def test_sums_over_a_step_are_exact_for_polynomials():
-    """Momentum at the stages up to degree 3; the path's rule with its error estimate is exact up to degree 7."""
-    count = len(C)
-    for k in range(count):
-        assert np.allclose(STAGE_MOMENTUM @ C**k, C ** (k + 1) / (k + 1), rtol=0.0, atol=1e-14)
-    for k in range(2 * count):
-        slope = k * C ** max(k - 1, 0)
-        assert BT @ C**k - PATH_ERROR_VALUE @ C**k - PATH_ERROR_SLOPE @ slope == pytest.approx(1.0 / (k + 1), abs=1e-13)
 
 
 def test_the_rms_of_a_bundle_counts_rays_by_their_shares():

@@ -8,7 +8,7 @@ from scipy.special import ndtri
 
 from aerokernels import Disc, IndexField, Wave, split_step
 from aerokernels.waves import WrappedWaveWarning
-from aerokernels.waves.angular_spectrum import wrapped_share
+from aerokernels.waves.wave import wrapped_share
 
 WAVELENGTH, PIXEL, COUNT, WAIST = 1e-6, 1e-4, 256, 2e-3
 PLACE = PIXEL * (np.arange(COUNT) - COUNT // 2)

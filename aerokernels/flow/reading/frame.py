@@ -186,30 +186,21 @@ def _unit(vector: np.ndarray) -> np.ndarray:
 
 
 VECTORS = ("u", "velocity", "velocityvector", "umean", "momentum", "rhou")
-COMPONENTS = (
-    ("velocityx", "velocityy", "velocityz"), ("xvelocity", "yvelocity", "zvelocity"), ("velx", "vely", "velz"),
-    ("momentumx", "momentumy", "momentumz"), ("xmomentum", "ymomentum", "zmomentum"),
-    ("u", "v", "w"), ("ux", "uy", "uz"), ("vx", "vy", "vz"), ("rhou", "rhov", "rhow"),
-)  # fmt: skip
-AGAINST = -0.5  # cosine of the greatest angle between the velocity and the direction against the axis: 60 degrees
+COMPONENTS = ("velocity{}", "{}velocity", "vel{}", "momentum{}", "{}momentum", "u{}", "v{}")  # of x, y and z
 STEADY = 0.3  # of the mean speed: a mean velocity below it has no direction, as in a closed room
 
 
-def direction_note(path, dataset: Dataset, frame: Frame, axes: np.ndarray) -> list[str]:
-    """Return a note if the file's velocity does not run against the optical axis; else nothing.
+def direction_note(reading, axes: np.ndarray) -> list[str]:
+    """Return a note if a file's velocity does not run against the optical axis, where the caller gives no axis.
 
-    A velocity along the axis is warned of; across it, it may be meant.
-
-    Args:
-        path: The file, for the warning.
-        dataset: The file's contents.
-        frame: The caller's frame; one with an optical axis needs no note.
-        axes: x, y, z of the optical frame in the file's axes, as rows, shape (3, 3).
+    The ambient density is then that of the air at the wrong end. A velocity along the axis, `axes[2]` in the file's
+    axes, is warned of; across it, it may be meant.
     """
-    if frame.look is not None or (found := _mean_velocity(dataset)) is None:
+    if reading.frame.look is not None or (mean := _mean_velocity(reading.dataset)) is None:
         return []
-    name, velocity = found
-    if velocity @ axes[2] < AGAINST:
+    name, velocity = mean
+    cosine = float(velocity @ axes[2])
+    if cosine < -0.5:
         return []
     along = int(np.argmax(np.abs(velocity)))
     said = f"{'-' if velocity[along] < 0.0 else '+'}{'xyz'[along]}"
@@ -217,8 +208,8 @@ def direction_note(path, dataset: Dataset, frame: Frame, axes: np.ndarray) -> li
         f"the flow runs along {said} by its {name!r}, which is not against the optical axis: with flow = {said!r} in "
         "the frame it is, and the ambient density is taken upstream"
     )
-    if velocity @ axes[2] > -AGAINST:
-        warn_caller(f"{path}: {note}")
+    if cosine > 0.5:
+        warn_caller(f"{reading.path}: {note}")
     return [note]
 
 
@@ -227,19 +218,18 @@ def _mean_velocity(dataset: Dataset) -> tuple[str, np.ndarray] | None:
     total, speed, called = np.zeros(3), 0.0, ""
     with np.errstate(over="ignore", invalid="ignore"):  # damaged numbers, which are not those of the density
         for block in dataset.blocks:
-            for arrays in (block.cell_data, block.point_data):
-                if (found := _velocity(arrays)) is None:
-                    continue
-                called, own = found
+            velocity = _velocity(block.cell_data) or _velocity(block.point_data)
+            if velocity is not None:
+                called, own = velocity
                 own = own[np.isfinite(own).all(axis=1)]
                 total += own.sum(axis=0)
                 speed += float(np.linalg.norm(own, axis=1).sum())
-                break
         size = float(np.linalg.norm(total))
     return (called, total / size) if called and STEADY * speed < size < np.inf else None
 
 
 def _velocity(arrays: Mapping[str, np.ndarray]) -> tuple[str, np.ndarray] | None:
+    """Return a velocity or momentum, shape (n, 3), and its name: a vector, or two or three components."""
     names = {plain_name(name): name for name in reversed([*arrays])}
     try:
         for name in (names[one] for one in VECTORS if one in names):
@@ -248,15 +238,9 @@ def _velocity(arrays: Mapping[str, np.ndarray]) -> tuple[str, np.ndarray] | None
                 return name, np.pad(values.astype(np.float64), ((0, 0), (0, 3 - values.shape[1])))
     except ReadError:  # a damaged field that the density does not need
         return None
-    for parts in COMPONENTS:
-        held = {one: np.asarray(arrays[names[one]]) for one in parts if one in names}
-        if (
-            parts[0] not in held
-            or len(held) < 2
-            or any(own.ndim != 1 or own.dtype.kind != "f" for own in held.values())
-        ):
-            continue
-        if len({len(own) for own in held.values()}) == 1:
-            nothing = np.zeros(len(held[parts[0]]))
-            return names[parts[0]], np.stack([held.get(one, nothing) for one in parts], axis=1, dtype=np.float64)
+    for plain in [tuple(map(form.format, "xyz")) for form in COMPONENTS] + [("u", "v", "w"), ("rhou", "rhov", "rhow")]:
+        parts = [np.asarray(arrays[names[one]]) if one in names else np.empty(0) for one in plain]
+        if parts[0].ndim == 1 and len(parts[0]) == len(parts[1]) > 0 and all(own.dtype.kind == "f" for own in parts):
+            last = parts[2] if parts[2].shape == parts[0].shape else np.zeros(len(parts[0]))
+            return names[plain[0]], np.stack([parts[0], parts[1], last], axis=1, dtype=np.float64)
     return None

@@ -18,6 +18,7 @@ from aerokernels.flow.reading.fractions import Fractions, choose_fractions
 from aerokernels.flow.reading.frame import Frame, direction_note, plane_normal
 from aerokernels.flow.reading.planes.one_cell_thick import flattened, wedge
 from aerokernels.flow.reading.planes.plane import Plane, plane_in_words, plane_mesh, wall_density
+from aerokernels.flow.reading.planes.walls import hole_body, wall_body
 from aerokernels.flow.sampled_density import CellDensity, GridDensity, VertexDensity
 from aerokernels.inputs.checks import check_choice, check_positive, warn_caller
 from aerokernels.inputs.units import EXPONENTS, is_no_unit, quantity, unit_in_name, written_unit
@@ -133,7 +134,7 @@ class Reading:
         dataset = self.dataset
         axes = self.frame.axes()
         ready = all(isinstance(block.cell_data, dict) for block in dataset.blocks)  # not fields that would be read now
-        direction = direction_note(self.path, dataset, self.frame, axes) if ready else []
+        direction = direction_note(self, axes) if ready else []
         return [*self.opening(), self.frame.described(axes), *direction, *dataset.notes]
 
     def opening(self) -> list[str]:
@@ -318,8 +319,8 @@ def field_of(reading: Reading, shared: Reader | None = None) -> DensityField:
 
 
 def _plane_field(reading: Reading) -> DensityField:
-    path, dataset, names = reading.path, reading.dataset, reading.options["walls"]
-    plane = Plane.of(path, dataset, reading.geometry, reading.frame, reading.scale, reading.normal)
+    path, dataset = reading.path, reading.dataset
+    plane = Plane.of(reading)
     given = [(np.asarray(rho, np.float64), where) for rho, where in reading.densities]
     fractions = reading.fractions
     if fractions is not None:  # partial densities are carried to the mesh in the same way as the density
@@ -327,18 +328,18 @@ def _plane_field(reading: Reading) -> DensityField:
         given = [(np.vstack([rho, rho * shares]).T, where) for (rho, where), shares in parts]
     mesh, density, where, remark = plane_mesh(path, list(dataset.blocks), plane, given)
     composition = None
-    body = _body(path, dataset, plane, mesh, names)
+    body = _body(reading, plane, mesh)
     at = mesh.cell_centroid if where == "cell" else mesh.vertices
     if fractions is not None:
         partial, density = density[:, 1:].T, density[:, 0]
         composition = fractions.composition(partial, partial[:, front_of(at)].mean(axis=1))
     ambient = reading.ambient or float(np.median(density[front_of(at)]))
-    direction = direction_note(path, dataset, reading.frame, plane.axes)
+    direction = direction_note(reading, plane.axes)
     said = [*reading.opening(), plane_in_words(plane, reading.frame, mesh), *direction,
             f"ambient {ambient:.6g} kg/m3", *([remark] if remark else []), *dataset.notes]  # fmt: skip
     wall = None
     if where == "cell" and fractions is None:
-        wall = wall_density(path, dataset, plane, reading.choice, reading.reference, names)
+        wall = wall_density(reading, plane)
         said += [f"values at {len(wall.density)} points of the walls"] if wall is not None else []
     provenance = f"{path}: {'; '.join(said)}"
     try:
@@ -349,15 +350,13 @@ def _plane_field(reading: Reading) -> DensityField:
         raise ReadError(path, str(fault), "see what the file holds with `aerokernels fields`") from None
 
 
-def _body(path, dataset: Dataset, plane: Plane, mesh, names) -> Body | None:
-    from aerokernels.flow.reading.planes.walls import hole_body, wall_body
-
-    walls = wall_patches(path, dataset.patches, names)
+def _body(reading: Reading, plane: Plane, mesh) -> Body | None:
+    walls = wall_patches(reading.path, reading.dataset.patches, reading.options["walls"])
     edges = [plane.local(patch.edges) for patch in walls if len(patch.edges)]
     try:
         return wall_body(np.concatenate(edges), mesh) if edges else hole_body(mesh)
     except ValueError as fault:
-        raise ReadError(path, f"its walls make no body: {fault}", "repair the boundary's patches") from None
+        raise ReadError(reading.path, f"its walls make no body: {fault}", "repair the boundary's patches") from None
 
 
 def unit_of_length(unit: str | float | None) -> float:

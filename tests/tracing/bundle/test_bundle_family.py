@@ -5,9 +5,8 @@ import re
 import numpy as np
 import pytest
 
-from aerokernels import ArcLength, Disc, IndexField, Plane, RayBundle, trace
+from aerokernels import ArcLength, IndexField, Plane, RayBundle, trace
 from aerokernels.tracing.bundle.family import Family, find_family
-from aerokernels.tracing.bundle.lattice import BESIDE, NODES, WINDOW, finer, patches
 from aerokernels.tracing.bundle.tubes import Tubes
 
 H = 1e-3 / 16
@@ -43,41 +42,6 @@ def through(apex, position) -> np.ndarray:
     return way * np.sign(way[:, 2:]) / np.linalg.norm(way, axis=1)[:, None]
 
 
-@pytest.mark.parametrize("apex", [None, (1e-4, 2e-4, -30e-3), (0.0, -3e-4, 25e-3)])
-@pytest.mark.parametrize("start", ["across", "tilted", "anywhere ahead"])
-def test_parameters_give_every_ray_back(apex, start: str):
-    """Lines that are parallel or meet in a point, started in a plane or ahead of the box: each ray's own line again."""
-    position = PLACES.copy()
-    direction = np.tile(OBLIQUE, (400, 1)) if apex is None else through(apex, position)
-    if start == "tilted":
-        position += (position @ [0.1, 0.2, 0.0] / (direction @ [-0.1, -0.2, 1.0]))[:, None] * direction
-    if start == "anywhere ahead":
-        position -= RNG.uniform(1e-3, 2e-3, 400)[:, None] * direction
-    family = found(position, direction)
-    assert family.converges == (apex is not None)
-    if apex is not None:
-        assert np.abs(family.origin - apex).max() < 1e-9
-    parameters = family.parameters(position, direction)
-    assert (parameters > family.low).all() and (parameters < family.high).all()
-    start_at, along = family.rays(parameters)
-    assert np.abs(along - direction).max() < 1e-12
-    beside = start_at - position
-    beside -= np.sum(beside * direction, axis=1)[:, None] * direction
-    assert np.abs(beside).max() < 1e-11
-    if start != "anywhere ahead":
-        assert np.abs(start_at - position).max() < 1e-10
-    assert family.holds_for(position, direction).all()
-
-
-def test_another_sample_of_the_same_rays_is_the_same_family():
-    pupil = Disc(6e-4, np.array([0.0, 0.0, -1.2e-3]))
-    bundles = [RayBundle.through(pupil, (1e-4, 0.0, -20e-3), 20_000, seed=seed) for seed in range(3)]
-    first, *others = [vars(found(bundle.position, bundle.direction)) for bundle in bundles]
-    for other in others:
-        for name, value in first.items():
-            np.testing.assert_array_equal(other[name], value)
-
-
 @pytest.mark.parametrize(
     ("position", "direction", "until", "why"),
     [
@@ -93,33 +57,6 @@ def test_what_is_no_smooth_map_is_refused(position, direction, until, why: str):
     reason = find_family(FIELD, RayBundle(position, direction), until)
     assert isinstance(reason, str)
     assert re.search(why, reason)
-
-
-def test_rays_that_do_not_belong_are_told():
-    """Rays that miss the apex, or start elsewhere, are distinguished from the family of all the others."""
-    apex = np.array([1e-4, 2e-4, -30e-3])
-    direction = through(apex, PLACES)
-    family = found(PLACES, direction)
-    moved = PLACES.copy()
-    moved[7] += [0.0, 1e-3 * H, 0.0]
-    moved[9] += 4e-4 * direction[9]
-    assert np.flatnonzero(~family.holds_for(moved, direction)).tolist() == [7, 9]
-
-
-@pytest.mark.parametrize("beside", [True, False])
-def test_patches_are_of_fourth_order(beside: bool):
-    """Of sin(x + 0.3) cos(0.7 y) with steps h the error falls as h^4, +-0.4, whether there are nodes beside or not."""
-    errors = []
-    for step in (0.4, 0.2, 0.1):
-        place = step * (np.arange(WINDOW) - BESIDE)
-        window = np.sin(place + 0.3)[:, None] * np.cos(0.7 * place)
-        usable = np.full((1, WINDOW, WINDOW), beside)
-        usable[:, BESIDE : BESIDE + NODES, BESIDE : BESIDE + NODES] = True
-        made = finer(patches(np.where(usable, window, 0.0)[..., None], usable))[0, ..., 0]
-        at = 0.5 * step * np.arange(9)
-        errors.append(np.abs(made - np.sin(at + 0.3)[:, None] * np.cos(0.7 * at)).max())
-    orders = np.log2(np.array(errors[:-1]) / errors[1:])
-    assert (orders > 3.6).all() and errors[-1] < 1e-6
 
 
 def test_the_bound_holds_for_waves_and_sees_a_needle():

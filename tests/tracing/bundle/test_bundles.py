@@ -2,24 +2,15 @@
 
 import functools
 import warnings
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from aerokernels import ArcLength, Body, Disc, IndexField, Plane, RayBundle, trace
 from aerokernels.tracing import RayStatus
-from aerokernels.tracing.bundle.family import SAMPLE, find_family, some_rows
-from aerokernels.tracing.bundle.refine import SUM_ROUNDING
-from aerokernels.tracing.bundle.run import BundleRequest, find_table
-from aerokernels.tracing.bundle.table import channels_of
-from aerokernels.tracing.engines import Prepared, engine_of
-from aerokernels.tracing.launch import in_chunks, starts_of
-from aerokernels.tracing.result import RAY_OUTPUTS
-from aerokernels.tracing.trace import run_plan
+from aerokernels.tracing.bundle.family import SAMPLE, some_rows
 
 from ..backends import ENGINES, WAVE, on
-from .bundle_delivery import deliver
 
 H = 1e-3 / 16
 SIDE = 120  # rays along each side of a bundle
@@ -105,50 +96,6 @@ def test_a_smooth_bundle_is_delivered_within_the_tolerance(engine: str, kind: st
         check(result, smooth_field(), rays, until, np.arange(0, rays.ray_count, 37), **options)
         assert 0.0 < result.error["bundle"] <= 1e-3 * WAVE and counts.error <= 1e-3 * WAVE
         assert "interpolated between them" in str(result.plan)
-
-
-@pytest.mark.parametrize("engine", ENGINES)
-@pytest.mark.parametrize(
-    ("outputs", "precisions"),
-    [
-        (("opd",), ["float64"]),
-        (("direction", "optical_path"), ["float32"]),
-        (tuple(RAY_OUTPUTS), ["float32", "float64"]),
-    ],
-)
-def test_kernels_deliver_what_the_formulae_say(engine: str, outputs: tuple[str, ...], precisions: list[str]):
-    """Both engines' kernels beside bundle_delivery.py: to 1e-15 m, or to what single precision allows.
-
-    Kernels differ by precision and by the number of interpolated numbers, which have no part in common.
-
-    Threads of a GPU look up patches together: a ray alone, or among others, has the same bits.
-    """
-    options = {"precision": "float32", "tolerance": 1e-3, "max_steps": None, "path_length": None, **on(engine)}
-    for kind, until in (("slanted", STOPS["far"]), ("wide", None), ("divergent", STOPS["arc"])):
-        rays = bundle(kind, side=200)
-        asked = BundleRequest(smooth_field(), rays, until, WAVE, frozenset(outputs), options, run_plan)
-        family = find_family(smooth_field(), rays, until)
-        table = find_table(asked, family, channels_of(asked.outputs))
-        assert table is not None and table.precision == "float32"
-        for precision in precisions:
-            kernels = table if precision == "float32" else replace(table, values=table.values.astype(np.float64))
-            here = deliver(kernels, rays, asked.outputs)
-            ready = engine_of(**on(engine)).prepare_bundle(kernels, asked.outputs)
-            found = {name: np.asarray(array) for name, array in launched(ready, rays, outputs).items()}
-            assert np.array_equal(found["status"], here["status"])
-            told = here["status"] == RayStatus.OK
-            limit = SUM_ROUNDING * np.abs(table.values).max() if kernels is table else 1e-15
-            for name in outputs:
-                assert np.abs(found[name][told] - here[name][told]).max() <= limit, (name, kernels.precision)
-            few = rays[19_000:19_013]
-            for name, array in launched(ready, few, outputs).items():
-                some = slice(19_000, 19_013)
-                assert np.array_equal(np.asarray(array)[told[some]], found[name][some][told[some]]), name
-
-
-def launched(ready: Prepared, rays: RayBundle, outputs: tuple[str, ...]) -> dict:
-    """Per-ray arrays of a kernel, by name."""
-    return in_chunks(ready, starts_of(rays), frozenset(outputs))
 
 
 def needle(along_the_rays: bool) -> np.ndarray:
@@ -248,19 +195,6 @@ def test_blocks_whose_first_check_lines_see_a_share_of_the_limit_hold_the_tolera
     exact = trace(field, rays, tolerance=5e-6, method="adaptive", bundle="off", **common)
     assert found.plan.bundle.delivered > 5_000
     assert np.abs(found.opd - exact.opd).max() < 1e-4 * WAVE
-
-
-@pytest.mark.parametrize("seed", range(4))
-def test_random_fields(seed: int):
-    """Smooth noise of random width and strength, a random bundle: every delivered ray holds the tolerance."""
-    from scipy.ndimage import gaussian_filter
-
-    rng = np.random.default_rng(100 + seed)
-    made = gaussian_filter(rng.normal(size=SMOOTH.shape), rng.uniform(1.0, 6.0), mode="constant")
-    field = volume(made * DEPTH * 10.0 ** rng.uniform(-5.0, -3.3) / np.abs(made).max())
-    rays = bundle(("slanted", "divergent")[seed % 2])
-    until = STOPS[("far", "box")[seed // 2 % 2]]
-    check(traced(field, rays, until), field, rays, until, np.arange(0, rays.ray_count, 53))
 
 
 @pytest.mark.parametrize("geometry", ["planar", "axisymmetric"])

@@ -92,16 +92,6 @@ def test_noise_of_cells_and_fine_tolerances_take_the_spline():
     assert not traced(field(20.0), "opencl", precision="float64").plan.cubes
 
 
-def test_rays_that_meet_no_disturbed_air_have_no_line_to_look_at():
-    """Of air at rest, and of rays beside a disturbed corner; enough of them that polynomials are thought of."""
-    for corner in (0.0, 1e-5):
-        samples = np.zeros((9, 9, 9))
-        samples[7:, 7:, 7:] = corner
-        made = IndexField.from_samples(samples, origin=(0.0, 0.0, 0.0), spacing=(4.0 * H,) * 3, geometry="volume")
-        found = trace(made, rays(), until=STOP, backend="opencl", bundle="off", outputs=("opd",))
-        assert found.ok.all() and np.abs(found.opd).max() < 1e-14  # a spline fades with the distance
-
-
 def test_a_needle_is_not_missed():
     """Two cells wide, through a twentieth of the bundle: every ray within the tolerance, whatever is looked up."""
     made = field(20.0, needle=4e-4)

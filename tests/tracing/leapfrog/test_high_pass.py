@@ -9,8 +9,8 @@ from scipy.interpolate import NdBSpline, make_interp_spline
 from aerokernels.medium.grid import UniformGrid
 from aerokernels.tracing.leapfrog import high_pass as module
 from aerokernels.tracing.leapfrog import unresolved
-from aerokernels.tracing.leapfrog.high_pass import continued, high_pass
-from aerokernels.tracing.step_bound import block_size, potential_at_nodes
+from aerokernels.tracing.leapfrog.high_pass import high_pass
+from aerokernels.tracing.step_bound import potential_at_nodes
 
 # Share of the change in a cell, for air that is linear across the rays; values even about the faces leave 0.22.
 LINEAR = 0.025
@@ -50,25 +50,6 @@ def test_matrices_leave_what_transforms_leave(first, second, axis, cells, is_fin
             one = high_pass(grid, steepness, cells * 1e-3, edge, is_fine)
             assert one.shape == other.shape
             assert np.abs(one - other).max() <= allowed
-
-
-@pytest.mark.parametrize("axis", [0, 1])
-@pytest.mark.parametrize("count", [9, 10, 38])
-def test_what_passes_is_there_where_it_is_wanted(axis: int, count: int):
-    """Blocks that are asked for, whole ones and the last, shorter one: all of their nodes are right."""
-    shape = (count, 17) if axis == 0 else (17, count)
-    grid = grid_of(shape, 3)
-    steepness = np.eye(2)[axis]
-    everywhere = high_pass(grid, steepness, 4e-3, 0.4, True)
-    block = block_size(grid)
-    blocks = tuple((nodes - 2) // block + 1 for nodes in shape)
-    for number in range(blocks[axis]):
-        wanted = np.zeros(blocks, np.uint8)
-        wanted[(number, 1) if axis == 0 else (1, number)] = 1
-        some = high_pass(grid, steepness, 4e-3, 0.4, True, wanted)
-        nodes = np.arange(number * block, min((number + 1) * block, count - 1) + 1)
-        found, all_of_them = some.take(nodes, axis), everywhere.take(nodes, axis)
-        assert np.abs(found - all_of_them).max() < 1e-17
 
 
 def faded(count: int, width: float) -> np.ndarray:
@@ -127,32 +108,3 @@ def test_a_slope_at_a_side_face_is_no_structure(steep: tuple[float, float, float
     slope = max(unresolved._slopes(passed, axis, (slice(None),) * 3).max() for axis in (0, 1))
     assert np.abs(passed).max() <= LINEAR * 1e-6
     assert slope <= LINEAR * 1e-6
-
-
-@given(seed=st.integers(0, 1000), axes=st.sampled_from(([], [0], [1], [0, 1])), is_even=st.booleans())
-def test_values_behind_faces_keep_the_slope(seed: int, axes: list[int], is_even: bool):
-    """The grid's own values stay; behind a face the first difference is that before it, nearly, and then it fades."""
-    shape = 9, 8, 5
-    values = np.random.default_rng(seed).normal(size=shape).cumsum(axis=0).cumsum(axis=1) + 5.0 * np.arange(8)[:, None]
-    grid = UniformGrid(values, np.zeros(3), np.ones(3), "cubic", is_even, 1.0)
-    whole, inner = continued(grid, axes, np.dtype(float))
-    assert (whole[inner] == potential_at_nodes(grid)).all()
-    for axis in range(3):
-        before, behind = inner[axis].start, whole.shape[axis] - inner[axis].stop
-        assert axis in axes or before == behind == 0
-        assert not (before and is_even and axis == 0)
-        rows = np.moveaxis(whole[tuple(inner[at] if at != axis else slice(None) for at in range(3))], axis, 0)
-        for width, here in ((before, rows), (behind, rows[::-1])):
-            if width:
-                slope = here[width + 1] - here[width]
-                np.testing.assert_allclose(here[width] - here[width - 1], 0.84375 * slope, rtol=1e-9, atol=1e-9)
-                assert (here[0] == here[width]).all()
-
-
-def test_faces_of_symmetry_and_of_uniform_air_stay():
-    """Values that are even about a face, or fade out at it, are not continued."""
-    x = np.arange(12)
-    for profile in (np.cos(np.pi * x / 11.0), faded(12, 5.0)):
-        values = profile[:, None] * np.ones(7)
-        grid = UniformGrid(values, np.zeros(2), np.ones(2), "cubic", False, 1.0)
-        assert continued(grid, [0, 1], np.dtype(float))[0].shape == values.shape

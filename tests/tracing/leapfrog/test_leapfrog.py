@@ -12,17 +12,14 @@ from aerokernels.device_arrays import on_host
 from aerokernels.medium import Body, IndexField
 from aerokernels.process.clock import clocked
 from aerokernels.rays import Disc, RayBundle
-from aerokernels.strehl.estimate import PreparedStrehl, estimate_strehl
-from aerokernels.tracing import ArcLength, Plane, RayStatus, trace
-from aerokernels.tracing.error_limit import error_limit
+from aerokernels.strehl.estimate import estimate_strehl
+from aerokernels.tracing import Plane, RayStatus, trace
 from aerokernels.tracing.launch import launch
-from aerokernels.tracing.leapfrog import pilot
 from aerokernels.tracing.leapfrog.pilot import LEAST_RAYS
 from aerokernels.tracing.plan import TracePlan
 from aerokernels.tracing.pupil.run import PupilRun
-from aerokernels.tracing.pupil.sums import BATCH_RAYS, PupilTask, batches_of, point_order
-from aerokernels.tracing.step_bound import predict_evaluations
-from tests.random_fields import CELL, noise, uniform_field
+from aerokernels.tracing.pupil.sums import PupilTask
+from tests.random_fields import uniform_field
 
 from ..backends import ENGINES, WAVE, on
 
@@ -218,38 +215,6 @@ def test_a_body_in_the_way_is_met(engine):
     assert (np.abs(result.opd - expected.opd)[both] < 1.2e-3 * WAVE).all()
 
 
-def test_who_is_sampled_evenly():
-    field, rays = uniform_field("volume", amplitude=1e-4), bundle()
-    assert trace(field, rays).plan.sample_count > 0
-    few = RayBundle(rays.position[: LEAST_RAYS - 1], rays.direction[: LEAST_RAYS - 1])
-    assert trace(field, few).plan.sample_count == 0
-    assert trace(field, rays, until=ArcLength(1e-3)).plan.sample_count == 0
-    assert trace(field, rays, method="adaptive").plan.sample_count == 0
-    assert trace(uniform_field("volume", "linear"), rays, until=STOPS["far"]).plan.sample_count == 0
-    wild = IndexField.from_samples(
-        noise((25, 25, 25), 0.4, width=1.0), origin=(-12e-4,) * 3, spacing=(CELL,) * 3, geometry="volume"
-    )
-    assert trace(wild, rays).plan.sample_count == 0
-
-
-def test_a_bundle_that_is_too_small_for_its_grid_is_not_searched_for_structure(monkeypatch: pytest.MonkeyPatch):
-    """Six evaluations for each node are asked for at the first trace; a prepared pupil is planned for many seeds."""
-    monkeypatch.setattr(pilot, "EVALUATIONS_OF_NODE", {False: 6.0, True: 6.0})
-    axis = np.linspace(-1.0, 1.0, 64)
-    bump = 1e-5 * np.exp(-4.0 * (axis[:, None, None] ** 2 + axis[:, None] ** 2 + axis**2))
-    field = IndexField.from_samples(bump, origin=(-32e-4,) * 3, spacing=(CELL,) * 3, geometry="volume")
-    rays = bundle(50_000)
-    found = trace(field, rays[:LEAST_RAYS], bundle="off")
-    assert found.plan.sample_count == 0 and found.ok.all()
-    limit = error_limit(field, 1e-3 * WAVE)
-    enough = int(6.0 * bump.size / predict_evaluations(field, limit, rays.pilot.direction))
-    assert LEAST_RAYS < 0.8 * enough and 1.2 * enough < rays.ray_count
-    for count, is_sampled in ((int(0.8 * enough), False), (int(1.2 * enough), True)):
-        assert (trace(field, rays[:count], bundle="off").plan.sample_count > 0) == is_sampled
-    prepared = PreparedStrehl(field, Disc(4e-4, (0.0, 0.0, -4e-3)), ray_count=LEAST_RAYS)
-    assert prepared.job.plan.sample_count > 0
-
-
 def test_a_smaller_tolerance_takes_more_samples_and_errs_less():
     field, rays = uniform_field("volume"), bundle()
     expected = adaptive(field, part(rays, 41), None, 1e-7)
@@ -262,20 +227,6 @@ def test_a_smaller_tolerance_takes_more_samples_and_errs_less():
         assert np.abs(result.opd[::41] - expected.opd)[even].max() < tolerance * WAVE
         counts.append(result.plan.sample_count)
     assert 0 < counts[0] <= counts[1] < counts[2]
-
-
-@pytest.mark.parametrize("by_radius", [True, False])
-@pytest.mark.parametrize("count", [1, 2, 16, 100, 4096, 62500])
-def test_the_order_of_points_is_one_of_all(count, by_radius):
-    order = point_order(count, by_radius)
-    assert (np.sort(order) == np.arange(count)).all()
-
-
-def test_replicates_are_traced_together_within_bounds():
-    for per_replicate in (1, 62500, BATCH_RAYS // 3, BATCH_RAYS + 1):
-        batches = batches_of(16, per_replicate)
-        assert [row for rows in batches for row in range(rows.start, rows.stop)] == list(range(16))
-        assert all((rows.stop - rows.start) * per_replicate <= max(BATCH_RAYS, per_replicate) for rows in batches)
 
 
 @pytest.mark.parametrize("engine", ENGINES)

@@ -14,7 +14,6 @@ from aerokernels.tracing.leapfrog.unresolved import potential_by_blocks
 from aerokernels.tracing.pupil import new_values
 from aerokernels.tracing.pupil.run import PupilRun
 from aerokernels.tracing.step_bound import roughness_of_blocks
-from tests.draws.new_values_draws import check, draw
 
 from ..backends import OPENCL, on
 
@@ -180,11 +179,3 @@ def test_fields_and_their_memory_go_out_of_use(engine: str):
     alone = trace(air(tilt=0.2), rays, until=Plane((0.0, 0.0, 1.5), (0.0, 0.0, 1.0)), wavelength=WAVE, **on(engine))
     again = trace(second.field, rays, until=Plane((0.0, 0.0, 1.5), (0.0, 0.0, 1.0)), wavelength=WAVE, **on(engine))
     np.testing.assert_allclose(again.opd, alone.opd, atol=1e-4 * WAVE)
-
-
-@pytest.mark.parametrize("engine", FOLLOWED)
-def test_random_fields_have_the_ratios_of_their_own_plans(engine: str):
-    """Seven random pupils, some of them with scaled values: within the errors told."""
-    found = [each for seed in range(300, 307) for each in check(draw(seed), **on(engine))]
-    assert all(each.share <= 1.0 for each in found)
-    assert sum(each.follows for each in found) >= 4

@@ -9,8 +9,6 @@ import numpy as np
 import pytest
 
 from aerokernels import Disc, IndexField, estimate_strehl, prepare_strehl
-from aerokernels.tracing import launch
-from aerokernels.tracing.pupil import job
 from aerokernels.tracing.pupil.quadrature import ENOUGH
 
 from ..backends import ENGINES, on
@@ -43,20 +41,6 @@ def test_each_call_is_an_estimate_of_its_own_seed(engine, remove):
         assert alone.plan == found.plan == seen.plan
 
 
-def test_equal_pupils_made_anew_share_their_plan(monkeypatch):
-    """Set-up: two estimates of one seed with pupils made for each. Expected: planned once, the same bits."""
-    planned = []
-    plan = job.plan_rays
-    monkeypatch.setattr(job, "plan_rays", lambda *given, **options: planned.append(given) or plan(*given, **options))
-    there, options = lens(), {"ray_count": 16 * 300, "wavelength": 905e-9, "allow_truncation": True}
-    first = estimate_strehl(there, Disc(PUPIL.radius, PUPIL.center, PUPIL.normal), **options)
-    times = len(planned)
-    again = estimate_strehl(there, Disc(PUPIL.radius, PUPIL.center, PUPIL.normal), **options)
-    assert len(planned) == times > 0 and first.value == again.value and first.plan == again.plan
-    estimate_strehl(there, Disc(0.9 * PUPIL.radius, PUPIL.center, PUPIL.normal), **options)
-    assert len(planned) > times
-
-
 def test_a_field_does_not_outlive_the_pupil_that_was_made_ready_for_it():
     """A pupil made like the one before holds nothing of it: a sweep needs the memory of two cases."""
     seen = prepare_strehl(lens(), PUPIL, ray_count=1 << 17, allow_truncation=True)
@@ -65,19 +49,6 @@ def test_a_field_does_not_outlive_the_pupil_that_was_made_ready_for_it():
     seen = seen.with_field(lens(1.1e-6))
     gc.collect()
     assert seen(0).value < 1.0 and before() is None
-
-
-@pytest.mark.parametrize("engine", ENGINES)
-def test_a_call_compiles_and_uploads_nothing(engine):
-    """Clocks: making it ready has those stages, a call has none of them; an estimate has both."""
-    options = {**on(engine), "ray_count": 16 * 300, "allow_truncation": True}
-    seen = prepare_strehl(lens(), PUPIL, **options)
-    assert seen.seconds["total"] >= seen.seconds["plan"] + seen.seconds["upload"] + seen.seconds["compile"] > 0.0
-    found = seen(seed=1)
-    assert found.seconds["compile"] == found.seconds["upload"] == 0.0
-    assert 0.0 < found.seconds["kernel"] <= found.seconds["total"]
-    alone = estimate_strehl(lens(), PUPIL, seed=1, **options)
-    assert alone.seconds["total"] >= alone.seconds["plan"] + alone.seconds["kernel"]
 
 
 def test_a_fan_is_prepared_too():
@@ -127,18 +98,6 @@ def test_new_values_of_a_symmetric_field_begin_with_fewer_rays():
     assert seen.with_field(blob(1.7e-6))(seed=1).value == few.value
 
 
-def test_a_chain_of_new_values_takes_no_more_samples_than_one_step():
-    """At most half as many again as the search found, and as many as without the values in between."""
-    options = {"ray_count": 16 * 300, "allow_truncation": True, "backend": "opencl", "device": "cpu"}
-    first = prepare_strehl(lens(5e-5, 60.0, 33), PUPIL, **options)
-    seen, counts = first, [first.plan.sample_count]
-    for strength in (1.2, 1.4, 1.7, 2.0, 1.01):
-        seen = seen.with_field(lens(strength * 5e-5, 60.0, 33))
-        counts.append(seen.plan.sample_count)
-        assert counts[-1] == first.with_field(lens(strength * 5e-5, 60.0, 33)).plan.sample_count
-    assert counts[0] < max(counts) <= 1.5 * counts[0] and len(set(counts)) > 2
-
-
 def test_what_estimate_refuses_is_refused_when_it_is_prepared():
     with pytest.raises(TypeError, match="pupil must be a Disc"):
         prepare_strehl(lens(), 0.4)
@@ -146,15 +105,6 @@ def test_what_estimate_refuses_is_refused_when_it_is_prepared():
         prepare_strehl(lens(), PUPIL, ray_count=3)
     with pytest.raises(TypeError, match="rays"):
         prepare_strehl(lens(), PUPIL, rays=100)
-
-
-def test_bundles_are_cut_to_the_memory_of_any_engine():
-    """A quarter of the memory over the bytes of a ray, a piece of three doubles a ray; 64 rays at least."""
-    assert launch.chunk_size((1e12, 1e12), 5000) == 5000
-    assert launch.chunk_size((1e12, 1e12), 1 << 24) == launch.CHUNK
-    assert launch.chunk_size((4.0 * launch.RAY_BYTES * 1000, 1e12), 5000) == 1000
-    assert launch.chunk_size((1e12, 24 * 700), 5000) == 700
-    assert launch.chunk_size((1.0, 1.0), 5000) == launch.LEAST_CHUNK
 
 
 @pytest.mark.parametrize("engine", ENGINES)

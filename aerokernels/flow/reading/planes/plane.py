@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from aerokernels.flow.reading.dataset import FLAT, Block, Dataset, ReadError, wall_patches
-from aerokernels.flow.reading.density import DensityChoice, Reference, density_of, in_si
+from aerokernels.flow.reading.density import density_of, in_si
 from aerokernels.flow.reading.frame import Frame
 from aerokernels.flow.reading.planes.polygon_cells import Polygons
 from aerokernels.flow.reading.planes.polygons import merged, quad_mesh
@@ -33,11 +33,10 @@ class Plane:
     scale: float
 
     @classmethod
-    def of(
-        cls, path, dataset: Dataset, geometry: str, frame: Frame, scale: float, normal: np.ndarray | None
-    ) -> "Plane":
-        """Return the plane of a file."""
-        origin = np.array(frame.origin)
+    def of(cls, reading) -> "Plane":
+        """Return the plane of a file; refuse a frame that does not fit the geometry."""
+        path, dataset, frame = reading.path, reading.dataset, reading.frame
+        geometry, scale, normal, origin = reading.geometry, reading.scale, reading.normal, np.array(frame.origin)
         if geometry == "planar":
             assert normal is not None
             return cls(geometry, frame.axes(normal), origin, scale)
@@ -179,27 +178,27 @@ def _structured(path, block: Block) -> np.ndarray:
 SAME = 1e-5  # of a cell's density: the resolution of a file with six digits
 
 
-def wall_density(
-    path, dataset: Dataset, plane: Plane, choice: DensityChoice, reference: Reference, names=None
-) -> WallDensity | None:
-    """Return densities on the walls; None if no wall has densities other than those of its cells.
+def wall_density(reading, plane: Plane) -> WallDensity | None:
+    """Return the solver's densities at points of the walls; None if no wall has others than those of its cells.
 
-    Args:
-        path: The file, for messages.
-        dataset: Its contents.
-        plane: The plane of the file.
-        choice: The arrays that its density comes from.
-        reference: Reference values of non-dimensional data.
-        names: Patches that are walls; None takes those that the file marks as walls.
+    A wall counts if its values are known and differ from those of its cells: a wall of a given temperature. An edge's
+    value belongs to its middle. At a corner between two edges the value is interpolated linearly between their middles;
+    at the end of a wall it is extrapolated from the last edge.
     """
+    path, dataset, choice = reading.path, reading.dataset, reading.choice
+
+    def density(values: dict[str, np.ndarray]) -> np.ndarray:
+        return density_of({name: in_si(path, name, own, choice, reading.reference, dataset.units)
+                           for name, own in values.items()}, choice)  # fmt: skip
+
     found: dict[str, list[tuple[np.ndarray, np.ndarray]]] = {}
-    for patch in wall_patches(path, dataset.patches, names):
+    for patch in wall_patches(path, dataset.patches, reading.options["walls"]):
         if patch.values is None or not len(patch.edges):
             continue
         pairs = {name: patch.values(name) for name in choice.names}
         known = {name: pair for name, pair in pairs.items() if pair is not None}
         if len(known) == len(pairs):
-            pair = [_density(path, {n: own[k] for n, own in known.items()}, choice, reference, dataset) for k in (0, 1)]
+            pair = [density({n: own[k] for n, own in known.items()}) for k in (0, 1)]
             found.setdefault(patch.name, []).append((plane.local(patch.edges), np.stack(pair)))
     points, values = [], []
     for parts in found.values():  # a part for each processor
@@ -211,12 +210,6 @@ def wall_density(
         points += [edges.mean(axis=1), corners]
         values += [wall, at_corners]
     return WallDensity(np.concatenate(points), np.concatenate(values)) if points else None
-
-
-def _density(path, values, choice: DensityChoice, reference: Reference, dataset: Dataset) -> np.ndarray:
-    """Return densities [kg/m3] from values, by name, of the arrays that they come from."""
-    found = {name: in_si(path, name, own, choice, reference, dataset.units) for name, own in values.items()}
-    return density_of(found, choice)
 
 
 def _at_corners(edges: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -13,9 +13,9 @@ import numpy as np
 from aerokernels.flow.reading.arrays import length_of
 from aerokernels.flow.reading.dataset import Block, Dataset, ReadError
 from aerokernels.flow.reading.readers.cgns_nodes import (
+    REMEDY,
     Node,
     array_paths,
-    check_cells,
     check_counts,
     child,
     children,
@@ -24,66 +24,11 @@ from aerokernels.flow.reading.readers.cgns_nodes import (
     opened,
     text_of,
 )
-from aerokernels.flow.reading.readers.cgns_walls import patches
+from aerokernels.flow.reading.readers.cgns_walls import patches_of
 from aerokernels.flow.reading.readers.vtk_files import blocks_of
 from aerokernels.flow.reading.readers.vtk_running import DAMAGED, run
 
-
-def read(path: Path, time: Any, options: Mapping[str, Any]) -> Dataset:
-    """Read a CGNS file."""
-    from vtkmodules.vtkIOCGNSReader import vtkCGNSReader
-
-    counts = check_counts(path)
-    reader = vtkCGNSReader()
-    reader.SetFileName(str(path))
-    if not reader.CanReadFile(str(path)):
-        raise ReadError(path, "it is not a CGNS file, or it is incomplete", DAMAGED)
-    reader.UpdateInformation()
-    reader.EnableAllBases()
-    reader.EnableAllPointArrays()
-    reader.EnableAllCellArrays()
-    reader.SetDoublePrecisionMesh(1)
-    reader.SetLoadBndPatch(False)
-    data, times, chosen = run(path, reader, time)
-    if times == [0.0]:  # which VTK reports for a file without times
-        times, chosen = [], None
-    told: dict[str, None] = {}
-    blocks = [block for block in blocks_of(path, data, told) if block.cell_count]
-    if not blocks:
-        raise ReadError(path, "it has no zone with cells", DAMAGED)
-    names = [block.name for block in blocks]
-    twice = next((name for name in names if name and names.count(name) > 1), None)
-    if reader.GetNumberOfBaseArrays() > 1 and twice is not None:
-        fault = f"{reader.GetNumberOfBaseArrays()} of its bases contain a zone {twice!r}: moments or cases of one flow"
-        raise ReadError(path, fault, "write each base to a file of its own")
-    blocks = [replace(block, name=block.name or f"zone {k}") for k, block in enumerate(blocks, start=1)]
-    check_cells(path, blocks, counts)
-    converted = conversions(path)
-    blocks = [_dimensional(block, converted) for block in blocks]
-    found, notes = patches(path)
-    length, stated = units(path)
-    axis, more, scaled = statements(path)
-    geometry = None if axis is None else "axisymmetric"
-    return Dataset(blocks, "CGNS", geometry, patches=found, times=times, time=chosen, axis=axis, units=stated,
-                   length=length, notes=[*told, *notes, *more], scaled=scaled)  # fmt: skip
-
-
-def _dimensional(block: Block, conversions: Mapping[tuple[str, str], tuple[float, float]]) -> Block:
-    """Return a zone with its normalised arrays and coordinates converted as the file says."""
-
-    def made(name: str, values: np.ndarray) -> np.ndarray:
-        scale, offset = conversions.get((block.name, name), (1.0, 0.0))
-        return values if (scale, offset) == (1.0, 0.0) else scale * values + offset
-
-    if not any(zone == block.name for zone, _ in conversions):
-        return block
-    points = np.stack([made(f"Coordinate{axis}", block.points[:, k]) for k, axis in enumerate("XYZ")], axis=1)
-    point_data, cell_data = (
-        {n: made(n, own) for n, own in arrays.items()} for arrays in (block.point_data, block.cell_data)
-    )
-    return replace(block, points=points, point_data=point_data, cell_data=cell_data)
-
-
+ADF = "of a CGNS file in ADF only zones are read: units are taken as metres and kg/m3, boundary patches are left out"
 # Symbols of the standard's unit names, in the order of the exponents: mass, length, time, temperature, angle.
 SYMBOLS = (
     {"Kilogram": "kg", "Gram": "g", "Slug": "slug", "PoundMass": "lb"},
@@ -102,14 +47,93 @@ NORMALISED = "NormalizedByDimensional"  # the class of data that a DataConversio
 WIDTH = 32  # characters of each unit name
 
 
-def units(path: Path) -> tuple[float | None, dict[str, str]]:
-    """Return the unit of length [m] or None, and the unit of each array, from the first zone that states it."""
+def read(path: Path, time: Any, options: Mapping[str, Any]) -> Dataset:
+    """Read a CGNS file."""
     with opened(path) as root:
-        return (None, {}) if root is None else units_of(path, root)
+        if root is None:
+            counts, scales = {}, {}
+            stated: dict[str, Any] = {"notes": [ADF]}
+        else:
+            counts, scales, stated = check_counts(path, root), conversions(root), _stated(path, root)
+    blocks, notes, times, chosen = _zones(path, time)
+    for block in blocks:
+        if counts.get(block.name, block.cell_count) != block.cell_count:
+            fault = f"zone {block.name!r} states {counts[block.name]} cells, and its elements are {block.cell_count}"
+            raise ReadError(path, fault, REMEDY)
+    blocks = [_dimensional(block, scales) for block in blocks]
+    stated["notes"] = [*notes, *stated["notes"]]
+    return Dataset(blocks, "CGNS", times=times, time=chosen, **stated)
+
+
+def _zones(path: Path, time: Any) -> tuple[list[Block], list[str], list[float], float | None]:
+    """Return the zones by VTK's reader, notes, the file's times, and the one that was read."""
+    from vtkmodules.vtkIOCGNSReader import vtkCGNSReader
+
+    reader = vtkCGNSReader()
+    reader.SetFileName(str(path))
+    if not reader.CanReadFile(str(path)):
+        raise ReadError(path, "it is not a CGNS file, or it is incomplete", DAMAGED)
+    reader.UpdateInformation()
+    reader.EnableAllBases()
+    reader.EnableAllPointArrays()
+    reader.EnableAllCellArrays()
+    reader.SetDoublePrecisionMesh(1)
+    reader.SetLoadBndPatch(False)
+    data, times, chosen = run(path, reader, time)
+    if times == [0.0]:  # which VTK reports for a file without times
+        times, chosen = [], None
+    notes: dict[str, None] = {}
+    blocks = [block for block in blocks_of(path, data, notes) if block.cell_count]
+    if not blocks:
+        raise ReadError(path, "it has no zone with cells", DAMAGED)
+    names = [block.name for block in blocks]
+    twice = next((name for name in names if name and names.count(name) > 1), None)
+    if reader.GetNumberOfBaseArrays() > 1 and twice is not None:
+        fault = f"{reader.GetNumberOfBaseArrays()} of its bases contain a zone {twice!r}: moments or cases of one flow"
+        raise ReadError(path, fault, "write each base to a file of its own")
+    blocks = [replace(block, name=block.name or f"zone {k}") for k, block in enumerate(blocks, start=1)]
+    return blocks, list(notes), times, chosen
+
+
+def _stated(path: Path, root: Node) -> dict[str, Any]:
+    """Return what a file states of its whole flow, as attributes of a `Dataset`."""
+    for base in children(root, "CGNSBase_t"):
+        for zone in children(base, "Zone_t"):
+            _check_coordinates(path, zone)
+            _check_solutions(path, zone)
+    patches, notes = patches_of(root)
+    length, units = units_of(path, root)
+    symmetry = [own for base in children(root, "CGNSBase_t") for own in children(base, "Axisymmetry_t")]
+    scaled = _data_classes(root)
+    return {
+        "geometry": "axisymmetric" if symmetry else None,
+        "axis": _axis(path, symmetry[0]) if symmetry else None,
+        "patches": patches,
+        "length": length,
+        "units": units,
+        "scaled": scaled,
+        "notes": [*notes, *([scaled] if scaled else [])],
+    }
+
+
+def _dimensional(block: Block, conversions: Mapping[tuple[str, str], tuple[float, float]]) -> Block:
+    """Return a zone with its normalised arrays and coordinates converted as the file says."""
+
+    def made(name: str, values: np.ndarray) -> np.ndarray:
+        scale, offset = conversions.get((block.name, name), (1.0, 0.0))
+        return values if (scale, offset) == (1.0, 0.0) else scale * values + offset
+
+    if not any(zone == block.name for zone, _ in conversions):
+        return block
+    points = np.stack([made(f"Coordinate{axis}", block.points[:, k]) for k, axis in enumerate("XYZ")], axis=1)
+    point_data, cell_data = (
+        {n: made(n, own) for n, own in arrays.items()} for arrays in (block.point_data, block.cell_data)
+    )
+    return replace(block, points=points, point_data=point_data, cell_data=cell_data)
 
 
 def units_of(path: Path, root: Node) -> tuple[float | None, dict[str, str]]:
-    """Return what `units` does, from the root node of a file."""
+    """Return the unit of length [m] or None, and the unit of each array, from the first zone that states it."""
     lengths: dict[str, str] = {}
     arrays: dict[str, str] = {}
     for label, found in (("GridCoordinates_t", lengths), ("FlowSolution_t", arrays)):
@@ -120,14 +144,10 @@ def units_of(path: Path, root: Node) -> tuple[float | None, dict[str, str]]:
     return length_of(path, lengths)[0], arrays
 
 
-def conversions(path: Path) -> dict[tuple[str, str], tuple[float, float]]:
+def conversions(root: Node) -> dict[tuple[str, str], tuple[float, float]]:
     """Return scale and offset of normalised arrays by zone and name; the value is scale * number + offset."""
-    found: dict[tuple[str, str], tuple[float, float]] = {}
-    with opened(path) as root:
-        for above in [] if root is None else array_paths(root, "GridCoordinates_t", "FlowSolution_t"):
-            if (own := _conversion(above)) is not None:
-                found[above[2].name, above[-1].name] = own
-    return found
+    arrays = ((above, _conversion(above)) for above in array_paths(root, "GridCoordinates_t", "FlowSolution_t"))
+    return {(above[2].name, above[-1].name): own for above, own in arrays if own is not None}
 
 
 def _conversion(above: list[Node]) -> tuple[float, float] | None:
@@ -159,27 +179,6 @@ def _unit(above: list[Node], known: tuple[float, ...] | None) -> str:
             return ""
         said.append(symbol if power == 1.0 else f"{symbol}^{power:g}")
     return " ".join(said)
-
-
-ON_AXIS = 1e-6  # of the distance of the reference point from the origin: rounding of single precision
-DIMENSIONAL = ("", "Null", "DataClassNull", "UserDefined", "Dimensional")
-
-
-def statements(path: Path) -> tuple[tuple[float, float, float] | None, list[str], str]:
-    """Return the direction of the axis of symmetry, None for a flow without one, and notes for the user.
-
-    The last value is the note on data without dimensions, or empty.
-    """
-    with opened(path) as root:
-        if root is None:
-            return None, ["units of CGNS files in ADF are not read: metres and kg/m3 are taken"], ""
-        for base in children(root, "CGNSBase_t"):
-            for zone in children(base, "Zone_t"):
-                _check_coordinates(path, zone)
-                _check_solutions(path, zone)
-        found = [own for base in children(root, "CGNSBase_t") for own in children(base, "Axisymmetry_t")]
-        scaled = _data_classes(root)
-        return (_axis(path, found[0]) if found else None), ([scaled] if scaled else []), scaled
 
 
 def _check_coordinates(path: Path, zone: Node) -> None:
@@ -217,7 +216,7 @@ def _axis(path: Path, symmetry: Node) -> tuple[float, float, float]:
     point, vector = vectors.values()
     vector = vector / max(float(np.linalg.norm(vector)), 1e-300)
     beside = point - (point @ vector) * vector
-    if np.linalg.norm(beside) > ON_AXIS * np.linalg.norm(point):
+    if np.linalg.norm(beside) > 1e-6 * np.linalg.norm(point):
         raise ReadError(
             path,
             f"its axis of symmetry goes through {point.tolist()} along {vector.tolist()}, and not through the origin",
@@ -231,6 +230,6 @@ def _data_classes(root: Node) -> str:
     classes = {
         class_of(above) for above in array_paths(root, "FlowSolution_t") if not children(above[-1], "DataConversion_t")
     }
-    if other := sorted(classes.difference(DIMENSIONAL)):
+    if other := sorted(classes.difference(("", "Null", "DataClassNull", "UserDefined", "Dimensional"))):
         return f"the file calls data {', '.join(other)}: without a reference their numbers are taken as SI units"
     return ""

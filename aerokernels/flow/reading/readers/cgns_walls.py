@@ -6,26 +6,19 @@ of an unstructured zone, given directly or by their points, with a type of their
 """
 
 from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
 
 from aerokernels.flow.reading.dataset import Patch
-from aerokernels.flow.reading.readers.cgns_nodes import POINTS, Node, child, children, data_of, opened, text_of
+from aerokernels.flow.reading.readers.cgns_nodes import POINTS, Node, child, children, data_of, text_of
 
 # Number of corners of CGNS edges, triangles and quadrilaterals; mid-edge points follow the corners.
 SURFACE = {3: 2, 4: 2, 5: 3, 6: 3, 7: 4, 8: 4, 9: 4}
 MIXED, POLYGONS = 20, 22
 
 
-def patches(path: Path) -> tuple[list[Patch], list[str]]:
-    """Return the boundary patches of a file, and notes for the user about them."""
-    with opened(path) as root:
-        return ([], ["boundary patches of CGNS files in ADF are not read"]) if root is None else patches_of(root)
-
-
 def patches_of(root: Node) -> tuple[list[Patch], list[str]]:
-    """Return what `patches` does, from the root node of a file."""
+    """Return the boundary patches of a file, and notes for the user about them."""
     found, notes = [], []
     for base in children(root, "CGNSBase_t"):
         dimension = int(data_of(base)[0])

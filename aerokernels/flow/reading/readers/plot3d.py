@@ -133,27 +133,30 @@ def _ascii(path: Path, data: bytes) -> np.ndarray:
         raise ReadError(path, f"its {len(data)} bytes fit no form of Plot3D", DAMAGED) from None
 
 
-def _sizes(stream: _Stream, several: bool, width: int) -> np.ndarray | None:
-    """Return the numbers with which a file begins, a row for each grid; None if they cannot be grid sizes."""
+def _sizes(stream: _Stream, several: bool, width: int, more: int = 0) -> tuple[np.ndarray, list[int]] | None:
+    """Return the sizes with which a file begins, a row for each grid, and `more` numbers; None if they cannot be."""
     stream.at, most = 0, len(stream.source)
     head = stream.take(("i", 1)) if several else [np.ones(1)]
     if head is None or not 0 < head[0][0] <= GREATEST_GRID_COUNT:
         return None
-    found = stream.take(("i", width * int(head[0][0])))
-    if found is None or (found[0] < 1).any() or (found[0] > most).any():
+    found = stream.take(("i", width * int(head[0][0]) + more))
+    if found is None or found[0].min() < 0 or found[0].max() > most:
         return None
-    sizes = found[0].astype(np.int64).reshape(-1, width)
-    return None if (sizes.prod(axis=1, dtype=np.float64) > most).any() else sizes
+    numbers = found[0].astype(np.int64)
+    sizes = numbers[: len(numbers) - more].reshape(-1, width)
+    if sizes.min() < 1 or (sizes.prod(axis=1, dtype=np.float64) > most).any():
+        return None
+    return sizes, numbers[len(numbers) - more :].tolist()
 
 
 def _records(stream: _Stream, *wanted: Sequence[tuple[str, int]]) -> list[list[np.ndarray]] | None:
     """Return consecutive records; None if one does not match, or if the file goes on after them."""
-    found = []
+    records = []
     for parts in wanted:
         if (record := stream.take(*parts)) is None:
             return None
-        found.append(record)
-    return found if stream.at_end else None
+        records.append(record)
+    return records if stream.at_end else None
 
 
 def _shapes(sizes: np.ndarray) -> list[tuple[int, ...]]:
@@ -162,15 +165,14 @@ def _shapes(sizes: np.ndarray) -> list[tuple[int, ...]]:
 
 def _read_grid(path: Path) -> tuple[list[Block], str]:
     for stream, several, dimension, iblank in _meanings(path, (False, True)):
-        sizes = _sizes(stream, several, dimension)
-        if sizes is None:
+        if (head := _sizes(stream, several, dimension)) is None:
             continue
-        nodes = [math.prod(row) for row in sizes.tolist()]
-        found = _records(stream, *((("f", dimension * n), ("i", n if iblank else 0)) for n in nodes))
-        if found is not None:
+        nodes = [math.prod(row) for row in head[0].tolist()]
+        records = _records(stream, *((("f", dimension * n), ("i", n if iblank else 0)) for n in nodes))
+        if records is not None:
             blocks = [
                 _block(values.reshape(dimension, -1), shape, blank if iblank else None)
-                for (values, blank), shape in zip(found, _shapes(sizes), strict=True)
+                for (values, blank), shape in zip(records, _shapes(head[0]), strict=True)
             ]
             if not stream.order or all(_plausible(block) for block in blocks):
                 return blocks, stream.described()
@@ -187,74 +189,62 @@ def _block(values: np.ndarray, shape, blank) -> Block:
 
 def _plausible(block: Block) -> bool:
     """Return whether coordinates are plausible: a wrong byte order or precision gives extreme numbers."""
-    size = np.abs(block.points[np.isfinite(block.points)])
-    return bool(
-        np.isfinite(block.points).all() and size.max(initial=0.0) < 1e12 and not 0 < size.max(initial=0.0) < 1e-20
-    )
+    greatest = np.abs(block.points).max(initial=0.0)
+    return bool(greatest < 1e12 and not 0 < greatest < 1e-20)
 
 
 def _read_solution(path: Path, shapes: list[tuple[int, int, int]]) -> list[dict[str, np.ndarray]]:
     for stream, several, dimension in _meanings(path):
-        for single in (False, True):  # the four numbers and the solution of a grid are one record or two
-            values = _solution(stream, several, dimension, single)
-            if values is not None:
-                own, solved = values
-                return _fitting(path, own, solved, shapes)
-        sizes = _sizes(stream, several, dimension + 1)
-        if sizes is not None:
-            found = _records(stream, *([("f", math.prod(row))] for row in sizes.tolist()))
-            if found is not None:
-                functions = [own.reshape(row[-1], -1) for (own,), row in zip(found, sizes, strict=True)]
-                names = [f"f{k + 1}" for k in range(int(sizes[:, -1].max()))]
-                return _fitting(path, _shapes(sizes[:, :-1]), functions, shapes, names)
-        if dimension == 3 and (values := _of_overflow(stream, several)) is not None:
-            own, solved = values
-            return _fitting(path, own, solved, shapes)
+        for form in (_conserved, _functions, _of_overflow):
+            if (solution := form(stream, several, dimension)) is None:
+                continue
+            sizes, blocks, names = solution
+            if _shapes(sizes) != list(shapes):
+                fault = f"the solution is of grids of {_shapes(sizes)} points, the grid of {shapes}"
+                raise ReadError(path, fault, "give the pair that belongs together")
+            return [
+                {name: np.array(row, np.float64) for name, row in zip(names, block, strict=False)} for block in blocks
+            ]
     raise ReadError(path, f"its {path.stat().st_size} bytes fit no solution of Plot3D", DAMAGED)
 
 
-def _solution(stream: _Stream, several: bool, dimension: int, single: bool):
-    """Return the shapes of the grids and the variables of each; None if the file is not such a solution."""
-    sizes = _sizes(stream, several, dimension)
-    if sizes is None:
-        return None
-    parts = [[("f", 4), ("f", (dimension + 2) * math.prod(row))] for row in sizes.tolist()]
-    found = _records(stream, *(parts if single else [[part] for both in parts for part in both]))
-    if found is None:
-        return None
-    return _shapes(sizes), [record[-1].reshape(dimension + 2, -1) for record in (found if single else found[1::2])]
+def _conserved(stream: _Stream, several: bool, dimension: int):
+    """Return the sizes of the grids, the variables of each and their names; None if the file is no q file."""
+    width = dimension + 2
+    for single in (False, True):  # the four numbers and the solution of a grid are one record or two
+        if (head := _sizes(stream, several, dimension)) is None:
+            return None
+        parts = [[("f", 4), ("f", width * math.prod(row))] for row in head[0].tolist()]
+        records = _records(stream, *(parts if single else [[part] for both in parts for part in both]))
+        if records is not None:
+            own = records if single else records[1::2]
+            names = CONSERVATIVE if dimension == 3 else (*CONSERVATIVE[:3], "energy")
+            return head[0], [record[-1].reshape(width, -1) for record in own], names
+    return None
 
 
-def _of_overflow(stream: _Stream, several: bool):
-    """Return what `_solution` does of a q file of OVERFLOW, whose grids have any number of variables."""
-    stream.at = 0
-    head = stream.take(("i", 1)) if several else [np.ones(1)]
-    if head is None or not 0 < head[0][0] <= GREATEST_GRID_COUNT:
+def _functions(stream: _Stream, several: bool, dimension: int):
+    """Return the same of a function file."""
+    if (head := _sizes(stream, several, dimension + 1)) is None:
         return None
-    found = stream.take(("i", 3 * int(head[0][0]) + 2))
-    if found is None or found[0].min() < 0 or found[0].max() > len(stream.source):
+    records = _records(stream, *([("f", math.prod(row))] for row in head[0].tolist()))
+    if records is None:
         return None
-    *flat, count, species = found[0].astype(np.int64).tolist()
-    sizes = np.array(flat).reshape(-1, 3)
-    if sizes.min() < 1 or count < len(CONSERVATIVE) or sizes.prod(axis=1, dtype=float).max() > len(stream.source):
+    blocks = [own.reshape(row[-1], -1) for (own,), row in zip(records, head[0], strict=True)]
+    return head[0][:, :-1], blocks, [f"f{k + 1}" for k in range(int(head[0][:, -1].max()))]
+
+
+def _of_overflow(stream: _Stream, several: bool, dimension: int):
+    """Return the same of a q file of OVERFLOW, whose grids have any number of variables."""
+    head = _sizes(stream, several, 3, 2) if dimension == 3 else None
+    if head is None or head[1][0] < len(CONSERVATIVE):
         return None
+    sizes, (count, species) = head
     conditions = [("f", 7), ("i", 1), ("f", 6 + max(species, 2))]
     records = _records(
-        stream, *(part for row in sizes for part in (conditions, [("f", count * math.prod(row.tolist()))]))
+        stream, *(part for row in sizes.tolist() for part in (conditions, [("f", count * math.prod(row))]))
     )
-    return None if records is None else (_shapes(sizes), [record[-1].reshape(count, -1) for record in records[1::2]])
-
-
-def _fitting(path: Path, own, values, shapes, names=None) -> list[dict[str, np.ndarray]]:
-    if list(own) != list(shapes):
-        raise ReadError(
-            path,
-            f"the solution is of grids of {own} points, the grid of {shapes}",
-            "give the pair that belongs together",
-        )
-    arrays = []
-    for block in values:
-        more = [f"q{k + 1}" for k in range(len(CONSERVATIVE), len(block))]
-        called = names or ((*CONSERVATIVE, *more) if len(block) > 4 else (*CONSERVATIVE[:3], "energy"))
-        arrays.append({name: np.array(row, dtype=np.float64) for name, row in zip(called, block, strict=False)})
-    return arrays
+    if records is None:
+        return None
+    names = (*CONSERVATIVE, *(f"q{k + 1}" for k in range(len(CONSERVATIVE), count)))
+    return sizes, [record[-1].reshape(count, -1) for record in records[1::2]], names

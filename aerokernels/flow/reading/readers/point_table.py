@@ -159,20 +159,21 @@ def read_table(path: Path, data: bytes | None = None) -> dict[str, np.ndarray]:
         names[0] = "index"  # pandas writes the index of rows without a name
     if len(set(names)) < len(names) or not all(names) or all(is_number(name) for name in names):
         raise ReadError(path, f"its first line has no names that are all different: {head[:80]!r}", DAMAGED)
-    rows = np.empty((len(lines) - 1, len(names)))
     mark = next((mark for mark in (";", ",", "\t") if mark in lines[1][1]), None)  # may differ from that of the names
-    for k, (number, line) in enumerate(lines[1:]):
-        words = line.split(mark) if mark else line.split()
-        if mark == ";":  # then a comma is the decimal mark
-            words = [word.replace(",", ".") for word in words]
-        if len(words) == len(names) + 1 and not words[-1].strip():
-            words.pop()  # some programs end every line with a comma
-        try:
-            if len(words) != len(names):  # NumPy would broadcast a single number to the whole row
-                raise ValueError
-            rows[k] = [float(word) for word in words]
-        except ValueError:
-            raise ReadError(path, f"line {number}: expected {len(names)} numbers, got {line[:60]!r}", DAMAGED) from None
+    body = [
+        line.strip().rstrip(mark or "") if line.count(mark or "\0") == len(names) else line for _, line in lines[1:]
+    ]
+    if mark == ";":  # then a comma is the decimal mark
+        body = [line.replace(",", ".") for line in body]
+    try:
+        rows = np.loadtxt(body, delimiter=mark, ndmin=2, comments=None)
+        if rows.shape[1] != len(names):
+            raise ValueError("at row 1;")
+    except ValueError as fault:
+        row = re.search(r"at row (\d+)(;?)", str(fault))  # "at row 0, column 1" counts from 0, "at row 1; use" from 1
+        wrong = int(row[1]) - bool(row[2]) if row else 0
+        number, line = lines[1 + wrong]
+        raise ReadError(path, f"line {number}: expected {len(names)} numbers, got {line[:60]!r}", DAMAGED) from None
     return {name: rows[:, k].copy() for k, name in enumerate(names)}
 
 

@@ -66,7 +66,7 @@ class Resampling:
             raise ReadError(
                 path, "no node of the grid is in one of its cells", "repair the mesh, or give a smaller spacing"
             )
-        self.body = solid_body(path, reading.dataset, blocks, moved, reading.moved, grid, reading.options["walls"])
+        self.body = solid_body(reading, moved, grid)
         averages = all(where == "cell" for where in self._where)
         self._small = SmallCells(grid, facts, blocks, held) if averages else None
         self.front = foremost(held, shape)

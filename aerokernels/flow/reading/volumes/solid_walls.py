@@ -5,9 +5,11 @@ off at the end of the field is closed flat there. A surface bounds a body if the
 flow inside, such as a tunnel's walls or the outer edge of a mesh, bounds none.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from aerokernels.flow.reading.dataset import Block, Dataset, Polygons, ReadError, wall_patches
+from aerokernels.flow.reading.dataset import Block, Polygons, ReadError, wall_patches
 from aerokernels.flow.reading.volumes.solids import FACES, NodeGrid, corner_chunks
 from aerokernels.medium import SolidBody
 
@@ -15,26 +17,22 @@ CLOSE = 1e-9  # of the field's size: closer points are the same
 LEAST_VOLUME = 1e-9  # of the field's size cubed: a smaller volume bounds no body
 
 
-def solid_body(path, dataset: Dataset, blocks: list[Block], moved, move, grid: NodeGrid, names=None):
-    """Return the body of a volume, or None if it has none.
+def solid_body(reading, moved: Sequence[np.ndarray], grid: NodeGrid) -> SolidBody | None:
+    """Return the body of a volume: its walls', or that in the holes of its mesh; None if it has none.
 
-    Args:
-        path: The file, for messages.
-        dataset: Its contents.
-        blocks: Its blocks.
-        moved: Their points in the optical frame [m], each (n, 3).
-        move: Function that moves points of the file into the optical frame.
-        grid: The grid that the cells were rasterised into.
-        names: Patches that bound the body; None takes the file's walls, and without such the holes of the mesh.
+    `moved` are the points of the blocks in the optical frame [m], each (n, 3); the cells were rasterised into `grid`.
     """
+    path, dataset, move = reading.path, reading.dataset, reading.moved
     known = [patch for patch in dataset.patches if patch.polygons is not None]
-    walls = [patch.polygons for patch in wall_patches(path, known, names) if patch.polygons is not None]
+    walls = [
+        patch.polygons for patch in wall_patches(path, known, reading.options["walls"]) if patch.polygons is not None
+    ]
     if walls:
         parts = [Polygons(move(own.points), own.start) for own in walls]
     elif (grid.cell >= 0).all():
         return None
     else:
-        parts = [boundary_polygons(block, points) for block, points in zip(blocks, moved, strict=True)]
+        parts = [boundary_polygons(block, points) for block, points in zip(dataset.blocks, moved, strict=True)]
     size = float(max(np.ptp(np.concatenate(moved), axis=0).max(), 1e-300))
     try:
         vertices, triangles = _triangles(parts, CLOSE * size)
