@@ -4,12 +4,12 @@ import math
 
 import numpy as np
 import pytest
-from aerokernels.imaging.dots import Background, DotPattern
 
 from aerokernels import Disc, IndexField, Wavefront
 from aerokernels.files.writing import write_grey
 from aerokernels.fldi import FLDI, fldi_response
 from aerokernels.fldi.response import FLDIResponse
+from aerokernels.imaging.bos import Background, DotPattern
 from aerokernels.imaging.camera import Camera
 from aerokernels.imaging.shift import check_view
 from aerokernels.schlieren import Bench
