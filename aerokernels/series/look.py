@@ -6,33 +6,36 @@ At azimuth and elevation 0 the pupil looks along +z, upstream; azimuth turns it 
 directions from -90 to 90 degrees of both are the hemisphere ahead. Rays that meet a body count as blocked.
 A pupil whose rays are all blocked has no Strehl ratio; a pupil that does not look through the flow has a Strehl ratio
 of 1.
+
+Errors are computed for a few directions, of which each other one takes the nearest's. The few are spread over the map:
+the strongest first, and then whichever is farthest from all before it. Distance is that of the directions, as unit
+vectors, and of the decimal logarithms of the OPD rms, so that a direction through strong air does not take the errors
+of one beside it. The sampling errors are each direction's own.
 """
 
 import warnings
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from aerokernels import __version__
 from aerokernels.inputs.checks import warn_caller
-from aerokernels.series.look_batch import Look, numbers_of, tell_errors
 
 from ..flow import DensityField, Series
+from ..focus.estimate import PreparedStrehl
+from ..focus.ratio import NoRayArrived
 from ..inputs.arguments import checked
 from ..inputs.kinds import shown
 from ..inputs.wavelength import DEFAULT_WAVELENGTH
 from ..medium import IndexField
 from ..pupils import direction_of
 from ..rays import RayBundle
-from ..strehl.estimate import PreparedStrehl
-from ..strehl.ratio import NoRayArrived
 from ..tracing.cuts import flow_ends
 from ..tracing.lines import NoRayMeetsField
 from ..tracing.pupil.quadrature import asymmetry
-from ..wavefront.terms import NUMBERS
-from .look_batch import batch_looks, can_batch
+from ..wavefronts.terms import NUMBERS
 
 if TYPE_CHECKING:
     import xarray
@@ -57,6 +60,32 @@ VARIABLES = {
         "0 where the computed flow ends in disturbed air before the light, or no light arrives; 1 elsewhere",
     ),
 }
+
+
+@dataclass(eq=False)
+class Look:
+    """What is known of a direction.
+
+    Attributes:
+        numbers: "strehl", "strehl_standard_error", "opd_rms" [m], "blocked" and "known".
+        axes: The pupil's two axes, shape (2, 3).
+        tilt: The beam's deflection along them [rad], shape (2,).
+        met: Whether the pupil looks through the flow.
+        sampling: Errors of PupilNumbers' numbers by the number of rays, shape (5,).
+        model: Computes those by all other causes, shape (5,); None where there are none.
+    """
+
+    numbers: dict[str, float]
+    axes: np.ndarray
+    tilt: np.ndarray
+    met: bool
+    sampling: np.ndarray
+    model: Callable[[], np.ndarray] | None = None
+
+    @property
+    def in_space(self) -> np.ndarray:
+        """The deflection in space [rad], shape (3,)."""
+        return np.asarray(self.tilt @ self.axes)
 
 
 @checked
@@ -101,7 +130,7 @@ def look_map(
     Returns:
         A dataset (azimuth, elevation), with `time` before them for a series: `strehl`, `opd_rms` [m], `boresight`,
         `boresight_azimuth` and `boresight_elevation` [rad], each with its error (`strehl_error` and so on), which
-        covers the truth in 95 of 100 cases and is computed for a few directions (look_batch.py),
+        covers the truth in 95 of 100 cases and is computed for a few directions,
         `strehl_standard_error`, the part of the sampling in that of `strehl`, `blocked`, the share in the body's
         shadow, and `known`: 1, or 0 along which more than a thousandth of the pupil looks through disturbed air that
         was cut off, or more than a hundredth past the field's box, so that the numbers lack that air, or where the
@@ -166,13 +195,9 @@ def _hemisphere(field, azimuth, elevation, pupil, options, progress, share) -> d
         _, first, kind = np.unique(np.round(looks[:, 2], ALIKE), return_index=True, return_inverse=True)
         height = looks[first, 2]
         turned = np.stack([np.zeros(len(first)), np.sqrt(np.maximum(1.0 - height**2, 0.0)), height], axis=1)
-    together = None
-    if can_batch(field, turned, options):
-        wavelength = options.get("wavelength") or field.wavelength or DEFAULT_WAVELENGTH
-        together = batch_looks(field, pupil, turned, options, wavelength)
     found = []
     for count, look in enumerate(turned, start=1):
-        found.append(_look(field, pupil, look, options) if together is None else together[count - 1])
+        found.append(_look(field, pupil, look, options))
         if progress is not None:
             progress(f"{count} of {len(turned)} directions", share[0] + share[1] * count / len(turned))
     if not any(one.met for one in found):
@@ -259,3 +284,50 @@ def _dataset(maps: list[dict[str, np.ndarray]], angles: list[np.ndarray], times,
         "ends": ends,
     }
     return xarray.Dataset(variables, coordinates, about)
+
+
+def numbers_of(strehl: float, standard_error: float, rms: float, blocked: float, known: float) -> dict[str, float]:
+    """Return the numbers of a direction, without their errors."""
+    names = "strehl", "strehl_standard_error", "opd_rms", "blocked", "known"
+    return dict(zip(names, (strehl, standard_error, rms, blocked, known), strict=True))
+
+
+def few_of(looks: np.ndarray, rms: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the rows of a few directions, and for each direction which of these is the nearest, shape (n,).
+
+    Args:
+        looks: Unit vectors, shape (n, 3).
+        rms: Their OPD rms [m], shape (n,).
+    """
+    level = np.log10(np.maximum(rms, 1e-4 * rms.max(initial=0.0) + 1e-300))
+    place = np.column_stack([looks, level])
+    rows = [int(np.argmax(rms))]
+    apart = [np.linalg.norm(place - place[rows[0]], axis=1)]
+    while len(rows) < 8 and np.min(apart, axis=0).max() > 0.0:
+        rows.append(int(np.argmax(np.min(apart, axis=0))))
+        apart.append(np.linalg.norm(place - place[rows[-1]], axis=1))
+    return np.array(rows), np.argmin(apart, axis=0)
+
+
+def tell_errors(found: list[Look], looks: np.ndarray) -> np.ndarray:
+    """Add "strehl_error" and "opd_rms_error" to directions' numbers; return errors of their tilts.
+
+    Returns:
+        Vectors in space along both of each pupil's axes, of the errors' lengths [rad], shape (n, 2, 3).
+    """
+    rows = np.array([k for k, one in enumerate(found) if one.model is not None], int)
+    model = np.zeros((len(found), len(found[0].sampling)))
+    axes = np.stack([one.axes for one in found])
+    along = axes.copy()
+    if len(rows):
+        few, nearest = few_of(looks[rows], np.array([found[k].numbers["opd_rms"] for k in rows]))
+        computed = np.stack([found[k].model() for k in rows[few]])
+        model[rows] = computed[nearest]
+        along[rows] = axes[rows[few]][nearest]
+    total = np.hypot(model, np.stack([one.sampling for one in found]))
+    for one, error in zip(found, total, strict=True):  # in the order of wavefront/pupil_numbers.py
+        one.numbers |= {"strehl_error": float(error[0]), "opd_rms_error": float(error[2])}
+    # Another direction's axes, as they lie across this one.
+    normal = np.cross(axes[:, 0], axes[:, 1])
+    along -= np.einsum("nak,nk->na", along, normal)[..., None] * normal[:, None]
+    return np.asarray(along * total[:, 3:5, None])

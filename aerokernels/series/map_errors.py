@@ -7,7 +7,6 @@ one that was as long from the start, because its places are among those of the s
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,6 +14,7 @@ import numpy as np
 from aerokernels.display.quantities import combine
 from aerokernels.medium import IndexField
 from aerokernels.rays import RayBundle
+from aerokernels.series.pupil_grid import MapReader
 from aerokernels.tracing import Plane
 from aerokernels.tracing.cuts import lost
 from aerokernels.tracing.engines.choice import choose_backend
@@ -25,48 +25,30 @@ from aerokernels.tracing.stop import stop_distance
 from aerokernels.tracing.trace import rerun
 from aerokernels.tracing.variants.causes import Variants, errors, of_a_ray, variants
 from aerokernels.tracing.variants.paths import Rays
-from aerokernels.wavefront.terms import PupilNumbers, fit_tilt, remove_terms, weighted_mean
 
 # The numbers, in order; and with the optical path difference of a ray, what has an error.
 NAMES = ("strehl", "boresight_x", "boresight_y", "piston", "opd_rms", "opd_rms_with_tilt")
 WRONG = (*NAMES, "error")
 
 
-@dataclass(frozen=True, eq=False)
-class MapNumbers:
-    """Computes NAMES: Strehl ratio, tilt along both axes [rad], mean, rms without tilt and rms with it [m].
+def map_errors(
+    found: Variants | None, points: np.ndarray, wavelength: float, remove: tuple[str, ...]
+) -> dict[str, float]:
+    """Return the errors of WRONG; NaN where no ray is known.
 
-    Attributes:
-        points: Coordinates of the rays across the look direction [m], shape (n, 2).
-        weight: Their shares, which sum to 1, shape (n,).
+    Args:
+        found: Some rays, and how they change by each cause.
+        points: Their coordinates across the look direction [m], shape (n, 2).
         wavelength: Vacuum wavelength [m].
-        remove: Terms removed before the Strehl ratio.
+        remove: Terms removed from the maps.
     """
-
-    points: np.ndarray
-    weight: np.ndarray
-    wavelength: float
-    remove: tuple[str, ...]
-
-    def __call__(self, rays: Rays) -> np.ndarray:
-        """Return NAMES of rays, shape (6,)."""
-        strehl = PupilNumbers(self.points, self.weight, self.wavelength, self.remove)(rays)[0]
-        fit = fit_tilt(rays.opd, self.points, self.weight)
-        with_tilt = np.sqrt(weighted_mean(self.weight, (rays.opd - fit.piston) ** 2))
-        return np.array([strehl, *fit.tilt, fit.piston, fit.residual_rms, with_tilt])
-
-    def left(self, rays: Rays) -> np.ndarray:
-        """Return the optical path differences without the removed terms [m], shape (n,)."""
-        return remove_terms(rays.opd, self.remove, self.points, self.weight)
-
-
-def map_errors(found: Variants | None, numbers: MapNumbers) -> dict[str, float]:
-    """Return the errors of WRONG; NaN where no ray is known."""
     if found is None:
         return dict.fromkeys(WRONG, float("nan"))
-    by_cause = errors(numbers, found)
+    reader = MapReader(points, found.weight, remove, wavelength)
+    by_cause = errors(lambda rays: reader(rays.opd).numbers, found)
     totals = [combine({cause: error[k] for cause, error in by_cause.items()})["total"] for k in range(len(NAMES))]
-    return {**dict(zip(NAMES, totals, strict=True)), "error": of_a_ray(numbers.left, found)["total"]}
+    of_opd = of_a_ray(lambda rays: reader(rays.opd).opd, found)["total"]
+    return {**dict(zip(NAMES, totals, strict=True)), "error": of_opd}
 
 
 # Places with errors of their own; least number of snapshots from one to the next, for which errors take little of the

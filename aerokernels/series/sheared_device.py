@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from aerokernels.process.opened import OPENED
-from aerokernels.series.kernels import launch
+from aerokernels.series.shear_kernels import launch
 
 
 def to_device(samples: Any, device: str) -> Any:
@@ -48,7 +48,7 @@ class DeviceLattice:
         import warp as wp
 
         from ..process.quiet_warp import open_device
-        from .kernels import shear_kernels
+        from .shear_kernels import shear_kernels
 
         open_device(device)
         self._device = device

@@ -15,7 +15,7 @@ import numpy as np
 
 from aerokernels.inputs.kinds import refuse_half_precision
 from aerokernels.series.line_integrals import MeshIntegrals
-from aerokernels.series.map_errors import MapNumbers, map_errors, straight_variants
+from aerokernels.series.map_errors import map_errors, straight_variants
 from aerokernels.tracing.stop import plane_beyond
 
 from ..device_arrays import host_array
@@ -24,12 +24,11 @@ from ..flow.gas import GREATEST_DENSITY, LEAST_DENSITY
 from ..medium import IndexField, QuadMesh
 from ..medium.refined import has_seam
 from ..rays import Pupil, RayBundle
-from ..tracing.engines.choice import choose_backend
-from ..tracing.engines.info import cuda_driver_loads
+from ..tracing.engines.choice import choose_backend, cuda_driver_loads
 from ..tracing.pupil.air import PupilAir, pupil_air
 from ..tracing.trace import trace
 from ..tracing.variants.causes import Variants, few_rows, sample_size
-from ..wavefront import remove_terms
+from ..wavefronts import remove_terms
 from .line_integrals import LineIntegrals, NotLinearError
 from .pupil_grid import PupilGrid
 
@@ -228,11 +227,9 @@ class Snapshots:
     def errors(self, found: SnapshotResult) -> dict[str, float]:
         """Return the errors of a snapshot's numbers and of its optical path differences, without that of the pixels."""
         varied = found.varied()
-        if varied is None:
-            return map_errors(None, MapNumbers(np.empty((0, 2)), np.empty(0), self.settings.wavelength, self.remove))
-        points = (varied.start - self.grid.pupil.center) @ np.linalg.pinv(np.stack(self.grid.aperture.axes))
-        weight = varied.weight / varied.weight.sum()
-        return map_errors(varied, MapNumbers(points, weight, self.settings.wavelength, self.remove))
+        axes = np.linalg.pinv(np.stack(self.grid.aperture.axes))
+        points = np.empty((0, 2)) if varied is None else (varied.start - self.grid.pupil.center) @ axes
+        return map_errors(varied, points, self.settings.wavelength, self.remove)
 
     def _check_range(self, samples: np.ndarray, number: int) -> None:
         """Reject densities that no gas has, for which straight lines would give a number as well.

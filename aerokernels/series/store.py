@@ -172,15 +172,16 @@ class ZarrStore:
         self.path, self.template = path, template
         self.done = Done(template.sizes["time"])
         self.changed_count = 0
-        self._define, self._total = define, template.sizes["time"]
+        self._total = template.sizes["time"]
+        self._definition = _plain(define(self._total))  # now: the first snapshot of an iterator can be read once
         self._has_grown, self._seen_count = False, 0
         self._arrays: dict[str, Any] = {}
         if (path / "zarr.json").is_file():
-            self._read(is_unchanged)
+            self._read(define, is_unchanged)
         elif path.exists() and (not path.is_dir() or any(path.iterdir())):
             raise ValueError(f"out={path}: something else is there; take another name, or remove it")
 
-    def _read(self, is_unchanged: Callable[[int, float, float], bool]) -> None:
+    def _read(self, define: Callable[[int], Any], is_unchanged: Callable[[int, float, float], bool]) -> None:
         """Take what an earlier run has finished."""
         import zarr
 
@@ -188,14 +189,12 @@ class ZarrStore:
             group = zarr.open_group(str(self.path), mode="r")
             if text := group.attrs.get("definition"):
                 earlier, rows = json.loads(text), np.asarray(group["done"][:], np.float64)
-                definition = _plain(self._define(self._total))
                 count = (earlier.get("time") or [0])[0]
-                if earlier != definition and 0 < count < self._total:
-                    self._has_grown = earlier == _plain(self._define(count))
+                self._has_grown = 0 < count < self._total and earlier == _plain(define(count))
         if not text:
             raise ValueError(f"out={self.path}: something else is there; take another name, or remove it")
-        if earlier != definition and not self._has_grown:
-            text = f"it contains another series, {_change(earlier, definition)}"
+        if earlier != self._definition and not self._has_grown:
+            text = f"it contains another series, {_change(earlier, self._definition)}"
             raise ValueError(f"out={self.path}: {text}; take another name, or remove it")
         if rows.shape[1:] != (len(KEPT),) or len(rows) > self._total:
             raise self._damaged("done in the store has another shape than the series")
@@ -317,16 +316,18 @@ class ZarrStore:
         for name, (units, words) in NUMBERS.items():
             make(name, "f8", (times,), (times,), ("time",), {"units": units, "long_name": words})
         make("done", "f8", (times, len(KEPT)), (1, len(KEPT)), ("time", "kept"), {"kept": ", ".join(KEPT)})
-        group.attrs["definition"] = json.dumps(self._define(self._total), default=str)
+        group.attrs["definition"] = json.dumps(self._definition)
         _consolidate(path)
 
     def _lengthen(self, group: Any) -> None:
         """Give the store the times of this run, of which it has the first; its definition last, in case of a kill."""
         for name in ("time", "done", *MAPS, *NUMBERS):
-            group[name].resize((self._total, *group[name].shape[1:]))
-        group["time"][:] = self.template["time"].values
+            array = group[name]
+            array.resize((self._total, *array.shape[1:]))
+            if name == "time":
+                array[:] = self.template["time"].values
         group.attrs["provenance"] = self.template.attrs["provenance"]
-        group.attrs["definition"] = json.dumps(self._define(self._total), default=str)
+        group.attrs["definition"] = json.dumps(self._definition)
         _consolidate(self.path)
 
     def add(self, maps: Mapping[str, np.ndarray], numbers: Mapping[str, float]) -> None:

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from aerokernels import Disc, IndexField, flow, look_map
-from aerokernels.series.look_batch import few_of
 
 WAVELENGTH = 905e-9
 WIDTH, HEIGHT = 0.02, 2e-6  # of the ball: contrast HEIGHT exp(-r^2 / WIDTH^2)
@@ -91,44 +90,6 @@ def test_the_body_shades():
     assert found.known.values[0].tolist() == [0.0, 1.0, 1.0]  # where there is no number, nothing is known
 
 
-def test_many_directions_through_a_volume_go_together(monkeypatch: pytest.MonkeyPatch):
-    """Set-up: a random volume of 17 nodes a side about the pupil, 12 directions, tilt removed.
-
-    Expected: what full traces of each direction give, within the tolerance of 1e-3 waves and what both samplings
-    explain; errors alike. Where traced rays disagree, all directions are traced.
-    """
-    import aerokernels.series.look as look
-    from tests.series.fourier import CONSTANT, Fourier
-
-    volume = Fourier.random(5, wavenumber=30.0, amplitude=0.01)
-    volume.mean = 0.0
-    field = IndexField.from_samples(
-        CONSTANT * volume.on_grid([-0.1] * 3, 0.0125, (17,) * 3, 0.0),
-        origin=[-0.1] * 3, spacing=[0.0125] * 3, geometry="volume", wavelength=WAVELENGTH)  # fmt: skip
-    angles, pupil = np.radians([-60.0, -20.0, 10.0, 50.0]), Disc(0.02, [0.01, 0.0, -0.02])
-    counted = []
-    original = look._look
-    monkeypatch.setattr(look, "_look", lambda *given: counted.append(0) or original(*given))
-    options = {"ray_count": 1024, "remove": ("piston", "tilt")}
-    together = look_map(field, angles, angles[:3], pupil, **options)
-    assert not counted
-    monkeypatch.setattr(look, "can_batch", lambda *given: False)
-    full = look_map(field, angles, angles[:3], pupil, **options)
-    assert len(counted) == 12
-    monkeypatch.undo()
-    noise = 4.0 * np.hypot(full.strehl_standard_error, together.strehl_standard_error)
-    assert (np.abs(full.strehl - together.strehl) < noise + 0.01 * np.sqrt(full.strehl * (1.0 - full.strehl))).all()
-    np.testing.assert_allclose(together.opd_rms, full.opd_rms, atol=1e-3 * WAVELENGTH)
-    for name in ("boresight_azimuth", "boresight_elevation"):
-        np.testing.assert_allclose(together[name], full[name], atol=0.02 * float(full.boresight.max()))
-    np.testing.assert_array_equal(together.known, full.known)
-    for name in ("strehl", "opd_rms", "boresight", "boresight_azimuth", "boresight_elevation"):
-        ratio = np.log(together[f"{name}_error"] / full[f"{name}_error"])
-        assert abs(float(np.median(ratio))) < np.log(1.3) and float(np.abs(ratio).max()) < np.log(4.0), name
-    monkeypatch.setattr("aerokernels.series.look_batch._Model.agrees", False)
-    assert look_map(field, angles, angles[:3], pupil, **options).identical(full)
-
-
 def test_errors_of_looks_cover_the_truth():
     """A turbulent volume of 25 nodes a side against the same modes on 73, with more rays; those of 9 directions."""
     from tests.series.fourier import CONSTANT, Fourier
@@ -147,20 +108,6 @@ def test_errors_of_looks_cover_the_truth():
     for name in ("strehl", "opd_rms", "boresight", "boresight_azimuth", "boresight_elevation"):
         told, off = found[f"{name}_error"].values, np.abs(found[name] - true[name]).values
         assert np.count_nonzero(off > told) <= 1 and np.median(told / off) < 20.0, name
-
-
-def test_errors_are_computed_for_directions_that_are_spread_and_for_the_strongest():
-    draw = np.random.default_rng(4)
-    looks = draw.normal(size=(200, 3))
-    looks /= np.linalg.norm(looks, axis=1, keepdims=True)
-    rms = 1e-8 * (1.0 + draw.random(200))
-    rms[17], rms[120] = 1e-6, 0.0
-    few, nearest = few_of(looks, rms)
-    assert few[0] == 17 and len(set(few)) == 8 and 120 in few
-    assert (nearest[few] == np.arange(8)).all()
-    assert np.bincount(nearest, minlength=8)[0] == 1  # no other one is like the strongest
-    alike, all_one = few_of(np.tile(looks[:1], (5, 1)), np.full(5, 1e-8))
-    assert len(alike) == 1 and (all_one == 0).all()
 
 
 def test_a_series_has_time():

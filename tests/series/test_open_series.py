@@ -32,20 +32,6 @@ def square_mesh() -> QuadMesh:
     return QuadMesh.structured(y, z, "planar")
 
 
-def test_arrays_become_density_fields():
-    series = flow.open_series(arrays(), time=TIME, **GRID)
-    assert len(series) == 3 and list(series.time) == TIME and series.mesh.shape == (4, 5, 6)
-    assert isinstance(series[1], DensityField)
-    assert series[1].density_at([[1e-3, 1e-3, 1e-3]]) == pytest.approx(0.6, rel=1e-6)
-    assert series[-1].density_at([[9.0, 0.0, 0.0]]) == 0.5
-    assert series.density(2).dtype == np.float32
-    assert [round(float(one.density_at([[0, 0, 0]])[0]), 6) for one in series] == [0.5, 0.6, 0.7]
-    with pytest.raises(IndexError, match="snapshot 3"):
-        series[3]
-    with pytest.raises(TypeError, match="whole numbers"):
-        series["a"]
-
-
 def test_an_iterator_is_read_once_and_in_order():
     read = []
 
@@ -214,12 +200,6 @@ def test_a_file_of_several_times_is_read_at_each(tmp_path: Path):
         flow.open_series(tmp_path / "once.dat")
 
 
-def test_cells_of_a_mesh():
-    mesh = square_mesh()
-    series = flow.open_series([np.full(20, 0.6)], time=[0.0], mesh=mesh, ambient_density=0.5)
-    assert isinstance(series[0], flow.CellDensity) and series.mesh is mesh
-
-
 @pytest.mark.parametrize(
     ("source", "options", "words"),
     [
@@ -277,14 +257,6 @@ def test_times_that_a_caller_gives_replace_those_of_a_file():
         flow.open_series(dataset(), time=[1.0, 2.0])
 
 
-def test_a_snapshot_of_another_shape_is_refused():
-    series = flow.open_series([*arrays(1), np.ones((4, 5, 7))], time=[0.0, 1.0], **GRID)
-    with pytest.raises(ValueError, match="snapshot 1 has shape"):
-        series.density(1)
-    with pytest.raises(TypeError, match="path"):
-        flow.open_series(3, **GRID)
-
-
 def test_files_with_falling_axes_and_of_the_classic_form(tmp_path: Path):
     plain = dataset()
     plain["rho"] = plain.rho + xarray.DataArray(0.01 * np.arange(6), dims="z")
@@ -324,37 +296,3 @@ def test_a_file_that_changes_while_a_series_is_read_is_refused(
 def test_a_path_with_brackets_is_no_pattern(tmp_path: Path):
     dataset().to_netcdf(tmp_path / "run[1].nc", engine="h5netcdf")
     assert len(flow.open_series(tmp_path / "run[1].nc")) == 3
-
-
-def test_arrays_that_have_a_shape_and_no_length():
-    """An array of Zarr's third version is indexed by number, and knows its length by its shape alone."""
-    zarr = pytest.importorskip("zarr")
-    stored = zarr.array(np.stack(arrays()))
-    series = flow.open_series(stored, time=TIME, **GRID)
-    assert np.array_equal(series.density(2), arrays()[2])
-
-
-def test_parts_of_a_collection_at_one_time(tmp_path: Path):
-    """Two blocks at each of two times: snapshots of both together."""
-    vtk = pytest.importorskip("vtk")
-    lines = []
-    for k, time in enumerate((2.0, 1.0)):
-        for part, origin in enumerate((0.0, 3e-3)):
-            image = vtk.vtkImageData()
-            image.SetDimensions(4, 4, 4)
-            image.SetSpacing(1e-3, 1e-3, 1e-3)
-            image.SetOrigin(origin, 0.0, 0.0)
-            values = vtk.vtkDoubleArray()
-            values.SetName("rho")
-            for _ in range(64):
-                values.InsertNextValue(1.0 + k)
-            image.GetPointData().AddArray(values)
-            writer = vtk.vtkXMLImageDataWriter()
-            writer.SetFileName(str(tmp_path / f"{k}{part}.vti"))
-            writer.SetInputData(image)
-            writer.Write()
-            lines.append(f'<DataSet timestep="{time}" part="{part}" file="{k}{part}.vti"/>')
-    (tmp_path / "run.pvd").write_text(f"<VTKFile><Collection>{''.join(lines)}</Collection></VTKFile>")
-    series = flow.open_series(tmp_path / "run.pvd", spacing=1e-3)
-    assert list(series.time) == [1.0, 2.0] and series.mesh.shape[0] == 7
-    assert [float(one.density_at([[5e-3, 1e-3, 1e-3]])[0]) for one in series] == [2.0, 1.0]

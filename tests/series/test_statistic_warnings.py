@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from aerokernels import flow, statistics
-from aerokernels.series.statistic_parts import lost_pixels, uneven_times
 
 from .test_statistics import drawn
 
@@ -38,20 +37,6 @@ def test_means_over_snapshots_at_uneven_times_are_not_means_over_time():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         statistics(dense.interp(time=np.linspace(0.0, 20e-4, 40)))
-
-
-def test_how_much_may_be_lost_and_how_uneven_times_may_be():
-    """One pixel of a thousand may be lost; snapshots may stand for 5 % of the time too much."""
-    finite = np.ones((3, 10, 200), bool)
-    finite[1, 0, :2] = False
-    assert lost_pixels(finite, np.ones((10, 200))) == ""
-    finite[2, 0, 3] = False
-    assert "0.15 % of the pupil" in lost_pixels(finite, np.ones((10, 200)))
-    assert uneven_times(np.array([0.0, 5.0])) == uneven_times(np.arange(10) * 0.1) == ""
-    # With steps of 1 and 2 the snapshots stand for 1, 1.5 and 2: the last one for 11 % of the time too much.
-    assert uneven_times(np.array([0.0, 1.0, 3.0])) and not uneven_times(np.array([0.0, 1.0, 2.2]))
-    jittered = np.arange(100) + np.random.default_rng(1).uniform(-0.05, 0.05, 100)
-    assert uneven_times(jittered) == ""
 
 
 def test_times_that_are_no_numbers_are_refused_in_words():

@@ -4,17 +4,14 @@ A mode of wave vector q and random phase has at each point the variance A^2 / 2,
 over a pupil is A^2 / 2 sum w |e - P e|^2, with e = exp(i q x) and P the weighted projection on these terms.
 """
 
-from itertools import pairwise
-
 import numpy as np
 import pytest
 import xarray
 
 from aerokernels import Disc, flow, optical_series, statistics
-from aerokernels.series.linking import _linked_and_path
 from aerokernels.series.modes import integral_length, welch
 from aerokernels.series.pupil_grid import PupilGrid, pupil_grid
-from aerokernels.series.uncertainty import mean_of, root_of
+from aerokernels.series.uncertainty import mean_of
 
 from .fourier import CONSTANT, WAVELENGTH, Fourier
 
@@ -183,68 +180,6 @@ def test_the_linking_equation_beside_the_exact_variance():
     assert float(found.opd_rms_linking_error) > 0.0
 
 
-def test_the_linking_equation_of_ten_thousand_draws():
-    """Set-up: isotropic waves of 250 rad/m along a path of 0.3 m, 1e4 draws of phases, planes 0.6 mm apart.
-
-    Expected: 2 K^2 <rho'^2> S Lambda, Lambda the integral of mean cos(k_z l) to its first zero, and the closed form of
-    the double integral; each within 3 standard errors and 0.5 %.
-    """
-    draw, count, planes, length = np.random.default_rng(12), 10_000, 501, 0.3
-    wave = draw.normal(size=(40, 3))
-    along = 250.0 * wave[:, 2] / np.linalg.norm(wave, axis=1)
-    place = np.linspace(0.0, length, planes)
-    phase = np.exp(1j * draw.uniform(0.0, 2.0 * np.pi, (count, 40)))
-    densities = 1e-3 * (phase @ np.exp(1j * np.outer(along, place))).real[:, None, :]
-    weights = np.full((1, planes), place[1])
-    weights[0, [0, -1]] *= 0.5
-    fine = np.linspace(0.0, 0.05, 50_001)
-    scale = integral_length(np.cos(np.outer(fine, along)).mean(axis=1), fine[1])
-    expected = {
-        "linking": CONSTANT * 1e-3 * np.sqrt(40.0 * length * scale),
-        "path": CONSTANT * 1e-3 * np.sqrt(0.5 * ((2.0 * np.sin(0.5 * along * length) / along) ** 2).sum()),
-    }
-    for name, each in zip(expected, _linked_and_path(densities, weights), strict=True):
-        found = root_of(mean_of(CONSTANT**2 * each))
-        assert abs(found.value - expected[name]) < min(3.0 * found.error, 5e-3 * expected[name]), name
-
-
-def test_errors_hold_where_snapshots_depend_on_one_another():
-    """Set-up: 200 and 30 series of 150 snapshots, amplitudes of waves AR(1) with a correlation of 0.85.
-
-    Expected: numbers lie within two errors of their mean over the series in 95 of 100 of them, but for three standard
-    deviations of that share, 5 and 12, and errors are at most three times their spread: a series that holds 12
-    independent snapshots does not tell more.
-    """
-    draw, grid = np.random.default_rng(3), pupil_grid(Disc(0.02), 8)
-    across = np.exp(1j * grid.coordinates @ (2.0 * WAVES).T) * AMPLITUDES
-    along = np.exp(1j * np.outer(np.linspace(0.0, 0.05, 21), 4.0 * WAVES[:, 0]))
-    amplitude = draw.normal(size=(150, 200, len(WAVES), 2)) @ [1.0, 1.0j]
-    for before, after in pairwise(amplitude):
-        after *= np.sqrt(1.0 - 0.85**2)
-        after += 0.85 * before
-    path, length = [], []
-    for series in np.moveaxis(amplitude, 1, 0):
-        linked = _linked_and_path((series @ along.T).real[:, None], np.full((1, 21), 2.5e-3))
-        path.append([(root_of(mean).value, root_of(mean).error) for mean in map(mean_of, linked)])
-    for series in np.moveaxis(amplitude[:, :30], 1, 0):
-        numbers = statistics(dataset((series @ across.T).real, on=grid), mode_count=1)
-        length.append([(numbers[name].item(), numbers[f"{name}_error"].item()) for name in LENGTHS])
-    for found, slack in ((path, 0.05), (length, 0.12)):
-        values, errors = np.moveaxis(np.array(found), 2, 0)
-        off = values - values.mean(axis=0)
-        assert np.all(np.mean(np.abs(off) <= 2.0 * errors, axis=0) >= 0.95 - slack)
-        assert np.all(np.median(errors, axis=0) <= 3.0 * off.std(axis=0))
-
-
-def test_few_snapshots_and_uneven_times_say_so():
-    two = statistics(drawn(2, 8))
-    assert np.isnan(two.opd_rms_error) and np.isfinite(two.opd_rms) and "at least 16" in two.attrs["skipped"]
-    one = statistics(drawn(1, 8))
-    assert np.isfinite(one.opd_rms) and "pod_energy" not in one
-    uneven = drawn(40, 9).assign_coords(time=np.cumsum(np.linspace(1.0, 2.0, 40)))
-    assert "even times" in statistics(uneven).attrs["skipped"]
-
-
 def test_what_has_no_statistics_is_refused():
     good = drawn(20, 10)
     with pytest.raises(TypeError, match="Dataset"):
@@ -262,20 +197,6 @@ def test_what_has_no_statistics_is_refused():
             statistics(bad, **options)
     with pytest.raises(ValueError, match="segment"):
         welch(np.zeros(100), 1.0, 4)
-
-
-def test_times_as_spans_and_dates_are_seconds():
-    """As other versions of xarray read a store, or users label one: spans of time were taken for numbers of ns."""
-    plain = drawn(40, 3)
-    spans = (plain.time.values * 1e9).round().astype("timedelta64[ns]")
-    expected = statistics(plain, velocity=10.0)
-    for times in (spans, np.datetime64("2026-01-01") + spans):
-        found = statistics(plain.assign_coords(time=times), velocity=10.0)
-        assert found.frequency.values == pytest.approx(expected.frequency.values, rel=1e-9)
-        assert found.strouhal.values == pytest.approx(expected.strouhal.values, rel=1e-9)
-    grid = {"geometry": "volume", "origin": (0.0, 0.0, 0.0), "spacing": (1e-3,) * 3, "ambient_density": 1.2}
-    series = flow.open_series([np.full((4, 4, 4), 1.2)] * 3, time=spans[:3], **grid)
-    assert series.time == pytest.approx(plain.time.values[:3])
 
 
 def test_what_a_caller_can_mend_is_told_in_words():

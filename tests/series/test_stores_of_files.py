@@ -202,3 +202,25 @@ def test_the_air_around_a_series_of_files_does_not_fluctuate(tmp_path: Path):
     assert np.abs(found.boresight_x.values).max() < 1e-12 and np.ptp(found.piston.values) > 1e-8
     given = flow.open_series(tmp_path / "f*.npz", time_step=1e-5, ambient_density=1.1)
     assert {field.ambient_density for field in given} == {1.1}
+
+
+def test_two_processes_do_not_write_one_series(tmp_path: Path):
+    """One that writes holds the other off; one that begins with what it read before the first went on is refused."""
+    from aerokernels.series.store import KEPT, MAPS, ZarrStore
+
+    axis, path = np.linspace(-0.01, 0.01, 4), tmp_path / "maps.zarr"
+    template = xarray.Dataset(coords={"time": np.arange(3.0), "y": axis, "x": axis})
+    maps = {name: np.ones((4, 4), kind) for name, (kind, _, _) in MAPS.items()}
+    numbers = dict.fromkeys(KEPT, 1.0)
+    first, late = (ZarrStore(path, template, lambda count: {"series": "a"}) for _ in range(2))
+    with first.writing():
+        first.add(maps, numbers)
+        with late.writing(), pytest.raises(ValueError, match="another process is at work there"):
+            late.add(maps, numbers)
+    with late.writing(), pytest.raises(ValueError, match="another process is at work there"):
+        late.add(maps, numbers)
+    again = ZarrStore(path, template, lambda count: {"series": "a"})
+    assert again.done.count == 1
+    with again.writing():
+        again.add(maps, numbers)
+    assert [one.name for one in tmp_path.iterdir()] == ["maps.zarr"]
