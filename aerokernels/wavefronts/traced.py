@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from functools import partial
+from typing import Any, Unpack
 
 import numpy as np
 
@@ -9,6 +10,7 @@ from ..inputs.arguments import Numbers, checked
 from ..medium import IndexField
 from ..pupils import Pupil, as_unit_vector, seen_along
 from ..rays import RayBundle
+from ..tracing.plan import TraceOptions, complete
 from ..tracing.pupil.air import pupil_air
 from ..tracing.stop import plane_beyond
 from ..tracing.trace import trace
@@ -24,14 +26,7 @@ def wavefront(
     wavelength: float | None = None,
     direction: Numbers | None = None,
     pixel_count: int | None = None,
-    tolerance: float = 1e-3,
-    backend: str = "auto",
-    device: str | None = None,
-    precision: str = "float32",
-    method: str = "auto",
-    step: float | None = None,
-    max_steps: int | None = None,
-    allow_truncation: bool = False,
+    **options: Unpack[TraceOptions],
 ) -> Wavefront:
     """Trace the optical path difference over a pupil, as a map.
 
@@ -46,15 +41,9 @@ def wavefront(
         direction: Look direction, if not along the pupil's normal.
         pixel_count: Pixels along a side of the square map, the smallest that holds the pupil; None takes 128, or a
             Mask's own pixels if they are square.
-        tolerance: Requested OPD error [waves].
-        backend: See `trace`; likewise device, precision, method, step and max_steps.
-        device: Device of the backend.
-        precision: "float32" or "float64".
-        method: Tracing method.
-        step: Step of method "fixed" [m].
-        max_steps: Steps after which a ray is abandoned.
-        allow_truncation: Whether more than a thousandth of the pupil may look through disturbed air that was cut off,
-            and more than half of it past the field's box, as in `estimate_strehl`.
+        options: tolerance [waves], method, step, max_steps, backend, device, precision: see `trace`; and
+            allow_truncation, whether more than a thousandth of the pupil may look through disturbed air that was cut
+            off, and more than half of it past the field's box, as in `estimate_strehl`.
 
     Returns:
         A Wavefront; pixels whose ray did not arrive have weight 0, and `blocked` is their share of the pupil.
@@ -70,8 +59,9 @@ def wavefront(
         raise TypeError(f"pupil must be a Disc, Annulus, Rectangle, Polygon or Mask, got {type(pupil).__name__}")
     wavelength = field.wavelength_for(wavelength)
     look = pupil.normal if direction is None else as_unit_vector(direction, "direction")
-    air = pupil_air(field, pupil, look, tolerance * wavelength)
-    air.check(allow_truncation)
+    whole: dict[str, Any] = dict(complete(options))
+    air = pupil_air(field, pupil, look, whole["tolerance"] * wavelength)
+    air.check(whole.pop("allow_truncation"))
     air.warn()
     aperture = seen_along(pupil, look)
     coordinate, pixel, weight, intensity = pupil_grid(aperture, pixel_count)
@@ -82,16 +72,10 @@ def wavefront(
     traced = trace(
         field,
         RayBundle(start, np.broadcast_to(look, start.shape), weight[lit]),
-        method=method,
-        tolerance=tolerance,
-        step=step,
         until=plane_beyond(field, pupil, look),
         wavelength=wavelength,
-        backend=backend,
-        device=device,
-        precision=precision,
-        max_steps=max_steps,
         outputs=("opd", "step_error"),
+        **whole,
     )
     assert traced.opd is not None  # requested above
     if not traced.ok.any():
