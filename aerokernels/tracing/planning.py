@@ -1,4 +1,6 @@
-"""Make the plan of a trace from the caller's choices. Decisions about a trace are made in this file, but these:
+"""Make the plan of a trace from the caller's choices.
+
+All decisions about a trace are made in this file, but these:
 
     bundle/run.py                whether a bundle is a map of two parameters, of which most rays are interpolated
     leapfrog/sample_count.py     how many leapfrog samples a ray takes, by what pilot.py finds that they cost

@@ -5,8 +5,8 @@ next order changes the interpolation within the planes, so that a path's integra
 crosses, of a spline along two axes. The sum over every j-th plane less the sum over all, on which `jumps.py` builds, is
 made of the same values.
 
-Splines of the first, third and fifth order are sums of B-splines with not-a-knot ends, so that the next order differs at
-the faces as it does elsewhere. The coefficient of a node falls with the distance of the samples by 0.27 a node (third
+Splines of the first, third and fifth order are sums of B-splines with not-a-knot ends, so that the next order differs
+at the faces as it does elsewhere. The coefficient of a node falls with the distance of the samples by 0.27 a node (third
 order) and 0.43 (fifth): only samples about the points are needed.
 """
 
