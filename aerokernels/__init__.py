@@ -1,8 +1,6 @@
 """aerokernels: light through the refractive index of supersonic air flow.
 
-Each public name is imported when it is first used, so that importing the package takes no time. `echo`,
-`schlieren`, `strehl` and `wavefront` are modules that can be called as the functions of these names: see
-callable_module.py.
+Each public name is imported when it is first used, so that importing the package takes no time.
 """
 
 from importlib import import_module
@@ -12,32 +10,33 @@ __version__ = "0.1.0"
 
 # Public names by module; "" lists the public modules.
 _NAMES_IN = {
-    "": ("echo", "flow", "schlieren", "strehl", "wavefront", "zernike"),
+    "": ("flow", "zernike"),
+    "benches": ("interferogram", "schlieren", "shadowgraph"),
     "compare": ("compare_waveforms",),
-    "echo": (
+    "fldi": ("FLDI", "fldi_response"),
+    "flow": ("DensityField",),
+    "focus": ("StrehlEstimate", "strehl", "strehl_marechal"),
+    "focus.estimate": ("estimate_strehl", "prepare_strehl"),
+    "imaging": ("Camera", "DotPattern", "background_displacement", "bos", "image_through"),
+    "jobs.run": ("RunResult", "simulate"),
+    "jobs.sweeps.run": ("sweep",),
+    "lidar": (
         "Detector",
         "EchoResult",
         "Laser",
         "Receiver",
         "Target",
+        "echo",
         "estimate_range",
         "plane_target_echo",
         "range_statistics",
         "simulate_echo",
     ),
-    "fldi": ("FLDI", "fldi_response"),
-    "flow": ("DensityField",),
-    "imaging": ("Camera", "DotPattern", "background_displacement", "bos", "image_through"),
-    "jobs.run": ("RunResult", "simulate"),
-    "jobs.sweeps.run": ("sweep",),
     "medium": ("Body", "IndexField", "QuadMesh", "SolidBody"),
     "rays": ("Annulus", "Disc", "Mask", "Polygon", "RayBundle", "Rectangle"),
     "scene": ("Scene",),
-    "schlieren": ("interferogram", "shadowgraph"),
     "sensor": ("Sensor",),
     "series": ("look_map", "optical_series", "statistics"),
-    "strehl": ("StrehlEstimate", "strehl_marechal"),
-    "strehl.estimate": ("estimate_strehl", "prepare_strehl"),
     "tracing": (
         "ArcLength",
         "BackendInfo",
@@ -49,7 +48,8 @@ _NAMES_IN = {
         "trace",
     ),
     "vtk_files": ("field_to_vtk", "rays_to_vtk"),
-    "wavefront": ("Wavefront", "point_spread_function"),
+    "wavefronts": ("Wavefront", "point_spread_function"),
+    "wavefronts.traced": ("wavefront",),
     "waves": ("Validity", "Wave", "split_step", "validity"),
 }
 _MODULE_OF = {name: module for module, names in _NAMES_IN.items() for name in names}
@@ -142,8 +142,16 @@ def __dir__() -> list[str]:
 
 if TYPE_CHECKING:
     from . import flow, zernike
+    from .benches import interferogram, schlieren, shadowgraph
     from .compare import compare_waveforms
-    from .echo import (
+    from .fldi import FLDI, fldi_response
+    from .flow import DensityField
+    from .focus import StrehlEstimate, strehl, strehl_marechal
+    from .focus.estimate import estimate_strehl, prepare_strehl
+    from .imaging import Camera, DotPattern, background_displacement, bos, image_through
+    from .jobs.run import RunResult, simulate
+    from .jobs.sweeps.run import sweep
+    from .lidar import (
         Detector,
         EchoResult,
         Laser,
@@ -155,21 +163,14 @@ if TYPE_CHECKING:
         range_statistics,
         simulate_echo,
     )
-    from .fldi import FLDI, fldi_response
-    from .flow import DensityField
-    from .imaging import Camera, DotPattern, background_displacement, bos, image_through
-    from .jobs.run import RunResult, simulate
-    from .jobs.sweeps.run import sweep
     from .medium import Body, IndexField, QuadMesh, SolidBody
     from .rays import Annulus, Disc, Mask, Polygon, RayBundle, Rectangle
     from .scene import Scene
-    from .schlieren import interferogram, schlieren, shadowgraph
     from .sensor import Sensor
     from .series import look_map, optical_series, statistics
-    from .strehl import StrehlEstimate, strehl, strehl_marechal
-    from .strehl.estimate import estimate_strehl, prepare_strehl
     from .tracing import ArcLength, BackendInfo, Plane, RayStatus, TraceOptions, TraceResult, available_backends
     from .tracing.trace import trace
     from .vtk_files import field_to_vtk, rays_to_vtk
-    from .wavefront import Wavefront, point_spread_function, wavefront
+    from .wavefronts import Wavefront, point_spread_function
+    from .wavefronts.traced import wavefront
     from .waves import Validity, Wave, split_step, validity

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from aerokernels.display.shown import shown
-from aerokernels.echo.pulse_curve import PulseCurve
-from aerokernels.echo.pulses import SPEED_OF_LIGHT
 from aerokernels.inputs.arguments import GREAT, SMALL, Numbers, checked
 from aerokernels.inputs.checks import as_finite_array, as_waveform, check_at_least, check_positive
+from aerokernels.lidar.pulse_curve import PulseCurve
+from aerokernels.lidar.pulses import SPEED_OF_LIGHT
 
 # Table 5, made half-open: a degree holds for |r| from its own bound up to, but not at, the next.
 DEGREES = (

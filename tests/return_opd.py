@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from aerokernels.echo.parts import Setup
-from aerokernels.echo.return_paths import _trace_rays, check_ahead
+from aerokernels.lidar.parts import Setup
+from aerokernels.lidar.return_paths import _trace_rays, check_ahead
 from aerokernels.medium import IndexField
 from aerokernels.scene import Scene
 from aerokernels.tracing import TraceResult

@@ -17,7 +17,7 @@ RANK = {
     package: rank
     for rank, packages in enumerate(
         [
-            ("callable_module", "process", "sobol"),
+            ("process", "sobol"),
             ("derived", "files", "inputs"),
             ("display",),
             ("sensor",),
@@ -29,17 +29,19 @@ RANK = {
             ("scene", "scenes"),
             ("tracing",),
             ("zernike", "vtk_files"),
-            ("wavefront",),
-            ("strehl", "schlieren", "imaging", "fldi"),
+            ("wavefronts",),
+            ("focus", "benches", "imaging", "fldi"),
             ("prepare",),
             ("series",),
             ("waves",),
-            ("echo",),
+            ("lidar",),
             ("hardware", "compare"),
             ("jobs",),
             ("benchmark",),
             ("commands",),
             ("cli",),
+            ("old_modules",),
+            ("echo", "schlieren", "strehl", "wavefront"),
             ("__main__",),
         ]
     )
@@ -222,33 +224,33 @@ def test_public_names_are_there_and_documented():
         aerokernels.no_such_name  # noqa: B018
 
 
-IMPORTS = {
-    "a module's name": "from aerokernels.echo import plane_target_echo; assert callable(plane_target_echo)",
-    "a module by another name": "import aerokernels.schlieren as m; assert callable(m.shadowgraph)",
-    "a module of a module": "import aerokernels.echo.ranging as m; assert m.RANGING_METHODS",
-    "a name of the package": "from aerokernels import echo, schlieren, strehl",
-    "another stage": "import aerokernels.jobs.run",
-    "a module of one file": "from aerokernels.strehl import strehl_marechal, StrehlEstimate",
-}
-CALLS = (
+NAMES = (
+    "import warnings; warnings.simplefilter('error')\n"
     "import aerokernels as ak, inspect, pickle\n"
     "for name in ('echo', 'schlieren', 'strehl', 'wavefront'):\n"
-    "    thing = getattr(ak, name)\n"
-    "    function = getattr(thing, name)\n"
-    "    assert inspect.isfunction(function) and inspect.signature(thing) == inspect.signature(function)\n"
-    "    assert pickle.loads(pickle.dumps(thing)) is thing\n"
-    "    try: thing()\n"
-    "    except TypeError as fault: assert f'{name}() missing' in str(fault), fault\n"
+    "    function = getattr(ak, name)\n"
+    "    assert inspect.isfunction(function) and pickle.loads(pickle.dumps(function)) is function\n"
+    "from aerokernels import echo, schlieren, strehl, wavefront\n"
     "assert abs(ak.strehl([0.0, 0.0], 1e-6) - 1.0) < 1e-12\n"
+    "import aerokernels.lidar, aerokernels.focus, aerokernels.wavefronts, aerokernels.benches\n"
+    "assert inspect.isfunction(ak.echo)\n"
+)
+OLD = (
+    "with warnings.catch_warnings(record=True) as told:\n"
+    "    warnings.simplefilter('always')\n"
+    "    from aerokernels.lidar import plane_target_echo\n"
+    "    import aerokernels.schlieren as m\n"
+    "    from aerokernels.focus import strehl_marechal\n"
+    "    from aerokernels.wavefronts import Wavefront\n"
+    "assert [one.category for one in told] == 4 * [DeprecationWarning] and 'lidar' in str(told[0].message), told\n"
+    "assert callable(plane_target_echo) and callable(m.shadowgraph)\n"
+    "assert abs(ak.strehl([0.0, 0.0], 1e-6) - 1.0) < 1e-12 and callable(ak.echo)\n"
 )
 
 
-@pytest.mark.parametrize("first", IMPORTS)
-def test_modules_are_modules_and_functions_in_any_order(first: str):
-    """Each way of importing alone before and after the calls, and all the others after it, in a process of its own."""
-    others = [line for name, line in IMPORTS.items() if name != first]
-    code = "\n".join([IMPORTS[first], CALLS, *others, CALLS, IMPORTS[first]])
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, encoding="utf-8")
+def test_names_of_functions_are_functions_and_old_modules_warn():
+    """No name or call warns; an import of a package by its old name does, and the name can be called after it too."""
+    done = subprocess.run([sys.executable, "-c", NAMES + OLD], capture_output=True, encoding="utf-8")
     assert done.returncode == 0, done.stderr
 
 

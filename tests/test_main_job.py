@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from aerokernels import Disc, estimate_strehl, flow
-from aerokernels.echo.simulate import echo
 from aerokernels.jobs.run import scene_strehl
+from aerokernels.lidar.simulate import echo
 from aerokernels.prepare import prepare_field
 from aerokernels.scene import Scene
 

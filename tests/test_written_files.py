@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from aerokernels import Camera, Disc, Wavefront, flow
+from aerokernels.benches import Picture, write_picture
 from aerokernels.files.writing import OutputError, replacing, write_grey
 from aerokernels.imaging.bos import BackgroundPictures
 from aerokernels.imaging.shift import BackgroundDisplacement
 from aerokernels.jobs.plots import save_flow_figure
-from aerokernels.schlieren import Picture, write_picture
 
 NOISE = np.random.default_rng(1).random((60, 70))
 

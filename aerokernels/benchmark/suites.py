@@ -35,10 +35,10 @@ from aerokernels.benchmark.scenes import (
 )
 from aerokernels.flow import shipped
 from aerokernels.flow.shipped import PLANE_NAMES
+from aerokernels.focus import StrehlEstimate, strehl
+from aerokernels.focus.estimate import PreparedStrehl, estimate_strehl, prepare_strehl
 from aerokernels.medium import IndexField
 from aerokernels.rays import RayBundle
-from aerokernels.strehl import StrehlEstimate, strehl
-from aerokernels.strehl.estimate import PreparedStrehl, estimate_strehl, prepare_strehl
 from aerokernels.tracing import Plane, TraceResult, trace
 from aerokernels.tracing.engines.choice import choose_backend
 

@@ -105,11 +105,11 @@ def schlieren(
 
     Rays are traced through the flow of a scene or a shipped flow.
     """
+    from aerokernels.benches import read_picture
     from aerokernels.display.quantities import Quantity
     from aerokernels.files.writing import only_writer
     from aerokernels.jobs.pictures import KINDS, PictureOptions, make_pictures, picture_scene, write_pictures
     from aerokernels.jobs.store import check_output_folder
-    from aerokernels.schlieren import read_picture
 
     options = PictureOptions(
         kinds=tuple(kind or KINDS),

@@ -1,8 +1,8 @@
 """Arrays on a device: imported from other libraries or made there, and copied to the host when they are first read.
 
-Warp owns the memory. `array.py` has arrays of one number or three per ray, `on_touch.py` attributes that are copied to
-the host when they are first read, `pinned.py` the copies, `fetching.py` copies that start ahead of time, `rays.py` rays
-checked or made on the device, `foreign.py` arrays of other libraries. Nothing here imports Warp before it is used.
+Warp owns the memory. `array.py` has arrays of one number or three per ray, and attributes that are copied to the host
+when they are first read, `pinned.py` the copies, `rays.py` rays that are checked or made on the device,
+`selection.py` rays found there, `foreign.py` arrays of other libraries. Nothing here imports Warp before it is used.
 """
 
 from .array import (
@@ -11,12 +11,12 @@ from .array import (
     in_reach,
     is_one_row,
     on_host,
+    read_on_touch,
     rows_begun,
     rows_beside,
     rows_where,
 )
 from .foreign import device_array, host_array, own_copy, plain_array
-from .on_touch import read_on_touch
 
 __all__ = [
     "DeviceArray",

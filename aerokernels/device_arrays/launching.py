@@ -1,4 +1,4 @@
-"""Load and launch Warp's kernels from any thread, and build them again if their files in Warp's cache are damaged.
+"""Load and launch Warp's kernels from any thread.
 
 Warp does not guard what it does at the first launch of a kernel. Two threads that load one module at once both load it,
 and the copy that is replaced is unloaded while its kernels may run; the table of CUDA functions, and the memory for
@@ -6,12 +6,8 @@ sorting, have no lock either. So one thread at a time does these things. Later l
 """
 
 import errno
-import shutil
-import warnings
 import weakref
 from collections.abc import Sequence
-from contextlib import suppress
-from pathlib import Path
 from typing import Any
 
 import warp as wp
@@ -85,8 +81,6 @@ def lent_stream(owner: Any, device: Any) -> Any:
 def load_module(module: Any, device: str, block_size: int | None) -> None:
     """Load a Warp module for a device from the cache, or compile it, once.
 
-    If the cached files do not load, they are removed, with a RuntimeWarning, and the module is compiled again, once.
-
     Args:
         module: A warp.Module.
         device: Warp's name of the device.
@@ -101,34 +95,13 @@ def load_module(module: Any, device: str, block_size: int | None) -> None:
         return
     with turn.lock:
         if key not in turn.done:
-            _load(module, device, block_size)
+            try:
+                module.load(device, block_size)
+            except OSError as error:
+                if error.errno not in NO_WRITING:
+                    raise
+                raise NoCacheError(
+                    f"Warp cannot write a kernel to {wp.config.kernel_cache_dir} ({error.strerror}): make room there, "
+                    "raise the limit of files (ulimit -f), or set WARP_CACHE_PATH to another folder"
+                ) from error
             turn.done.add(key)
-
-
-def _load(module: Any, device: str, block_size: int | None) -> None:
-    try:
-        module.load(device, block_size)
-    except Exception as error:  # Warp raises bare Exceptions, and for damaged files those of JSON and NumPy
-        if isinstance(error, OSError) and error.errno in NO_WRITING:
-            raise NoCacheError(
-                f"Warp cannot write a kernel to {wp.config.kernel_cache_dir} ({error.strerror}): make room there, "
-                "raise the limit of files (ulimit -f), or set WARP_CACHE_PATH to another folder"
-            ) from error
-        folder = _cached(module, block_size)
-        if folder is None:
-            raise
-        shutil.rmtree(folder, ignore_errors=True)
-        why = " ".join(str(error).split())
-        warnings.warn(
-            f"Warp's kernel cache in {folder} does not load ({why}): it is built again", RuntimeWarning, stacklevel=2
-        )
-        module.load(device, block_size)
-
-
-def _cached(module, block_size: int | None) -> Path | None:
-    """Return the folder of this module in Warp's cache; None if there is none, so that the cache is not the cause."""
-    with suppress(Exception):  # another version of Warp may not have these names
-        folder = Path(wp.config.kernel_cache_dir) / module.get_module_identifier(block_size)
-        if folder.name.startswith("wp_") and folder.is_dir():
-            return folder
-    return None

@@ -5,11 +5,14 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import warp as wp
 
 from ..inputs.checks import check_count
 from ..pupils.square_map import SquareMap
 from ..sobol import sobol_numbers
 from .array import DeviceArray
+from .kernels import FAULTS, PLACE, WAY, ZERO, check_rays, make_rays
+from .launching import launch
 from .pinned import to_host
 
 
@@ -47,11 +50,6 @@ def checked_rays(position: Any, direction: Any) -> tuple[DeviceArray, DeviceArra
     Raises:
         ValueError: Shapes disagree, the arrays are on two devices, numbers are not finite, or a direction is zero.
     """
-    import warp as wp
-
-    from .kernels import FAULTS, PLACE, WAY, ZERO, check_rays
-    from .launching import launch
-
     device = next(each.device for each in (position, direction) if isinstance(each, wp.array))
     both = [_numbers(each, device) for each in (position, direction)]
     for array, what in zip(both, ("positions", "directions"), strict=True):
@@ -77,8 +75,6 @@ def checked_rays(position: Any, direction: Any) -> tuple[DeviceArray, DeviceArra
 
 def _numbers(array: Any, device: Any) -> Any:
     """Return rays as float64 numbers on a device; an array that is there already is not copied."""
-    import warp as wp
-
     if not isinstance(array, wp.array):
         return wp.array(np.atleast_2d(np.asarray(array, dtype=np.float64)), dtype=wp.float64, device=device)
     if array.dtype == wp.float64:
@@ -124,11 +120,7 @@ def made_rays(
     Raises:
         ValueError: The device does not exist.
     """
-    import warp as wp
-
     from ..process.quiet_warp import open_device
-    from .kernels import make_rays
-    from .launching import launch
 
     try:
         found = open_device(device)
@@ -151,6 +143,4 @@ def made_rays(
 
 
 def _put(values: np.ndarray, kind: type, device: Any) -> Any:
-    import warp as wp
-
     return wp.array(np.ascontiguousarray(values), dtype=kind, device=device)

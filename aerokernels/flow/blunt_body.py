@@ -4,6 +4,19 @@ Just behind the shock the density is exactly that of the oblique shock of the lo
 the modified Newtonian pressure, p = p1 + (p02 - p1) cos^2 t at an angle t from the nose, at the entropy behind the
 normal shock. Between shock and wall the density is interpolated linearly along the wall's normal. On the axis both ends
 are exact for the assumed shock (Rankine-Hugoniot relations and the stagnation point).
+
+Billig's correlation takes the shock to be the hyperbola
+
+    z = d - Rc cot^2 b (sqrt(1 + (r tan b / Rc)^2) - 1)
+
+with the nose at z = 0 and r measured from the axis; its asymptotes make the stream's Mach angle b with the axis. The
+stand-off d and the radius of curvature Rc at the vertex are fitted to experiments in air (R: nose radius):
+
+    sphere      d / R = 0.143 exp(3.24 / M^2)     Rc / R = 1.143 exp(0.54 / (M - 1)^1.2)
+    cylinder    d / R = 0.386 exp(4.67 / M^2)     Rc / R = 1.386 exp(1.8 / (M - 1)^0.75)
+
+Reference: F. S. Billig, Shock-wave shapes around spherical- and cylindrical-nosed bodies, J. Spacecraft Rockets 4
+(1967) 822; J. D. Anderson, Hypersonic and High Temperature Gas Dynamics, eq 5.36-5.38.
 """
 
 import math
@@ -26,9 +39,6 @@ from aerokernels.inputs.arguments import Numbers, checked
 from aerokernels.inputs.checks import check_choice, check_positive
 from aerokernels.medium import Body
 
-CELLS_PER_RADIUS = 50
-POINTS = 6
-WALL_POINTS = 180  # around a quarter of the nose
 LEAST_MACH = 1.5
 # geometry: (stand-off factor, its exponent, curvature factor, its exponent, power of M - 1)
 _FITS = {"axisymmetric": (0.143, 3.24, 1.143, 0.54, 1.2), "planar": (0.386, 4.67, 1.386, 1.8, 0.75)}
@@ -210,7 +220,7 @@ def blunt_body(
         pressure_share=isentropic(mach, gamma=gamma).pressure_ratio / shock.stagnation_pressure_ratio,
         gamma=float(gamma),
     )
-    step = square_step(radius, spacing, CELLS_PER_RADIUS)
+    step = square_step(radius, spacing, 50)
     reach = float(bow.radius_at(-end)) + MARGIN * step
     z = edges(-end, bow.stand_off + MARGIN * step, step)
     r = edges(0.0, reach, step)
@@ -237,7 +247,7 @@ def _averages(flow: BluntBodyFlow, r: np.ndarray, z: np.ndarray, *, weighted: bo
     In each cell the parts behind and ahead of the shock are integrated separately: along z the Gauss points end at the
     shock, and along r the integral is split where the shock enters and leaves the cell.
     """
-    share, weight = unit_gauss(POINTS)
+    share, weight = unit_gauss(6)
     low, high = z[:-1], z[1:]
     result = np.empty((len(r) - 1, len(z) - 1))
     for row, (inner, outer) in enumerate(pairwise(r)):
@@ -263,7 +273,7 @@ def _averages(flow: BluntBodyFlow, r: np.ndarray, z: np.ndarray, *, weighted: bo
 
 def _outline(radius: float, length: float, geometry: str) -> np.ndarray:
     """Return the body's profile: from the nose along the quarter circle and the straight side to the base."""
-    angle = np.linspace(0.0, 0.5 * math.pi, WALL_POINTS + 1)
+    angle = np.linspace(0.0, 0.5 * math.pi, 180 + 1)  # around a quarter of the nose
     side = np.stack([radius * np.sin(angle), radius * (np.cos(angle) - 1.0)], axis=1)
     side[0] = 0.0
     side[-1, 0] = radius

@@ -1,4 +1,14 @@
-"""A density field made from a formula: exact averages over rectangular cells, together with the formula."""
+"""A density field made from a formula: exact averages over rectangular cells, together with the formula.
+
+A density f that depends only on the direction from the origin (a wedge, a plane shock, an expansion fan) is homogeneous
+of degree 0. Hence div(f x) = 2 f, and the integral over a cell becomes one over the cell's edges:
+
+    2 int f dA = z+ int_{z+} f dy - z- int_{z-} f dy + y+ int_{y+} f dz - y- int_{y-} f dz
+
+An edge is split where it crosses a shock, a Mach line or a contact, and each part is integrated by Gauss's rule: the
+area behind a shock in a cell is exact at any angle, and so is the average over a cell at the origin, where a fan has
+all its densities. Rounding error: 1e-16 of the change within a cell, times the number of cells from the origin.
+"""
 
 import math
 from abc import ABC, abstractmethod
@@ -22,7 +32,6 @@ CELL_LIMIT = 4_000_000
 # Default number of cells along the field, cells of undisturbed gas around the disturbed region, and the least number of
 # cells along either axis.
 DEFAULT_CELLS, MARGIN, LEAST_CELLS = 200, 8, 8
-POINTS, SMOOTH_POINTS = 12, 8
 
 
 class Solution(Protocol):
@@ -132,7 +141,7 @@ def piecewise_means(
         edges: Increasing, shape (n,).
         breaks: Positions of jumps and kinks.
     """
-    share, weight = unit_gauss(POINTS)
+    share, weight = unit_gauss(12)
     low, high = edges[:-1], edges[1:]
     cuts = np.stack([low, *(np.clip(place, low, high) for place in sorted(breaks)), high])
     start, width = cuts[:-1], np.diff(cuts, axis=0)
@@ -183,7 +192,7 @@ def smooth_averages(
     function: Callable[[np.ndarray, np.ndarray], np.ndarray], y: np.ndarray, z: np.ndarray
 ) -> np.ndarray:
     """Return averages over rectangular cells of a function of (y, z), smooth in each, by a product Gauss rule."""
-    share, weight = unit_gauss(SMOOTH_POINTS)
+    share, weight = unit_gauss(8)
     across = y[:-1, None] + np.diff(y)[:, None] * share
     along = z[:-1, None] + np.diff(z)[:, None] * share
     result = np.empty((len(across), len(along)))

@@ -1,7 +1,16 @@
-"""Plane shocks as density fields: the flow over a wedge, and one shock across a stream.
+"""Plane flows whose density depends only on the direction from the origin: a wedge, one shock, an expansion fan.
 
-In the optical frame the stream comes from +z and flows towards -z. The density depends only on the direction from the
-origin.
+In the optical frame the stream comes from +z and flows towards -z.
+
+With nu(M) the Prandtl-Meyer function and k = (g + 1) / (g - 1), the angle between the Mach line of the sonic stream and
+that of Mach number M is psi = nu + acos(1 / M), and
+
+    sqrt(M^2 - 1) = sqrt(k) tan(psi / sqrt(k)),      T / T0 = 2 / (g + 1) cos^2(psi / sqrt(k)).
+
+The density along the Mach line at an angle psi - psi1 behind the first one is therefore
+rho / rho1 = (cos(psi / sqrt(k)) / cos(psi1 / sqrt(k)))^(2 / (g - 1)).
+
+References: NACA Report 1135 (1953), eq 171; L. D. Landau and E. M. Lifshitz, Fluid Mechanics, 2nd ed., paragraph 109.
 """
 
 import math

@@ -24,14 +24,11 @@ from aerokernels.flow import ciddor
 from aerokernels.inputs.arguments import checked
 from aerokernels.inputs.wavelength import SAME, check_wavelength
 
-GAS_CONSTANT = 8.314462618  # [J/(mol K)]
 # The sum of fractions may differ from 1 by this much, as rounded fractions do; they are then scaled to a sum of 1.
 SUM_TOLERANCE = 2e-3
 _NORMAL = (273.15, 101325.0)
 _BORZSONYI = "A. Borzsonyi et al., Appl. Opt. 47 (2008) 4856"
 WATER = "H2O"
-# Ciddor's water vapour was fitted to moist air: the uncertainty is 1 % of the vapour's contribution.
-_WATER_UNCERTAINTY = 1e-2
 
 
 @dataclass(frozen=True)
@@ -65,7 +62,7 @@ class Species:
     @property
     def reference_density(self) -> float:
         """Density of the real gas at the reference state [kg/m3]."""
-        ideal = self.pressure / (GAS_CONSTANT * self.temperature)
+        ideal = self.pressure / (8.314462618 * self.temperature)  # [J/(mol K)]
         return self.molar_mass * ideal / (1.0 + self.virial * ideal)
 
     def refractivity(self, wavelength: float, *, group: bool = False) -> float:
@@ -228,7 +225,8 @@ class Composition:
     @property
     def uncertainty(self) -> float:
         """Relative uncertainty of the constant: the greatest among those of its species."""
-        return max(_WATER_UNCERTAINTY if name == WATER else SPECIES[name].uncertainty for name in self._names)
+        # Ciddor's water vapour was fitted to moist air: the uncertainty is 1 % of the vapour's contribution.
+        return max(1e-2 if name == WATER else SPECIES[name].uncertainty for name in self._names)
 
     @property
     def source(self) -> str:

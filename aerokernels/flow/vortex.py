@@ -22,7 +22,6 @@ from aerokernels.inputs.checks import check_positive
 
 # Half width of the field in radii: at its faces the temperature deviation is 1e-15 of that in the middle.
 REACH = 6.0
-CELLS_PER_RADIUS = 40
 
 
 @dataclass(frozen=True)
@@ -104,7 +103,7 @@ def vortex(
     """
     swirl = Vortex(float(mach), float(radius), float(gamma))
     check_density(density, "density")
-    step = radius / CELLS_PER_RADIUS if spacing is None else check_positive(spacing, "spacing")
+    step = radius / 40 if spacing is None else check_positive(spacing, "spacing")
     if step > 0.5 * radius * (1.0 + 1e-9):
         raise ValueError(f"spacing {step:g} m must be at most half the radius {radius:g} m")
     side = edges(-REACH * radius, REACH * radius, step)

@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 from scipy.constants import speed_of_light
 
-from aerokernels.echo.result import echo_of_result
 from aerokernels.files.netcdf_reading import open_netcdf
 from aerokernels.hardware.frames import GREATEST_SAMPLE_COUNT, EchoFrame
 from aerokernels.inputs.checks import as_finite_array, as_waveform, check_at_least, check_count, check_path
+from aerokernels.lidar.result import echo_of_result
 
 # The scene whose echo the simulated instruments send by default.
 DEFAULT_SCENE = "wind-tunnel-static"
@@ -68,7 +68,7 @@ class EchoSource:
         Raises:
             ValueError: a scene that cannot be used.
         """
-        from aerokernels.echo.rangefinder import vacuum_echo
+        from aerokernels.lidar.rangefinder import vacuum_echo
         from aerokernels.scene import Scene
 
         echo = vacuum_echo(Scene.load(scene))
@@ -127,7 +127,7 @@ def _sample_times(sample_count: int, sample_period_ps: int) -> np.ndarray:
 
 def _interpolated(time: np.ndarray, echo_time: np.ndarray, voltage: np.ndarray) -> np.ndarray:
     """Interpolate an echo's voltage at other times [s] by the quintic spline; 0 V outside its record."""
-    from aerokernels.echo.pulse_curve import PulseCurve
+    from aerokernels.lidar.pulse_curve import PulseCurve
 
     echo_time, voltage, period = as_waveform(echo_time, voltage)
     peak = int(np.argmax(voltage))

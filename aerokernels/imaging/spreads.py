@@ -22,7 +22,7 @@ from ..tracing import Plane, trace
 from ..tracing.lines import greatest_contrast
 from ..tracing.status import reached
 from ..tracing.stop import way_beyond
-from ..wavefront.pixels import pupil_grid
+from ..wavefronts.pixels import pupil_grid
 from .camera import Camera, along
 
 # Nodes whose point spread functions are computed together; side of a tile of the pupil's pixels, whose rays are

@@ -25,7 +25,7 @@ from ..inputs.kinds import refuse_masked
 from ..medium import IndexField
 from ..process.clock import clocked, stage
 from ..sensor import Sensor
-from ..wavefront.pixels import pupil_grid
+from ..wavefronts.pixels import pupil_grid
 from .camera import Camera
 from .render import render
 from .shift import APERTURE_RAYS, BackgroundDisplacement, check_view, gather

@@ -17,9 +17,6 @@ import numpy as np
 
 from aerokernels import __version__
 from aerokernels.compare import WaveformComparison, compare_waveforms, pearson_correlation
-from aerokernels.echo import RANGING_METHODS
-from aerokernels.echo.pulses import SPEED_OF_LIGHT
-from aerokernels.echo.ranging import Reading, template_curve
 from aerokernels.inputs.checks import as_waveform, check_count, check_path
 from aerokernels.inputs.kinds import is_number
 from aerokernels.jobs.echo_statistics import (
@@ -35,6 +32,9 @@ from aerokernels.jobs.echo_statistics import (
 )
 from aerokernels.jobs.recorded import Label, RecordedEcho, label_text, random_subset, recorded_echoes, recorded_labels
 from aerokernels.jobs.run_folder import RunFolder, match_runs
+from aerokernels.lidar import RANGING_METHODS
+from aerokernels.lidar.pulses import SPEED_OF_LIGHT
+from aerokernels.lidar.ranging import Reading, template_curve
 from aerokernels.process.foreign_files import FileFault
 
 if TYPE_CHECKING:

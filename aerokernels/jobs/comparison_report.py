@@ -11,7 +11,6 @@ import numpy as np
 from aerokernels import __version__
 from aerokernels.compare import DEGREES
 from aerokernels.display.quantities import Quantity, two_digits
-from aerokernels.echo.pulses import SPEED_OF_LIGHT
 from aerokernels.hardware.export import csv_cell
 from aerokernels.jobs.comparison import EACH, NO_ALIGNMENT, BenchComparison, LabelComparison
 from aerokernels.jobs.echo_statistics import TOLD, covering, spread_factor
@@ -20,6 +19,7 @@ from aerokernels.jobs.page import page, table
 from aerokernels.jobs.plots import ACCENT, MUTED, RAY_COLOUR
 from aerokernels.jobs.recorded import LEAST_SAMPLES, label_text
 from aerokernels.jobs.store import REPORT_FILE, SUMMARY_FILE, staged_folder, to_json, write_result, write_summary
+from aerokernels.lidar.pulses import SPEED_OF_LIGHT
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -1,18 +1,18 @@
 """Explain in words what a run of a scene would do: region, grid, method, ray counts, and the errors."""
 
 from aerokernels.display.quantities import TOTAL, Quantity, judge, main_cause, two_digits
-from aerokernels.echo import RANGING_METHODS
-from aerokernels.echo.parts import Setup, trace_options
-from aerokernels.echo.rangefinder import predict_echo
-from aerokernels.echo.return_paths import is_symmetric
 from aerokernels.flow import DensityField
+from aerokernels.focus.estimate import PreparedStrehl
 from aerokernels.jobs.run import FAN_PLANES, FAN_RAYS, MAP_PIXELS
+from aerokernels.lidar import RANGING_METHODS
+from aerokernels.lidar.parts import Setup, trace_options
+from aerokernels.lidar.rangefinder import predict_echo
+from aerokernels.lidar.return_paths import is_symmetric
 from aerokernels.medium import AveragesLacking, IndexField
 from aerokernels.medium.grid import UniformGrid
 from aerokernels.prepare import Prepared, prepare_field
 from aerokernels.scene import Scene
 from aerokernels.scene.pupil_table import in_words
-from aerokernels.strehl.estimate import PreparedStrehl
 from aerokernels.tracing.plan import TracePlan
 from aerokernels.tracing.variants.causes import budget
 from aerokernels.waves import validity

@@ -11,18 +11,7 @@ import numpy as np
 from pydantic import ValidationError
 
 from aerokernels import __version__
-from aerokernels.display.quantities import Quantity
-from aerokernels.display.shown import extent_of
-from aerokernels.flow import DensityField, shipped_names
-from aerokernels.jobs.figure_layout import house_style, png, styled_figure
-from aerokernels.jobs.plots import ACCENT
-from aerokernels.jobs.store import SUMMARY_FILE, staged_folder, write_result, write_summary
-from aerokernels.medium import IndexField
-from aerokernels.prepare import flow_index
-from aerokernels.scene import Scene, warn_of_unused
-from aerokernels.scene.errors import SceneError, scene_error
-from aerokernels.scene.loading import override, shipped_scenes
-from aerokernels.schlieren import (
+from aerokernels.benches import (
     HalfComparison,
     Interferogram,
     LineOfSight,
@@ -38,11 +27,22 @@ from aerokernels.schlieren import (
     shadow_picture,
     write_picture,
 )
-from aerokernels.schlieren.fringes import Fringes
-from aerokernels.schlieren.knife_edge import KnifeEdge
-from aerokernels.schlieren.line_of_sight import check_exposure
-from aerokernels.schlieren.picture import PictureView
-from aerokernels.schlieren.shadowgraph import Screen
+from aerokernels.benches.fringes import Fringes
+from aerokernels.benches.knife_edge import KnifeEdge
+from aerokernels.benches.line_of_sight import check_exposure
+from aerokernels.benches.picture import PictureView
+from aerokernels.benches.shadowgraph import Screen
+from aerokernels.display.quantities import Quantity
+from aerokernels.display.shown import extent_of
+from aerokernels.flow import DensityField, shipped_names
+from aerokernels.jobs.figure_layout import house_style, png, styled_figure
+from aerokernels.jobs.plots import ACCENT
+from aerokernels.jobs.store import SUMMARY_FILE, staged_folder, write_result, write_summary
+from aerokernels.medium import IndexField
+from aerokernels.prepare import flow_index
+from aerokernels.scene import Scene, warn_of_unused
+from aerokernels.scene.errors import SceneError, scene_error
+from aerokernels.scene.loading import override, shipped_scenes
 
 if TYPE_CHECKING:
     import xarray

@@ -9,25 +9,25 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
-from aerokernels.echo import EchoResult
-from aerokernels.echo.parts import Setup, trace_options
-from aerokernels.echo.rangefinder import VacuumEcho, check_echo
-from aerokernels.echo.simulate import echo_through
 from aerokernels.flow import DensityField
+from aerokernels.focus import StrehlEstimate
+from aerokernels.focus.estimate import estimate_strehl
 from aerokernels.inputs.arguments import checked
 from aerokernels.jobs.report import draw_pictures, render_report
 from aerokernels.jobs.run_files import RayFan, RunResult, scene_toml
 from aerokernels.jobs.store import REPORT_FILE, RESULT_FILE, SUMMARY_FILE, staged_folder, write_result, write_summary
+from aerokernels.lidar import EchoResult
+from aerokernels.lidar.parts import Setup, trace_options
+from aerokernels.lidar.rangefinder import VacuumEcho, check_echo
+from aerokernels.lidar.simulate import echo_through
 from aerokernels.medium import IndexField
 from aerokernels.prepare import Prepared, prepare_field
 from aerokernels.process.clock import clocked
 from aerokernels.rays import RayBundle
 from aerokernels.scene import Scene, warn_of_unused
-from aerokernels.strehl import StrehlEstimate
-from aerokernels.strehl.estimate import estimate_strehl
 from aerokernels.tracing import Plane, trace
 from aerokernels.tracing.engines.choice import choose_backend
-from aerokernels.wavefront import Wavefront, wavefront
+from aerokernels.wavefronts import Wavefront, wavefront
 
 if TYPE_CHECKING:
     pass

@@ -34,16 +34,16 @@ import numpy as np
 from aerokernels import __version__
 from aerokernels.display.quantities import TOTAL, Verdict, greatest_ratio_error, judge, main_cause
 from aerokernels.display.shown import shown
-from aerokernels.echo import EchoResult
+from aerokernels.focus import StrehlEstimate
 from aerokernels.jobs.numbers import NUMBERS
 from aerokernels.jobs.plots import density_cells
 from aerokernels.jobs.store import number_or_nan, to_json
+from aerokernels.lidar import EchoResult
 from aerokernels.medium import AveragesLacking, SolidBody
 from aerokernels.prepare import Prepared
 from aerokernels.scene import Scene
 from aerokernels.scene.pupil_table import axis_words
-from aerokernels.strehl import StrehlEstimate
-from aerokernels.wavefront import Wavefront, point_spread_function
+from aerokernels.wavefronts import Wavefront, point_spread_function
 
 if TYPE_CHECKING:
     import xarray

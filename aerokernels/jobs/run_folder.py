@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from aerokernels.echo.result import echo_of_result
 from aerokernels.jobs.recorded import Label, label_text, load_netcdf
 from aerokernels.jobs.store import RESULT_FILE, SUMMARY_FILE
+from aerokernels.lidar.result import echo_of_result
 
 if TYPE_CHECKING:
     import xarray

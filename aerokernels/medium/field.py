@@ -24,7 +24,6 @@ from aerokernels.medium.grid import (
     check_box,
     check_finite,
     check_starts_on_axis,
-    checked_walls,
     contrast_array,
     local_coordinates,
     warn_of_index,
@@ -141,7 +140,7 @@ class IndexField(Derived):
             cell_averages: `contrast` holds averages over the cells centred on the nodes (finite-volume data), not
                 samples at the nodes: the position of a shock inside a cell is then kept. In an axisymmetric field they
                 are averages over the (r, z) rectangle, without the weight r; `from_mesh` takes averages over volumes
-                of revolution, which differ by spacing^2 / (12 r) times the slope along r. See cell_averages.py.
+                of revolution, which differ by spacing^2 / (12 r) times the slope along r. See spline.py.
             wavelength: Vacuum wavelength for which `contrast` was computed [m]; None if it is of no wavelength.
             upstream: Errors of `contrast` from how it was made.
 
@@ -217,7 +216,9 @@ class IndexField(Derived):
         values = np.array(contrast_array(contrast), dtype=np.float64)
         check_finite(values, "the contrast")
         warn_of_index(values.min(initial=np.inf), values.max(initial=-np.inf))
-        walls = None if walls is None else checked_walls(walls)
+        if walls is not None:
+            walls = np.asarray(walls[0], dtype=np.float64), np.asarray(walls[1], dtype=np.float64)
+            check_finite(np.column_stack(walls), "the walls")
         at_vertices, in_cells = mesh.array_shapes
         averages = None
         if interpolation == "conserving" and values.shape not in in_cells:

@@ -17,7 +17,6 @@ from aerokernels.derived import Derived
 from aerokernels.device_arrays import plain_array
 from aerokernels.display.shown import shown
 from aerokernels.inputs.checks import check_choice, warn_caller
-from aerokernels.inputs.kinds import are_numbers
 from aerokernels.medium import spline
 from aerokernels.process.opened import OPENED
 from aerokernels.process.threads import copy_and_scan, extremes_of
@@ -27,8 +26,6 @@ from aerokernels.process.threads import copy_and_scan, extremes_of
 AXIS_CORE = 1e-4
 # Greatest and least side of a box in metres (about the Earth's radius, and a few atoms); others are in another unit.
 LARGEST_BOX, SMALLEST_BOX = 1e7, 1e-9
-# Float64 does not resolve node positions that are closer together than this fraction of their coordinates.
-LEAST_STEP_SHARE = 1e-11
 # Types of samples that are kept as they are given.
 KINDS = np.dtype(np.float32), np.dtype(np.float64)
 # Key of a function that copies coefficients from a device.
@@ -88,7 +85,8 @@ def checked_axes(shape: tuple[int, ...], origin, spacing) -> tuple[np.ndarray, n
     if not (np.isfinite(spacing).all() and (spacing > 0.0).all()):
         raise ValueError(f"spacing must be positive and finite along every axis, got {asked!r}")
     farthest = np.maximum(np.abs(origin), np.abs(origin + spacing * (np.array(shape) - 1)))
-    if (spacing < LEAST_STEP_SHARE * farthest).any():
+    # Float64 does not resolve node positions that are closer together than this fraction of their coordinates.
+    if (spacing < 1e-11 * farthest).any():
         raise ValueError(
             f"a spacing of {spacing.tolist()} m is not resolved at coordinates of {farthest.tolist()} m: "
             "is one of them in another unit? Give metres, and put the origin near the flow"
@@ -309,15 +307,3 @@ def eq5_step(difference: np.ndarray, size) -> np.ndarray:
         [difference <= 1e-5, difference <= 1e-4, difference <= 1e-3, difference <= 1e-2], [1.0, 0.5, 0.2, 0.1], 0.05
     )
     return share * size
-
-
-def checked_walls(walls: Any) -> tuple[np.ndarray, np.ndarray]:
-    """Return positions at walls [m], shape (n, 2), and the contrast there, shape (n,), as float64 arrays."""
-    if not isinstance(walls, (tuple, list)) or len(walls) != 2 or not all(are_numbers(each) for each in walls):
-        raise TypeError(f"walls must be a pair of arrays, points [m] and contrasts, got {type(walls).__name__}")
-    points, contrast = (np.asarray(each, dtype=np.float64) for each in walls)
-    if contrast.ndim != 1 or points.shape != (len(contrast), 2):
-        raise ValueError(f"walls need points of shape (n, 2) and n contrasts, got {points.shape} and {contrast.shape}")
-    check_finite(points, "the points at walls")
-    check_finite(contrast, "the contrast at walls")
-    return points, contrast

@@ -7,14 +7,12 @@ import numpy as np
 from aerokernels.inputs.units import ratio_of, unit_of
 
 GEOMETRIES = {("x", "y", "z"): "volume", ("y", "z"): "planar", ("r", "z"): "axisymmetric"}
-EVEN, UNEVEN = 1e-6, 1e-3  # of a spacing: nodes may be so far off an even grid in any case, and by rounding at most
-SINGLE = 2.4e-7  # of a coordinate: rounding to single precision, of a node and of the ends of its row
-GREATEST = 1e3  # no medium has greater contrasts: the file is damaged
 
 
 def unevenness(step: float, farthest: float) -> float:
     """Return how far nodes with coordinates up to `farthest` may be off an even grid of a spacing `step`, like it."""
-    return step * float(np.clip(SINGLE * farthest / step, EVEN, UNEVEN)) if step > 0.0 else 0.0
+    # Rounding to single precision moves a node and the ends of its row by 2.4e-7 of a coordinate.
+    return step * float(np.clip(2.4e-7 * farthest / step, 1e-6, 1e-3)) if step > 0.0 else 0.0
 
 
 def check_order(array: Any, name: str, geometry: str, door: str) -> None:
@@ -78,6 +76,6 @@ def grid_arguments(array) -> dict:
         raise ValueError(f"the unit of the contrast: {fault}: {remedy}") from None
     if ratio != 1.0:
         samples = samples * ratio
-    if samples.size and samples.max() > GREATEST:
+    if samples.size and samples.max() > 1e3:  # no medium has greater contrasts: the file is damaged
         raise ValueError(f"no medium has a contrast of {samples.max():g}, the greatest: it is n - ambient_index")
     return {"contrast": samples, "origin": origin, "spacing": spacing, "geometry": GEOMETRIES[order], **given}

@@ -27,8 +27,6 @@ from aerokernels.medium.mesh_cells import (
 )
 
 GEOMETRIES = ("volume", "planar", "axisymmetric")
-# Pairs of points and cells that are tested together, which limits the size of arrays.
-PAIR_LIMIT = 1_000_000  # speed only
 # Gauss points of the unit interval, exact for cubic polynomials.
 GAUSS_2 = (0.5 - 0.5 / 3.0**0.5, 0.5 + 0.5 / 3.0**0.5)
 
@@ -302,7 +300,8 @@ class QuadMesh(Derived):
         ends = np.cumsum(listed)
         first = 0
         while first < len(rows):
-            last = max(first + 1, int(np.searchsorted(ends, PAIR_LIMIT + (ends[first - 1] if first else 0), "right")))
+            # A million pairs are tested together, which limits the size of arrays.
+            last = max(first + 1, int(np.searchsorted(ends, 1_000_000 + (ends[first - 1] if first else 0), "right")))
             part = slice(first, last)
             yield self._holding(points, rows[part], bins.start[key[part]], listed[part])
             first = last

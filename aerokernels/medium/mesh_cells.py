@@ -1,14 +1,16 @@
-"""The cells of a quadrilateral mesh: their orientation, faults, and the cells across their edges."""
+"""The cells of a quadrilateral mesh: bilinear map, orientation, faults, and the cells across their edges.
+
+With corners a, b, c, d in order around the cell, xi increasing from a to b and eta from a to d, the bilinear map is
+
+    p(xi, eta) = a + xi e + eta f + xi eta g,    e = b - a,  f = d - a,  g = (a - b) + (c - d).
+"""
 
 import numpy as np
 
-# Cells that are examined together, which limits the size of arrays.
-PART = 1 << 17  # speed only
 # Relative tolerance of the containment test, so that a point on an edge belongs to at least one of the two cells.
 EDGE_TOLERANCE = 1e-9
-# Newton's method converges quadratically: after a step of this size (in xi, eta) only rounding errors remain.
-LAST_STEP = 1e-9
-MAX_STEPS = 12
+# Cells that are examined together, which limits the size of arrays.
+PART = 1 << 17  # speed only
 
 
 def cells_across(cells: np.ndarray, vertex_count: int) -> np.ndarray:
@@ -113,7 +115,7 @@ def invert_bilinear(corners: np.ndarray, points: np.ndarray) -> tuple[np.ndarray
     f0, f1 = d - a
     g0, g1 = (a - b) + (c - d)
     p0, p1 = points.T - a
-    for _ in range(MAX_STEPS):
+    for _ in range(12):
         along0, along1 = e0 + eta * g0, e1 + eta * g1
         miss0, miss1 = xi * along0 + eta * f0 - p0, xi * along1 + eta * f1 - p1
         across0, across1 = f0 + xi * g0, f1 + xi * g1
@@ -121,7 +123,8 @@ def invert_bilinear(corners: np.ndarray, points: np.ndarray) -> tuple[np.ndarray
         step_xi = (miss0 * across1 - miss1 * across0) * rate
         step_eta = (along0 * miss1 - along1 * miss0) * rate
         xi, eta = np.clip(xi - step_xi, -0.5, 1.5), np.clip(eta - step_eta, -0.5, 1.5)
-        if max(np.abs(step_xi).max(initial=0.0), np.abs(step_eta).max(initial=0.0)) < LAST_STEP:
+        # Newton's method converges quadratically: after a step of this size (in xi, eta) only rounding errors remain.
+        if max(np.abs(step_xi).max(initial=0.0), np.abs(step_eta).max(initial=0.0)) < 1e-9:
             break
     return xi, eta
 

@@ -12,7 +12,6 @@ from aerokernels.medium.grid import local_coordinates
 from aerokernels.medium.mesh import QuadMesh
 
 LINES = 64  # lines that are cut together; speed only
-KEPT_LINES = 512  # most lines of a call whose pieces are cached on the mesh until the next call; speed only
 
 
 def mesh_columns(mesh: QuadMesh, values: np.ndarray, position, direction, ends=None) -> np.ndarray:
@@ -35,7 +34,8 @@ def mesh_columns(mesh: QuadMesh, values: np.ndarray, position, direction, ends=N
     if not len(position):
         return np.zeros(0)
     # The next call may have other values on the mesh along the same lines.
-    pieces = _pieces if len(position) <= KEPT_LINES else _pieces.function
+    # Of many lines nothing is cached.
+    pieces = _pieces if len(position) <= 512 else _pieces.function
     line, cell, length = pieces(mesh, position, direction, ends)
     return np.bincount(line, np.where(cell >= 0, values[cell], 0.0) * length, len(position))
 

@@ -10,6 +10,9 @@ Interpolations:
 
 "idw" does not reproduce a linear field and jumps at cell edges; it is provided for comparison only. With "cells" line
 integrals are exactly those of the flow's cell averages; it is traced by the reference backend.
+
+`kinks` tells how much the gradient jumps at the edges between cells: error control steps over edges only where that
+allows it (tracing/engines/warp/kernels/edges.py).
 """
 
 from collections.abc import Callable
@@ -114,7 +117,7 @@ class MeshSamples(Derived):
 
     @cached_property
     def kinks(self) -> np.ndarray:
-        """Greatest jump of the gradient at each edge of each cell [1/m], shape (cell_count, 4): see kinks.py."""
+        """Greatest jump of the gradient at each edge of each cell [1/m], shape (cell_count, 4)."""
         if self.interpolation == "bilinear":
             return bilinear_jumps(self.mesh, self.values)
         return gradient_jumps(self.mesh, self.gradients_in)

@@ -67,11 +67,6 @@ def cells_of_four(mesh: QuadMesh) -> QuadMesh:
     return _cut(mesh)[0]
 
 
-def edges_of_four(mesh: QuadMesh) -> tuple[np.ndarray, np.ndarray]:
-    """Return the vertices at both ends of each edge of a mesh, in the order of the vertices that cut the edges."""
-    return _cut(mesh)[1:3]
-
-
 def quarters(xi: np.ndarray, eta: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return which of a cell's four parts contains each point, and the point's bilinear coordinates in that part."""
     right, upper = xi > 0.5, eta > 0.5

@@ -22,15 +22,12 @@ from aerokernels.medium.mesh import QuadMesh
 from aerokernels.process.machine import host_memory
 from aerokernels.sobol import sobol_points
 
-PROBE_COUNT = 4096
 LINE_COUNT = 64
 # Greatest and least factor by which halving the spacing is predicted to reduce the error.
 GREATEST_GAIN, LEAST_GAIN = 64.0, 4.0
 # Most nodes of a grid whose geometry is cached on the mesh that was resampled last: 100 bytes each, and 10 MB.
 KEPT_NODES = 1 << 18  # speed only
 NODE_LIMIT = 200_000_000
-# Greatest memory that resampling needs per node, measured on the shipped flows.
-BYTES_PER_NODE = 300
 # A grid of fewer cells along an axis does not resolve any structure of a flow.
 LEAST_CELLS = 4
 
@@ -240,7 +237,7 @@ def _make_points(where: QuadMesh | UniformGrid, body, low, high, step, count) ->
         within(foot + 1e-3 * reach * normal),
         within(foot + (mirrored + 1e-3 * reach)[:, None] * normal),
         np.exp(-np.maximum(depth - reach, 0.0) / reach),
-        flowing(low + extent * sobol_points(PROBE_COUNT, dimension, seed=1)),
+        flowing(low + extent * sobol_points(4096, dimension, seed=1)),
         flowing(lines),
         line_points,
         extent[-1] / line_points,
@@ -307,7 +304,8 @@ def node_counts(field, low: np.ndarray, high: np.ndarray, step: np.ndarray) -> n
         )
     with np.errstate(over="ignore"):
         nodes = float(np.prod(np.maximum(cells, 1.0) + 1.0))
-    limit = min(NODE_LIMIT, host_memory() / BYTES_PER_NODE)
+    # Greatest memory that resampling needs per node, measured on the shipped flows.
+    limit = min(NODE_LIMIT, host_memory() / 300)
     if nodes > limit:
         least = float((extent.prod() / limit) ** (1.0 / len(extent)))
         raise ValueError(

@@ -10,6 +10,15 @@ at `stride` times the cell's index, with weights that depend on the position u i
 
 References: C. de Boor, A Practical Guide to Splines (2001); F. N. Fritsch and R. E. Carlson, SIAM J. Numer. Anal. 17
 (1980) 238 for the limit on slopes.
+
+Averages over cells one spacing wide, centred on the nodes, become node values first: for "cubic" those of the spline S
+that has them along each axis,
+
+    (1 / h) int S over [x_i - h/2, x_i + h/2] = average_i,
+
+so the position of a shock inside a cell is kept to a small fraction of the cell. The others use the averages as node
+values: integrals along whole lines equal those of the data, and the neglected h^2 / 24 times the second derivative is
+within these interpolants' own error. Axisymmetric averages are over the (r, z) rectangle, without the weight r.
 """
 
 from collections.abc import Callable

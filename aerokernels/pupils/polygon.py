@@ -158,10 +158,7 @@ def _first_crossing(corner: np.ndarray) -> tuple[int, int] | None:
 
 
 def _ears(corner: np.ndarray) -> list[tuple[int, int, int]]:
-    """Return the triangles of a simple counter-clockwise polygon, found by cutting off ears.
-
-    Source: G. H. Meisters, Polygons have ears, Am. Math. Mon. 82 (1975).
-    """
+    """Return the triangles of a simple counter-clockwise polygon, found by cutting off ears."""
     left = list(range(len(corner)))
     found = []
     while len(left) > 3:

@@ -24,18 +24,18 @@ from aerokernels import __version__
 from aerokernels.inputs.checks import warn_caller
 
 from ..flow import DensityField, Series
+from ..focus.estimate import PreparedStrehl
+from ..focus.ratio import NoRayArrived
 from ..inputs.arguments import checked
 from ..inputs.kinds import shown
 from ..inputs.wavelength import DEFAULT_WAVELENGTH
 from ..medium import IndexField
 from ..pupils import direction_of
 from ..rays import RayBundle
-from ..strehl.estimate import PreparedStrehl
-from ..strehl.ratio import NoRayArrived
 from ..tracing.cuts import flow_ends
 from ..tracing.lines import NoRayMeetsField
 from ..tracing.pupil.quadrature import asymmetry
-from ..wavefront.terms import NUMBERS
+from ..wavefronts.terms import NUMBERS
 
 if TYPE_CHECKING:
     import xarray

@@ -21,7 +21,7 @@ from ..inputs.wavelength import DEFAULT_WAVELENGTH, check_wavelength
 from ..pupils.base import as_unit_vector
 from ..tracing.plan import PRECISIONS
 from ..tracing.pupil.air import GREATEST_SHARE, PAST_REFUSED, PupilAir, TruncationWarning
-from ..wavefront import check_terms
+from ..wavefronts import check_terms
 from .pupil_grid import MapReader, PupilGrid, pupil_grid
 from .snapshot import METHODS, SnapshotResult, Snapshots, SnapshotSettings
 from .store import FIRST, KEPT, LAST, MemoryStore, ZarrStore, code_of

@@ -9,8 +9,8 @@ import numpy as np
 
 from aerokernels.inputs.checks import check_count
 from aerokernels.pupils import Projected, Pupil, seen_along
-from aerokernels.wavefront import remove_terms, weighted_mean
-from aerokernels.wavefront.pixels import derivatives, three_in_a_row
+from aerokernels.wavefronts import remove_terms, weighted_mean
+from aerokernels.wavefronts.pixels import derivatives, three_in_a_row
 
 # Share of a pixel below which a remainder is rounding.
 ROUNDING = 1e-9

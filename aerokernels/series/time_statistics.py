@@ -17,7 +17,7 @@ from ..flow import Series
 from ..inputs.arguments import checked, seconds
 from ..inputs.checks import check_count, check_positive
 from ..inputs.wavelength import DEFAULT_WAVELENGTH, check_wavelength
-from ..wavefront import weighted_mean
+from ..wavefronts import weighted_mean
 from .linking import NotLinkedError
 from .modes import orthogonal_modes
 from .pupil_grid import MapReader

@@ -86,10 +86,7 @@ def greatest_of_neighbors(values: np.ndarray, count: int, axis: int) -> np.ndarr
 
 
 def _greatest_of_runs(values: np.ndarray, width: int) -> np.ndarray:
-    """The greatest of each run of `width` entries along the first axis, by runs of 2, 4, 8 ... entries.
-
-    Two overlapping runs make up any other width.
-    """
+    """The greatest of each run of `width` entries along the first axis, by runs of 2, 4, 8 ... entries."""
     wide = 1
     while wide < width:
         further = min(wide, width - wide)

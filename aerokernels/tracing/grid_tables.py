@@ -190,19 +190,13 @@ class GridTables:
         return self.block, derivatives, [np.zeros(derivatives[0].shape)] * len(scales)
 
     def _peaks(self, planes: Any, rows: Any) -> None:
-        """Launch the greatest absolute coefficients along the first axis, and along the second, into these buffers.
-
-        Lines of the last axis are contiguous in memory, which would be slower.
-        """
+        """Launch the greatest absolute coefficients along the first axis, and along the second, into these buffers."""
         first, second, third = _three(self.grid.coefficient_shape)
         self._maxima(1, self.coefficients, second * third, 1, first, first, planes)
         self._maxima(2, self.coefficients, third, first, second, second, rows)
 
     def _maxima(self, number: int, values: Any, pitch: int, outer: int, count: int, block: int, made: Any) -> None:
-        """Launch the greatest absolute values over the nodes of blocks along an axis, into the buffer `made`.
-
-        `number` tells this launch from the others of the same kernel.
-        """
+        """Launch the greatest absolute values over the nodes of blocks along an axis, into the buffer `made`."""
         places = outer * _blocks(count, block) * pitch
         self.engine.launch(self.kernels[number]["block_maxima"], [values, count, pitch, block], [made], places)
 

@@ -151,10 +151,7 @@ def face_text(field: IndexField, face: int) -> str:
 def _spans(
     p: np.ndarray, d: np.ndarray, low: np.ndarray, high: np.ndarray, geometry: str
 ) -> Iterator[tuple[int | None, np.ndarray, np.ndarray]]:
-    """Yield for each of the field's own axes where lines enter and leave a box along it.
-
-    Also yields the number of the Cartesian axis, or None for the radius.
-    """
+    """Yield for each of the field's own axes where lines enter and leave a box along it."""
     for k in range(len(low)):
         if geometry == "axisymmetric" and k == 0:
             yield None, *cylinder_span(p, d, float(high[0]), 0.0)

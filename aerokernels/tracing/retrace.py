@@ -93,15 +93,7 @@ def _trace_rejected(
     error: np.ndarray,
     limit: float,
 ) -> None:
-    """Trace rays again that are above the allowed error `limit` [m], attempt by attempt.
-
-    Args:
-        trace_again: Traces the rays of these numbers by this plan, and updates `status` and `error`.
-        plan: How the rays were traced.
-        status: Status of each ray.
-        error: Error of each ray [m].
-        limit: The allowed error [m].
-    """
+    """Trace rays again that are above the allowed error `limit` [m], attempt by attempt."""
     # A trace along undisturbed lines remains one; leapfrog is replaced by another method for bent rays.
     asked = "straight" if plan.method == "straight" and not plan.sample_count else "adaptive"
     controlled = replace(plan, method=asked, sample_count=0, sampling=None)
@@ -130,11 +122,7 @@ def _trace_rejected(
 
 
 def _powers(error: np.ndarray, limit: float) -> np.ndarray:
-    """The power of RETRACE_SHARE that brings each ray's error estimate below the allowed error; at least 1.
-
-    Each step may use up a share of the tolerance: its share of the undisturbed ray's path through the field. A ray that
-    is turned so far that its path is a hundred times longer ends a hundred times above the tolerance.
-    """
+    """The power of RETRACE_SHARE that brings each ray's error estimate below the allowed error; at least 1."""
     with np.errstate(divide="ignore", invalid="ignore"):
         excess = np.where(np.isfinite(error), error, limit) / limit
     return np.maximum(np.ceil(np.log(np.maximum(excess, 1.0)) / -np.log(RETRACE_SHARE) + 0.4), 1.0)

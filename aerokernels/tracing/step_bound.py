@@ -216,11 +216,7 @@ def _differences(values: np.ndarray, order: int) -> np.ndarray:
 
 
 def _stretched(grid: UniformGrid, axis: int, slab: slice) -> np.ndarray:
-    """Values whose differences along an axis bound the potential's: two more than nodes at each end, axis first.
-
-    Those of a slab of nodes along the next axis. Coefficients for a cubic spline, else samples, mirrored on the axis of
-    symmetry and continued by a cubic elsewhere.
-    """
+    """Values whose differences along an axis bound the potential's: two more than nodes at each end, axis first."""
     if grid.interpolation == "cubic":
         # The coefficients already have one entry beyond each end.
         others = tuple(slice(None) if a == axis else slice(1, -1) for a in range(grid.samples.ndim))

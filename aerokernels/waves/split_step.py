@@ -24,9 +24,9 @@ from ..inputs.checks import check_choice, check_count, check_positive
 from ..medium import IndexField
 from ..process.clock import clocked, stage
 from ..pupils import Pupil
-from ..wavefront import Wavefront
-from ..wavefront.changes import of_pixels
-from ..wavefront.pixels import LEAST_COVER
+from ..wavefronts import Wavefront
+from ..wavefronts.changes import of_pixels
+from ..wavefronts.pixels import LEAST_COVER
 from .layers import FEWEST_STEPS, check_memory, layer_count, mean_layers, path_range
 from .wave import Wave, propagated, transfer_exponent, warn_of_wrapping
 

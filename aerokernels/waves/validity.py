@@ -25,7 +25,7 @@ from ..inputs.arguments import checked
 from ..inputs.checks import check_positive
 from ..medium import IndexField
 from ..pupils import Pupil
-from ..wavefront import Wavefront
+from ..wavefronts import Wavefront
 from .coarse_wave import Slabs, WaveAndRays, finest_phase, slabs_of
 
 # Default limit: the greatest change of the Strehl ratio for which rays are good.

@@ -17,8 +17,8 @@ from ..inputs.arguments import Numbers, checked
 from ..inputs.checks import check_at_least, check_positive, warn_caller
 from ..inputs.wavelength import check_wavelength
 from ..pupils import as_unit_vector, as_vector, transverse_axes
-from ..wavefront import PointSpread
-from ..wavefront.point_spread import far_field
+from ..wavefronts import PointSpread
+from ..wavefronts.point_spread import far_field
 
 
 def transfer_exponent(

@@ -79,7 +79,7 @@ def shown_names() -> dict[str, list[str]]:
                     claimed.add(id(thing))
                 names.append(f"aerokernels.{page}.{name}")
         if page == "strehl_estimate":
-            names.append("aerokernels.strehl.strehl")
+            names.append("aerokernels.focus.strehl")
         shown[page] = names + [f"aerokernels.{name}" for name in MORE.get(page, []) if _exists(name)]
     return shown
 

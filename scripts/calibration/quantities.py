@@ -3,7 +3,7 @@
 import numpy as np
 
 from aerokernels.tracing.variants.paths import Rays
-from aerokernels.wavefront.terms import PupilNumbers
+from aerokernels.wavefronts.terms import PupilNumbers
 
 # Numbers that are compared with the OPD rms, not with themselves: they may be zero.
 SIGNED = ("tilt_x", "tilt_y", "focus", "astigmatism", "coma")

@@ -2,21 +2,63 @@
 
 import importlib
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import warp as wp
 
 from aerokernels.process.opened import OPENED
+from aerokernels.tracing.engines.layout import OPTIONS
 from aerokernels.tracing.engines.opencl import headers
 from aerokernels.tracing.engines.warp.library import Scene
 
-from .kernels import PLACE, PROGRAMS, Program
 from .scenes import Scenes, macros_of
 from .source import DeviceFunction
 from .text import comment, definition
 from .translator import Macro, Translator
+
+PLACE = "aerokernels.tracing.engines.warp.kernels"
+GRID = ("cubic", "linear", "monotone")
+PRECISIONS: dict[str, Sequence] = {"real_is_double": (0, 1)}
+SCENE: dict[str, Sequence] = {
+    **PRECISIONS,
+    "geometry": OPTIONS["geometry"].choices,  # type: ignore[dict-item]
+    "interpolation": OPTIONS["interpolation"].choices,  # type: ignore[dict-item]
+    "on_mesh": (0, 1),
+    "method": OPTIONS["method"].choices,  # type: ignore[dict-item]
+    "stop": OPTIONS["stop"].choices,  # type: ignore[dict-item]
+    "has_body": (0, 1),
+    "measured": (0, 1),
+}
+
+
+class Program(NamedTuple):
+    """Kernels of one file.
+
+    Attributes:
+        module: Where they are, below PLACE; the file has its name.
+        kernels: Their names, each with the builder.
+        options: Compile options and their values.
+        is_valid: Which combinations there are.
+        headers: Headers by hand that it needs.
+    """
+
+    module: str
+    kernels: Mapping[str, str]
+    options: Mapping[str, Sequence]
+    is_valid: Callable[[dict], bool] = lambda _: True
+    headers: tuple[str, ...] = ()
+
+
+def is_scene(scene: dict) -> bool:
+    """Whether there are such fields: meshes have interpolations of their own, and none fills a volume."""
+    is_mesh = scene["interpolation"] not in GRID
+    return bool(scene["on_mesh"]) == is_mesh and not (is_mesh and scene["geometry"] == "volume")
+
+
+PROGRAMS = (Program("trace", {"trace_kernel": "build_kernel"}, SCENE, is_scene),)
+
 
 COMMAND = "python scripts/generate_kernels.py"
 FOLDER = "generated"  # of the headers, within that of the kernels
@@ -95,8 +137,6 @@ def _macros() -> dict[str, Macro]:
 
 def _files(program: Program, translator: Translator) -> dict[str, str]:
     sections: dict[str, list[tuple[int, str]]] = {name: list(pairs) for name, pairs in translator.texts.items()}
-    for module, text in translator.types.own:
-        sections.setdefault(module, []).insert(0, (translator.scenes.full, text))
     found = {}
     for module, pairs in sections.items():
         source = f"{PLACE.replace('.', '/')}/{module}.py"

@@ -157,31 +157,7 @@ class Scenes:
                     found.append((sum(part.cost for part in parts), " || ".join(part.text for part in parts)))
             if found:
                 return min(found)[1]
-        return self._parted(list(once.values()), wanted, within)
-
-    def _parted(self, atoms: list[Atom], wanted: int, within: int) -> str:
-        """Write a condition in two parts, by the option that leaves the shortest rest."""
-        positive = [atom for atom in atoms if not atom.text.startswith("!") and " != " not in atom.text]
-        parting = [atom for atom in positive if wanted & atom.mask and wanted & ~atom.mask] or positive[:1]
-        best = min(
-            parting,
-            key=lambda atom: (
-                self._rough_cost(wanted, within & atom.mask) + self._rough_cost(wanted, within & ~atom.mask),
-                len(atom.text),
-            ),
-        )
-        yes = self.condition(wanted, within & best.mask)
-        no = self.condition(wanted, within & ~best.mask)
-        one = {"1": best.text, "0": ""}.get(yes, f"{best.text} && ({yes})")
-        other = {"1": f"!({best.text})", "0": ""}.get(no, f"!({best.text}) && ({no})")
-        return f"({one}) || ({other})" if one and other else one or other
-
-    def _rough_cost(self, wanted: int, within: int) -> int:
-        """Return 0 for a condition that is constant, 1 for one that is an atom, and more for others."""
-        wanted &= within
-        if wanted in (0, within):
-            return 0
-        return 1 if any(atom.mask & within == wanted for atom in self._atoms) else 5
+        raise ValueError(f"no condition of up to three options tells the scenes {wanted:x} among {within:x}")
 
 
 def _in_python(text: str) -> CodeType:

@@ -1,19 +1,16 @@
-"""Statements: assignments, returns, and loops."""
+"""Statements: ifs, of which those that a scene decides become #if, assignments, returns, and loops."""
 
 import ast
 from typing import Any
 
-from .branches import Branches
-from .expressions import OPERATORS
+from .expressions import OPERATORS, Expressions
 from .source import last_name
+from .state import Block
 from .text import indented, joined
 from .types import Term, width
-from .variables import Block
-
-ORDINALS = ("first", "second", "third", "fourth", "fifth", "sixth", "seventh")
 
 
-class Statements(Branches):
+class Statements(Expressions):
     """Writes statements.
 
     Attributes:
@@ -65,14 +62,68 @@ class Statements(Branches):
             lines[-1] += self.trailing(node)
         return lines
 
-    def _do_Pass(self, node: Any) -> list[str]:
-        return []
+    def _do_If(self, node: Any) -> list[str]:
+        mask = self.mask
+        may, rest = self.names.split(node.test, mask)
+        if not may:
+            return self._under(mask, node.orelse, mask)
+        if self.names.surely(node.test, mask) == may:
+            return self._under(mask, node.body, mask) if may == mask else self._conditional(may, node)
+        if may == mask:
+            return self._plain(node, rest, node.orelse)
+        # A part of the test is known: the C `if` is there only in the scenes where that part holds.
+        self.mask = may
+        inner = self._plain(node, rest, [])
+        self.mask = mask
+        condition = self.condition(may, mask, node.test)
+        if not node.orelse:
+            return [f"#if {condition}", *inner, "#endif"]
+        other = self.block(node.orelse, (*self.here, (id(node), 1)))
+        return [f"#if {condition}", *inner, "else", "#endif", "{", *indented(other), "}"]
+
+    def _plain(self, node: Any, rest: list, orelse: list) -> list[str]:
+        """Write an if that the ray decides."""
+        test = " && ".join(self.expr(part).within(5 if len(rest) > 1 else 0) for part in rest)
+        lines = [f"if ({test}) {{{self.trailing(node, node.test.end_lineno)}"]
+        lines += indented(self.block(node.body, (*self.here, (id(node), 0))))
+        if orelse:
+            if self.mask & self.names.surely(node.test, self.mask):
+                raise self.fail(node, "an else that some scenes do not have")
+            other = self.block(orelse, (*self.here, (id(node), 1)))
+            is_chain = len(orelse) == 1 and isinstance(orelse[0], ast.If) and _is_one_if(other)
+            if is_chain:
+                return [*lines, f"}} else {other[0]}", *other[1:]]
+            if other:
+                return [*lines, "} else {", *indented(other), "}"]
+        return [*lines, "}"]
+
+    def _under(self, mask: int, body: list, within: int) -> list[str]:
+        """Write statements in some of the scenes."""
+        before, self.mask = self.mask, mask
+        lines = self.block(body, self.here, is_transparent=mask != within)
+        self.mask = before
+        return lines
+
+    def _conditional(self, may: int, node: Any) -> list[str]:
+        """Write #if, #elif ... #else."""
+        mask, left, orelse = self.mask, self.mask & ~may, node.orelse
+        out = [f"#if {self.condition(may, mask, node.test)}", *self._under(may, node.body, mask)]
+        while left and len(orelse) == 1 and isinstance(orelse[0], ast.If):
+            may, rest = self.names.split(orelse[0].test, left)
+            if rest or not may:
+                break
+            if may == left:
+                orelse = orelse[0].body
+                break
+            out += [f"#elif {self.condition(may, left, orelse[0].test)}", *self._under(may, orelse[0].body, mask)]
+            left &= ~may
+            orelse = orelse[0].orelse
+        lines = self._under(left, orelse, mask) if left and orelse else []
+        out += ["#else", *lines] if lines else []
+        return [] if all(line.startswith("#") for line in out) else [*out, "#endif"]
 
     def _do_Break(self, node: Any) -> list[str]:
         return ["break;"]
-
-    def _do_Continue(self, node: Any) -> list[str]:
-        return ["continue;"]
 
     def _do_Expr(self, node: Any) -> list[str]:
         return [] if isinstance(node.value, ast.Constant) else [f"{self.expr(node.value).text};"]
@@ -82,8 +133,6 @@ class Statements(Branches):
         return [self._store(node.target, self.expr(node.value), sign)]
 
     def _do_Return(self, node: Any) -> list[str]:
-        if node.value is None:
-            return ["return;"]
         if not isinstance(node.value, ast.Tuple):
             value = self.expr(node.value)
             self.returns = value.type if self.returns == "void" else self.returns
@@ -172,7 +221,7 @@ class Statements(Branches):
             raise self.fail(target, "no such target")
         owner = self.expr(target.value)
         if owner.type.startswith("*"):
-            size, at = width(owner.type[1:]), self.index(target.slice)
+            size, at = width(owner.type[1:]), self.expr(target.slice).text
             if size > 1:
                 return f"vstore{size}({value.text}, {at}, {owner.text});"
             return f"{owner.text}[{at}] {sign} {value.text};"
@@ -201,3 +250,18 @@ class Statements(Branches):
 
     def _inside(self, node: Any) -> Block:
         return (*self.here, (id(node), 0))
+
+
+def _is_one_if(lines: list[str]) -> bool:
+    """Whether lines are one if statement, with its else."""
+    if not lines or not lines[0].startswith("if (") or lines[-1] != "}":
+        return False
+    depth = 0
+    for line in lines[:-1]:
+        depth += line.count("{") - line.count("}")
+        if depth == 0:
+            return False
+    return True
+
+
+ORDINALS = ("first", "second", "third", "fourth", "fifth", "sixth", "seventh")

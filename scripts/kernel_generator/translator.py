@@ -6,9 +6,8 @@ from types import CodeType
 from typing import Any, NamedTuple
 
 from .function import Function, Written
-from .names import Names
 from .scenes import Scenes
-from .source import Source, is_device_function, is_static, module_of
+from .source import Names, Source, is_device_function, is_static, module_of
 from .types import Types
 
 

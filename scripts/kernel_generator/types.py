@@ -1,15 +1,13 @@
 """Types in C of Warp's types, terms of expressions, and members of structs."""
 
-import inspect
 from typing import Any, NamedTuple
 
 import warp as wp
 
-from aerokernels.tracing.engines.layout import STRUCTS, Value
+from aerokernels.tracing.engines.layout import STRUCTS
 from aerokernels.tracing.engines.warp.library import PLAIN, TYPES
 
 from .scenes import Facet
-from .text import comment
 
 # Structs that kernels get by value and functions by pointer; their arrays are in struct Arrays.
 GIVEN = ("Field", "Bounds", "Control")
@@ -48,7 +46,6 @@ class Types:
     Attributes:
         members: The members of structs, by struct and name.
         parts: Names and types of the parts of tuples, by the struct that stands for them.
-        own: Structs that stand beside kernels: module and text.
     """
 
     def __init__(self) -> None:
@@ -66,7 +63,6 @@ class Types:
             self._plain[singles.kinds[name]] = self._plain[doubles.kinds[name]] = name
         self.members = {name: {each.name: each for each in members} for name, members in STRUCTS.items()}
         self.parts: dict[str, list[tuple[str, str]]] = {}
-        self.own: list[tuple[str, str]] = []
 
     def of(self, facet: Facet) -> str:
         """Return the type in C of Warp types.
@@ -89,20 +85,4 @@ class Types:
     def _one(self, kind: Any) -> str:
         if kind in self._plain:
             return self._plain[kind]
-        if hasattr(kind, "_wp_scalar_type_"):
-            scalar, length = self._plain[kind._wp_scalar_type_], kind._length_
-            return f"{scalar}{length}" if length in (2, 3, 4, 8, 16) else f"{scalar}[{length}]"
-        if type(kind).__name__ == "Struct":
-            return self._own_struct(kind)
         raise TypeError(f"type {kind!r}")
-
-    def _own_struct(self, kind: Any) -> str:
-        """Write a struct that stands beside a kernel."""
-        name, module = kind.cls.__name__, kind.cls.__module__.rsplit(".", 1)[-1]
-        kinds = {member: self._one(variable.type) for member, variable in kind.vars.items()}
-        self._plain[kind] = name
-        self.members[name] = {member: Value(member, text) for member, text in kinds.items()}
-        lines = [*comment(inspect.getdoc(kind.cls) or ""), "typedef struct {"]
-        lines += [*(f"    {text} {member};" for member, text in kinds.items()), f"}} {name};"]
-        self.own.append((module, "\n".join(lines)))
-        return name

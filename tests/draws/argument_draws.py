@@ -15,19 +15,19 @@ from typing import Any
 import numpy as np
 
 from aerokernels import flow, zernike
+from aerokernels.benches import interferogram, shadowgraph
+from aerokernels.benches.knife_edge import schlieren
 from aerokernels.compare import compare_waveforms
-from aerokernels.echo import estimate_range, plane_target_echo, range_statistics
+from aerokernels.focus import strehl, strehl_marechal
+from aerokernels.focus.estimate import estimate_strehl
+from aerokernels.lidar import estimate_range, plane_target_echo, range_statistics
 from aerokernels.medium import Body, IndexField, QuadMesh, SolidBody
 from aerokernels.rays import Annulus, Disc, Mask, Polygon, RayBundle, Rectangle
 from aerokernels.scene import Scene
-from aerokernels.schlieren import interferogram, shadowgraph
-from aerokernels.schlieren.knife_edge import schlieren
-from aerokernels.strehl import strehl, strehl_marechal
-from aerokernels.strehl.estimate import estimate_strehl
 from aerokernels.tracing import ArcLength, Plane
 from aerokernels.tracing.trace import trace
-from aerokernels.wavefront import Wavefront, point_spread_function
-from aerokernels.wavefront.traced import wavefront
+from aerokernels.wavefronts import Wavefront, point_spread_function
+from aerokernels.wavefronts.traced import wavefront
 from aerokernels.waves import Wave, angular_spectrum, split_step, validity
 
 from .refusals import attempt

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aerokernels.strehl.estimate import estimate_strehl
+from aerokernels.focus.estimate import estimate_strehl
 from aerokernels.tracing import RayStatus, trace
 
 from .scene_draws import RAYS, WAVELENGTH, Scene, true_opd

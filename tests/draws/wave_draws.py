@@ -14,7 +14,7 @@ import numpy as np
 
 from aerokernels.medium import IndexField
 from aerokernels.pupils import Annulus, Disc, Pupil, Rectangle
-from aerokernels.wavefront import wavefront
+from aerokernels.wavefronts import wavefront
 from aerokernels.waves import split_step, validity
 
 from .closed_air import log_uniform

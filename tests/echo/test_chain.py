@@ -9,15 +9,15 @@ from hypothesis import strategies as st
 from scipy import signal
 
 from aerokernels import estimate_range
-from aerokernels.echo import (
+from aerokernels.lidar import (
     DetectorChain,
     Digitiser,
     NoiseSources,
     chain_range_statistics,
     gaussian_pulse,
 )
-from aerokernels.echo.chain import BOLTZMANN_CONSTANT, ELEMENTARY_CHARGE, noise_bandwidth
-from aerokernels.echo.detector import low_pass_gain, memory_time
+from aerokernels.lidar.chain import BOLTZMANN_CONSTANT, ELEMENTARY_CHARGE, noise_bandwidth
+from aerokernels.lidar.detector import low_pass_gain, memory_time
 
 PERIOD = 0.5e-9
 TIME = np.arange(2000) * PERIOD

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from aerokernels.echo import detect, gaussian_pulse
-from aerokernels.echo.detector import low_pass_gain, sample_times
+from aerokernels.lidar import detect, gaussian_pulse
+from aerokernels.lidar.detector import low_pass_gain, sample_times
 
 TIME = np.arange(0, 200e-9, 0.1e-9)
 PULSE = 1e-4 * gaussian_pulse(TIME - 80e-9, 6e-9)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from aerokernels import echo
-from aerokernels.echo import RANGING_METHODS
-from aerokernels.echo.rangefinder import predict_echo
+from aerokernels.lidar import RANGING_METHODS
+from aerokernels.lidar.rangefinder import predict_echo
 from aerokernels.medium import Body, IndexField
 from aerokernels.scene import Scene
 from tests.echo.lump_of_gas import lump

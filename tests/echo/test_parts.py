@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from aerokernels import Annulus, Detector, Disc, Laser, Receiver, Scene, Target, echo, simulate_echo
-from aerokernels.echo import DetectorChain, HeliosPulse, Reflector
+from aerokernels.lidar import DetectorChain, HeliosPulse, Reflector
 from tests.echo.lump_of_gas import lump
 
 FEW = {"beam.ray_count": 64, "receiver.ray_count": 64}

@@ -8,9 +8,9 @@ import pytest
 from scipy.special import j1
 
 from aerokernels import IndexField, Plane, RayBundle, trace
-from aerokernels.echo.parts import Setup
-from aerokernels.echo.paths import target_points, transmit_paths
-from aerokernels.echo.return_paths import return_paths
+from aerokernels.lidar.parts import Setup
+from aerokernels.lidar.paths import target_points, transmit_paths
+from aerokernels.lidar.return_paths import return_paths
 from aerokernels.scene import Scene
 from tests.return_opd import return_opd
 

@@ -8,10 +8,10 @@ import pytest
 from scipy.integrate import quad
 from scipy.optimize import brentq
 
-from aerokernels.echo import GaussianPulse, HeliosPulse, SampledPulse, estimate_range
-from aerokernels.echo.parts import Setup
-from aerokernels.echo.pulse_curve import PulseCurve
-from aerokernels.echo.pulses import SPEED_OF_LIGHT, as_pulse
+from aerokernels.lidar import GaussianPulse, HeliosPulse, SampledPulse, estimate_range
+from aerokernels.lidar.parts import Setup
+from aerokernels.lidar.pulse_curve import PulseCurve
+from aerokernels.lidar.pulses import SPEED_OF_LIGHT, as_pulse
 from aerokernels.scene import Scene
 
 TAU = 6e-9

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from aerokernels import plane_target_echo
-from aerokernels.echo import (
+from aerokernels.lidar import (
     HeliosPulse,
     SampledPulse,
     fwhm_from_pulse_tau,
@@ -17,7 +17,7 @@ from aerokernels.echo import (
     pulse_tau_from_fwhm,
     tilted_pulse_tau,
 )
-from aerokernels.echo.pulses import SPEED_OF_LIGHT, sum_of_pulses
+from aerokernels.lidar.pulses import SPEED_OF_LIGHT, sum_of_pulses
 
 PAPER = {
     "peak_power": 75.0,

@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from aerokernels import echo, estimate_range
-from aerokernels.echo import HeliosPulse, range_walk
-from aerokernels.echo.pulses import SPEED_OF_LIGHT
+from aerokernels.lidar import HeliosPulse, range_walk
+from aerokernels.lidar.pulses import SPEED_OF_LIGHT
 from aerokernels.medium import IndexField
 from aerokernels.scene import Scene
 

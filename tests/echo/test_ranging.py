@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from aerokernels import estimate_range, range_statistics
-from aerokernels.echo import RANGING_METHODS, cramer_rao_range
-from aerokernels.echo.pulses import SPEED_OF_LIGHT
-from aerokernels.echo.range_error import summarise_ranges
+from aerokernels.lidar import RANGING_METHODS, cramer_rao_range
+from aerokernels.lidar.pulses import SPEED_OF_LIGHT
+from aerokernels.lidar.range_error import summarise_ranges
 
 TAU = 6e-9
 TABLE_3 = {0: 2.019, 2: 1.878, 3: 1.809, 4: 1.738}  # Mach number: peak [V]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from aerokernels import echo, plane_target_echo
-from aerokernels.echo import Reflector
+from aerokernels.lidar import Reflector
 from aerokernels.medium import IndexField
 from aerokernels.scene import Scene
 

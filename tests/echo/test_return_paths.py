@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from aerokernels import echo
-from aerokernels.echo import return_paths as module
-from aerokernels.echo.parts import Setup
-from aerokernels.echo.return_paths import reduce_pupils, return_paths
+from aerokernels.lidar import return_paths as module
+from aerokernels.lidar.parts import Setup
+from aerokernels.lidar.return_paths import reduce_pupils, return_paths
 from aerokernels.medium import Body, IndexField
 from aerokernels.scene import Scene
 from tests.echo.test_paths import nodes

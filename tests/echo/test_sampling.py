@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from aerokernels import Scene, echo, estimate_range, range_statistics
-from aerokernels.echo import RANGING_METHODS, CoarseSamplingWarning
-from aerokernels.echo.pulses import SPEED_OF_LIGHT, GaussianPulse, HeliosPulse
-from aerokernels.echo.ranging import Reading
+from aerokernels.lidar import RANGING_METHODS, CoarseSamplingWarning
+from aerokernels.lidar.pulses import SPEED_OF_LIGHT, GaussianPulse, HeliosPulse
+from aerokernels.lidar.ranging import Reading
 
 TAU = 6e-9
 HALF_C = 0.5 * SPEED_OF_LIGHT

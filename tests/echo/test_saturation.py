@@ -5,7 +5,7 @@ import warnings
 import numpy as np
 import pytest
 
-from aerokernels.echo import HeliosPulse, SaturatedRecordWarning, estimate_range
+from aerokernels.lidar import HeliosPulse, SaturatedRecordWarning, estimate_range
 
 METHODS = ("centroid", "matched-filter", "constant-fraction")
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from aerokernels import IndexField, echo, plane_target_echo
-from aerokernels.echo import RANGING_METHODS, pulse_energy
-from aerokernels.echo.parts import Setup
+from aerokernels.lidar import RANGING_METHODS, pulse_energy
+from aerokernels.lidar.parts import Setup
 from aerokernels.scene import Scene
 from tests.echo.lump_of_gas import lump
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from aerokernels import plane_target_echo
-from aerokernels.echo.parts import Setup
-from aerokernels.echo.paths import target_points, vacuum_paths
-from aerokernels.echo.pulses import SPEED_OF_LIGHT, sum_of_pulses
+from aerokernels.lidar.parts import Setup
+from aerokernels.lidar.paths import target_points, vacuum_paths
+from aerokernels.lidar.pulses import SPEED_OF_LIGHT, sum_of_pulses
 from aerokernels.scene import Scene
 
 WIDE = {"target.width": 3.0, "target.height": 3.0}

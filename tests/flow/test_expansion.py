@@ -4,31 +4,11 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
-from scipy.integrate import quad, solve_ivp
+from scipy.integrate import solve_ivp
 
 from aerokernels import flow
 
 MACHS = (1.05, 1.3, 2.0, 3.0, 5.0, 10.0, 20.0)
-
-
-@pytest.mark.parametrize("gamma", [1.2, 1.4, 5.0 / 3.0])
-@pytest.mark.parametrize("mach", MACHS)
-def test_prandtl_meyer_is_the_integral(mach, gamma):
-    """The angle nu = int_1^M sqrt(m^2 - 1) / (m (1 + (g - 1) / 2 m^2)) dm, by quadrature; 1e-9.
-
-    The variable is m = 1 + t^2, which takes the root at 1.
-    """
-
-    def slope(t):
-        m = 1.0 + t * t
-        return 2.0 * t * math.sqrt(m * m - 1.0) / (m * (1.0 + 0.5 * (gamma - 1.0) * m * m))
-
-    expected = quad(slope, 0.0, math.sqrt(mach - 1.0), epsabs=1e-13, epsrel=1e-13)[0]
-    found = flow.prandtl_meyer(mach, gamma=gamma).angle
-    assert abs(found / expected - 1.0) < 1e-9
-    assert abs(flow.mach_after_turn(found, gamma=gamma) / mach - 1.0) < 1e-9
 
 
 @pytest.mark.parametrize("gamma", [1.2, 1.4, 5.0 / 3.0])
@@ -57,18 +37,6 @@ def test_fan_against_the_equations_of_motion(mach, gamma):
     lines = np.arcsin(1.0 / found.y[0]) - stops
     assert np.abs(fan.ratio_of_angle(lines) / np.exp(found.y[1]) - 1.0).max() < 1e-9
     assert abs(lines[0] - fan.head_angle) < 1e-12 and abs(lines[-1] - fan.tail_angle) < 1e-9
-
-
-@given(st.floats(1.05, 20.0), st.floats(0.0, 0.95), st.floats(1.1, 1.67))
-def test_entropy_and_total_enthalpy_are_kept(mach, share, gamma):
-    """Entropy p rho^-g and T (1 + (g - 1) / 2 M^2) are the same on both sides of any fan; rounding 1e-11."""
-    fan = flow.expansion_fan(mach, share * flow.maximum_expansion(mach, gamma=gamma), gamma=gamma)
-    assert abs(gamma * math.log(fan.density_ratio) - math.log(fan.pressure_ratio)) < 1e-11 * (
-        1.0 - math.log(fan.pressure_ratio)
-    )
-    before, after = (1.0 + 0.5 * (gamma - 1.0) * m * m for m in (mach, fan.downstream_mach))
-    assert abs(fan.temperature_ratio * after / before - 1.0) < 1e-11
-    assert fan.downstream_mach >= mach * (1.0 - 1e-12) and fan.tail_angle <= fan.head_angle + 1e-12
 
 
 def test_table_of_the_prandtl_meyer_angle():

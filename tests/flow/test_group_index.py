@@ -34,38 +34,6 @@ def test_ciddors_air_against_the_geodesists_formula(nanometres):
     assert abs(constant * density - published) < 0.25e-6
 
 
-@pytest.mark.parametrize("wavelength", WAVES)
-def test_ciddors_air_against_owens(wavelength):
-    """J. C. Owens, Appl. Opt. 6 (1967) 51, standard dry air of 15 degC, 1013.25 hPa, 300 ppm of CO2, s in 1/um^2.
-
-    1e8 (n_g - 1) = 8342.13 + 2406030 (130 + s) / (130 - s)^2 + 15997 (38.9 + s) / (38.9 - s)^2: an older fit to older
-    measurements, to 4e-5 of n - 1 (2e-8 in n, as both authors state).
-    """
-    s = (1e-6 / wavelength) ** 2
-    owens = 1e-8 * (8342.13 + 2406030.0 * (130.0 + s) / (130.0 - s) ** 2 + 15997.0 * (38.9 + s) / (38.9 - s) ** 2)
-    density = flow.moist_air_density(288.15, 101325.0, co2=300e-6)
-    found = flow.ciddor_constant(wavelength, co2=300e-6, group=True) * density
-    assert abs(found / owens - 1.0) < 4e-5
-
-
-def test_the_papers_constant_by_hand():
-    """K = A (1 + B / lambda^2): the group constant is A (1 + 3 B / lambda^2), to rounding."""
-    for wavelength in (0.3e-6, 0.905e-6, 10.6e-6):
-        by_hand = 2.23e-4 * (1.0 + 3.0 * 7.52e-3 / (1e6 * wavelength) ** 2)
-        assert flow.gladstone_dale_constant(wavelength, group=True) == pytest.approx(by_hand, rel=1e-15)
-        assert flow.refractivity_model("paper").constant(wavelength, group=True) == pytest.approx(by_hand, rel=1e-15)
-
-
-@pytest.mark.parametrize("wavelength", WAVES)
-@pytest.mark.parametrize("relation", flow.RELATIONS)
-@pytest.mark.parametrize("species", ["N2", "O2", "Ar", "CO2", "He", "H2", "Ne", "Kr", "Xe", "H2O"])
-def test_species_against_the_derivative(species, relation, wavelength):
-    """To 1e-11 of the constant: the rounding of the difference, with room."""
-    found = flow.species_constant(species, wavelength, relation, group=True)
-    truth = by_differences(lambda length: flow.species_constant(species, length, relation), wavelength)
-    assert found == pytest.approx(truth, rel=1e-11)
-
-
 @pytest.mark.parametrize(
     "given",
     [
@@ -98,11 +66,6 @@ def test_models_against_the_derivative_of_their_own_index(given):
         inside = model.refractivity(density, wavelength, group=True)
         contrast = model.contrast(density, 1.225, wavelength, group=True)
         assert contrast == pytest.approx(inside - (ambient - 1.0), rel=1e-12, abs=1e-15)
-
-
-def test_a_given_constant_has_no_dispersion():
-    """A number is the same for phase and group."""
-    assert flow.refractivity_model(constant=2.24e-4).constant(905e-9, group=True) == 2.24e-4
 
 
 def test_a_mixture_of_airs_gases_is_ciddors_air():

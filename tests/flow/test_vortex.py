@@ -1,7 +1,6 @@
 """The isentropic vortex."""
 
 import math
-import pickle
 
 import numpy as np
 import pytest
@@ -40,24 +39,6 @@ def test_field_is_the_formulas_average():
         values = field.solution.density_ratio_at(y[:, :, None], z[:, None, :])
         expected = 0.6 * 0.25 * np.einsum("nij,i,j->n", values, weight, weight)
         assert np.abs(field.density[cell] / expected - 1.0).max() < 1e-11
-
-
-def test_field_fades_out():
-    field = flow.vortex(0.8, radius=0.01, spacing=2e-3)
-    cells = field.density.reshape(60, 60)
-    edge = np.concatenate([cells[0], cells[-1], cells[:, 0], cells[:, -1]])
-    assert np.abs(edge / 1.225 - 1.0).max() < 1e-13
-    np.testing.assert_allclose(cells, cells[::-1, ::-1].T, rtol=1e-14)
-    middle = field.density_at([[0.3, 0.0, 0.0]])[0]
-    assert abs(middle / 1.225 - (1.0 - 0.2 * 0.64 * math.e) ** 2.5) < 1e-14
-    assert field.body is None and field.conditions is None and "vortex" in field.provenance
-
-
-def test_fields_travel_to_a_worker():
-    field = flow.vortex(0.8, radius=0.01, spacing=2e-3)
-    again = pickle.loads(pickle.dumps(field))
-    assert np.array_equal(again.density, field.density)
-    assert again.density_at([[0.0, 1e-3, 2e-3]]) == field.density_at([[0.0, 1e-3, 2e-3]])
 
 
 def test_bad_vortices_are_refused():

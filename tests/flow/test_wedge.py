@@ -90,13 +90,6 @@ def test_wedge_in_the_optical_frame():
     assert abs(thin.density_at(points)[2] - 0.3 * ratio) < 1e-14 and thin.conditions.density == 0.3
 
 
-def test_strong_and_weak_wedges():
-    weak, strong = (flow.wedge(3.0, 0.2, strong=flag, length=0.02, spacing=1e-3) for flag in (False, True))
-    assert strong.solution.shock.shock_angle > weak.solution.shock.shock_angle
-    assert strong.density.max() > weak.density.max()
-    assert "strong" in strong.provenance and "weak" in weak.provenance
-
-
 def test_plane_shocks():
     """Normal: the ratio below z = 0 and 1 above it, to the last bit. Oblique: half of every cell row that it cuts."""
     field = flow.plane_shock(2.0, length=0.1, spacing=5e-3)

@@ -16,14 +16,14 @@ import numpy as np
 import pytest
 
 from aerokernels import Scene, compare_waveforms, estimate_range
-from aerokernels.echo import fwhm_from_pulse_tau
-from aerokernels.echo.parts import Setup
 from aerokernels.hardware.echo_source import EchoSource
 from aerokernels.hardware.frames import EchoFrame, encode
 from aerokernels.hardware.port import PortError, open_port
 from aerokernels.hardware.recorder import Recorder, RecordingStatus
 from aerokernels.hardware.simulator import PseudoTerminal
 from aerokernels.hardware.store import EchoStore
+from aerokernels.lidar import fwhm_from_pulse_tau
+from aerokernels.lidar.parts import Setup
 
 from .line import board, frames_from, integrity, needs_pseudo_terminals, sequences, started
 

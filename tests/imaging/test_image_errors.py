@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from aerokernels import Annulus, Disc, Mask, Polygon, Rectangle, Wavefront
-from aerokernels.wavefront import PointSpread
-from aerokernels.wavefront.pixels import pupil_grid
+from aerokernels.wavefronts import PointSpread
+from aerokernels.wavefronts.pixels import pupil_grid
 from aerokernels.zernike import zernike_modes
 
 WAVELENGTH, WIDTH, HEIGHT = 1e-6, 0.1, 0.061

@@ -20,9 +20,9 @@ from aerokernels import (
     image_through,
     wavefront,
 )
+from aerokernels.benches import read_picture
 from aerokernels.benchmark.scenes import CONE_HALF, cone_field, cone_truth
 from aerokernels.rays import RayBundle
-from aerokernels.schlieren import read_picture
 from tests.imaging.cone_rays import rays_past_cone
 
 GRADIENT, FRONT, LENGTH = 3e-3, 0.2, 0.1

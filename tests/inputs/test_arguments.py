@@ -20,11 +20,11 @@ from aerokernels import (
     strehl,
     zernike,
 )
-from aerokernels.echo import estimate_range
-from aerokernels.echo.pulses import GaussianPulse, HeliosPulse, SampledPulse
 from aerokernels.flow.vortex import Vortex
 from aerokernels.inputs.arguments import Numbers, checked
-from aerokernels.wavefront.terms import fit_tilt
+from aerokernels.lidar import estimate_range
+from aerokernels.lidar.pulses import GaussianPulse, HeliosPulse, SampledPulse
+from aerokernels.wavefronts.terms import fit_tilt
 from tests.draws import argument_draws, refusals
 
 WAVE = np.arange(64) * 1e-10, np.exp(-(((np.arange(64) - 30) / 5.0) ** 2))  # times [s] and a pulse

@@ -19,10 +19,10 @@ from aerokernels import (
     wavefront,
     zernike,
 )
-from aerokernels.echo.chain import DetectorChain, Digitiser
+from aerokernels.benches import Bench
 from aerokernels.inputs.checks import check_count
+from aerokernels.lidar.chain import DetectorChain, Digitiser
 from aerokernels.medium import Body
-from aerokernels.schlieren import Bench
 
 PUPIL = Disc(2e-3, (0.0, 0.0, -9e-3))
 PLACE = np.linspace(-0.01, 0.01, 21)

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from aerokernels import compare, echo, flow, simulate
-from aerokernels.echo import (
+from aerokernels.benches import Picture, measure_shock_angle
+from aerokernels.lidar import (
     DetectorChain,
     Digitiser,
     NoiseSources,
@@ -18,7 +19,6 @@ from aerokernels.echo import (
     detect,
     range_walk,
 )
-from aerokernels.schlieren import Picture, measure_shock_angle
 
 # They hand their options on, to functions that check them.
 PASSED_ON = {"available_backends", "contents", "open_series", "prepare_strehl", "read", "sweep"}

@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 
 from aerokernels import Disc, IndexField, Wavefront
+from aerokernels.benches import Bench
 from aerokernels.files.writing import write_grey
 from aerokernels.fldi import FLDI, fldi_response
 from aerokernels.fldi.response import FLDIResponse
 from aerokernels.imaging.bos import Background, DotPattern
 from aerokernels.imaging.camera import Camera
 from aerokernels.imaging.shift import check_view
-from aerokernels.schlieren import Bench
 from aerokernels.sensor import Sensor
-from aerokernels.wavefront import point_spread_function
+from aerokernels.wavefronts import point_spread_function
 from aerokernels.waves import Wave, angular_spectrum
 
 CAMERA = Camera(Disc(0.01), 0.1, 5e-6, 8)
@@ -98,7 +98,7 @@ def test_what_an_interferometer_looks_through():
 
 def test_what_would_take_hours_or_end_in_pythons_words_is_refused(tmp_path):
     """A million Zernike polynomials, a thousand million rays, no path, no dataset; refused at once and in words."""
-    from aerokernels.echo import detect
+    from aerokernels.lidar import detect
 
     place = Disc(0.01).flat_sample(300, "sobol", 0)[0] * 0.01
     wave = Wavefront.from_samples(place, 1e-5 * place[:, 0], Disc(0.01), 1e-6, pixel_count=12)

@@ -17,12 +17,12 @@ from aerokernels import (
     Wavefront,
     strehl,
 )
+from aerokernels.benches.bench import Bench
+from aerokernels.benches.picture import Picture
 from aerokernels.flow import open_series
 from aerokernels.flow.gas import isentropic, tunnel_conditions
 from aerokernels.flow.sampled_density import GridDensity
 from aerokernels.inputs.checks import as_waveform
-from aerokernels.schlieren.bench import Bench
-from aerokernels.schlieren.picture import Picture
 from aerokernels.series.time_statistics import statistics
 
 SQUARE = QuadMesh.structured(*np.meshgrid([0.0, 1.0], [0.0, 1.0], indexing="ij"), "planar")
@@ -158,9 +158,9 @@ def test_a_picture_is_a_plane_of_brightness(picture):
 def test_paths_are_texts_or_path_like(given):
     """Expected of every way in: the argument's name, in words; bytes, numbers and zero characters ended in Python's."""
     from aerokernels import flow, sweep
+    from aerokernels.benches.picture_file import read_picture
     from aerokernels.hardware.echo_source import EchoSource
     from aerokernels.hardware.store import EchoStore
-    from aerokernels.schlieren.picture_file import read_picture
 
     ways = [
         lambda: EchoStore(given),

@@ -14,8 +14,8 @@ from aerokernels import (
     schlieren,
     strehl,
 )
-from aerokernels.echo.rangefinder import vacuum_echo
-from aerokernels.strehl.estimate import PreparedStrehl
+from aerokernels.focus.estimate import PreparedStrehl
+from aerokernels.lidar.rangefinder import vacuum_echo
 
 SAMPLES = np.arange(100.0)
 PULSE = 2.0 * np.exp(-(((SAMPLES - 50.0) / 6.0) ** 2))

@@ -20,9 +20,9 @@ from aerokernels import (
     strehl_marechal,
     trace,
 )
+from aerokernels.benches import line_of_sight
+from aerokernels.focus.estimate import PreparedStrehl
 from aerokernels.inputs.wavelength import check_wavelength
-from aerokernels.schlieren import line_of_sight
-from aerokernels.strehl.estimate import PreparedStrehl
 
 GREEN = 532e-9
 

@@ -13,7 +13,7 @@ from aerokernels.prepare import prepare_field
 from aerokernels.rays import RayBundle
 from aerokernels.scene import Scene, shipped_scenes
 from aerokernels.tracing import Plane, trace
-from aerokernels.wavefront.terms import NUMBERS
+from aerokernels.wavefronts.terms import NUMBERS
 
 SMALL = {"strehl.ray_count": 4096, "beam.ray_count": 64, "receiver.ray_count": 64}
 

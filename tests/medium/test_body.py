@@ -6,7 +6,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from aerokernels import Body, flow
-from aerokernels.medium.bodies.body import _cuts
 
 
 def polygon(count: int = 720, radius: float = 1.0, center=(0.0, 0.0)) -> np.ndarray:
@@ -57,14 +56,6 @@ def test_the_axis_is_no_wall():
     assert len(start) == 360 and not ((start[:, 0] == 0.0) & (end[:, 0] == 0.0)).any()
 
 
-def test_a_profile_that_names_a_point_twice_is_the_same_body():
-    square = [[1.0, 0.0], [2.0, 0.0], [2.0, 1.0], [1.0, 1.0]]
-    closed, plain = Body([*square, square[0], square[0]], "planar"), Body(square, "planar")
-    points = np.random.default_rng(1).uniform(0.0, 3.0, (300, 2))
-    assert np.array_equal(closed.contains(points), plain.contains(points))
-    assert np.array_equal(closed.signed_distance(points), plain.signed_distance(points))
-
-
 @given(seed=st.integers(0, 10_000), count=st.integers(3, 40), crowd=st.floats(0.0, 6.0))
 @settings(max_examples=60, deadline=None)
 def test_nearest_wall_is_the_nearest(seed, count, crowd):
@@ -81,16 +72,6 @@ def test_nearest_wall_is_the_nearest(seed, count, crowd):
     foot = body.nearest_wall(points)
     assert np.abs(np.linalg.norm(foot - points, axis=1) - distance_by_brute_force(body, points)).max() < 1e-12
     assert distance_by_brute_force(body, foot).max() < 1e-12
-
-
-def test_a_nose_of_many_short_segments_beside_one_long_wall():
-    """A millimetre nose of 400 segments on a metre of straight wall: points beside the wall's near end belong to it."""
-    angle = np.linspace(0.0, 0.5 * np.pi, 401)
-    nose = 1e-3 * np.stack([np.sin(angle), np.cos(angle) - 1.0], axis=1)
-    nose[0, 0] = 0.0
-    body = Body(np.vstack([nose, [[1e-3, -1.0], [0.0, -1.0]]]), "axisymmetric")
-    points = np.stack([np.full(50, 1.5e-3), np.linspace(-1.1e-3, -0.02, 50)], axis=1)
-    assert body.signed_distance(points) == pytest.approx(np.full(50, 0.5e-3), abs=1e-15)
 
 
 def test_the_shipped_model():
@@ -122,26 +103,6 @@ def test_the_shipped_model():
 def test_what_is_refused(profile, geometry, message):
     with pytest.raises(ValueError, match=message):
         Body(profile, geometry)
-
-
-def test_edges_are_cut_where_others_cross_them_or_end_on_them():
-    """An edge of 4 m: crossed at 1 m either way, ended on at 3 m; not where one ends before it, or passes its ends."""
-    start, end = np.array([[0.0, 0.0]]), np.array([[0.0, 4.0]])
-    others = [
-        ((-1.0, 1.0), (1.0, 1.0)),
-        ((2.0, 2.5), (-2.0, 1.5)),
-        ((0.0, 3.0), (1.0, 3.0)),
-        ((0.5, 3.5), (1.0, 3.5)),
-        ((-1.0, 5.0), (1.0, 5.0)),
-        ((-1.0, -0.5), (1.0, -0.5)),
-        ((0.0, 4.0), (1.0, 4.0)),
-    ]
-    other_start, other_end = (np.array([one[k] for one in others]) for k in (0, 1))
-    moved = np.array([2.0, -3.0])
-    (found,) = _cuts(start + moved, end + moved, other_start + moved, other_end + moved, 5.0)
-    np.testing.assert_allclose(found - moved, [[0.0, 1.0], [0.0, 2.0], [0.0, 3.0]], atol=1e-12)
-    (none,) = _cuts(start + moved, end + moved, other_start[3:] + moved, other_end[3:] + moved, 5.0)
-    assert none.shape == (0, 2)
 
 
 def test_edges_with_solid_or_air_on_both_sides_are_no_walls_to_distances():

@@ -20,41 +20,6 @@ def lines(count: int = 120, size: float = 3.0) -> tuple[np.ndarray, np.ndarray]:
 STAR = np.array([[0.3, -1.0], [1.4, -0.6], [0.7, 0.1], [1.6, 0.9], [0.2, 1.3]])
 
 
-def changes(inside: np.ndarray, t: np.ndarray) -> list[tuple[float, float]]:
-    """Intervals of samples between which a line goes in or out."""
-    at = np.flatnonzero(inside[1:] != inside[:-1])
-    return [(t[k], t[k + 1]) for k in at]
-
-
-@pytest.mark.parametrize("geometry", ["planar", "axisymmetric"])
-def test_lines_cross_a_profile_where_they_go_in_and_out(geometry: str):
-    """Of 120 lines, sampled every 2 mm: as many crossings, each between the two samples; ascending, padded."""
-    body = Body(STAR, geometry)
-    position, direction = lines()
-    found = body.crossings(position, direction)
-    t = np.arange(-12.0, 12.0, 2e-3)
-    met = 0
-    for row in range(len(position)):
-        points = position[row] + t[:, None] * direction[row]
-        across = points[:, 1] if geometry == "planar" else np.hypot(points[:, 0], points[:, 1])
-        told = found[row][np.isfinite(found[row])]
-        assert (np.diff(told) >= 0.0).all() and np.isinf(found[row][len(told) :]).all() and len(told) % 2 == 0
-        inside = body.contains(np.stack([across, points[:, 2]], axis=1))
-        expected = changes(inside, t)
-        told = told[np.abs(told) < 11.9]
-        if len(told) != len(expected):  # a corner within one sample
-            assert (len(told) - len(expected)) % 2 == 0 and np.diff(told).min() < 4e-3
-            continue
-        met += len(told)
-        for one, (low, high) in zip(told, expected, strict=True):
-            assert low - 1e-12 <= one <= high + 1e-12
-    assert met > 60
-    moved = body.crossings(position - 2.5 * direction, direction)
-    np.testing.assert_allclose(np.where(np.isfinite(found), found + 2.5, np.inf), moved, atol=1e-9)
-    turned = np.sort(np.where(np.isfinite(found), -found, np.inf), axis=1)
-    np.testing.assert_allclose(body.crossings(position, -direction), turned, atol=1e-9)
-
-
 @pytest.mark.parametrize("geometry", ["planar", "axisymmetric"])
 def test_what_a_profile_holds(geometry: str):
     """By the winding angle about each point; distances with that sign; its box, walls and their left side."""
@@ -124,25 +89,3 @@ def test_lines_cross_triangles_one_by_one():
     middle = np.concatenate([np.tile(body.vertices[k : k + 4].mean(axis=0), (4, 1)) for k in (0, 4)])
     assert (np.sum(normal * ((a + b + c) / 3.0 - middle), axis=1) > 0.0).all()
     np.testing.assert_array_equal(body.box, [body.vertices.min(axis=0), body.vertices.max(axis=0)])
-
-
-@pytest.mark.parametrize("count", [3, 8])
-def test_bodies_of_revolution(count: int):
-    """Volume of the prism ring by Pappus over the polygon, corners on the profile's circles."""
-    for profile in (np.array([[0.0, 0.0], [1.0, 0.5], [0.0, 2.0]]), np.array([[0.5, 0.0], [1.0, 0.2], [0.7, 1.0]])):
-        body = SolidBody.of_revolution(Body(profile, "axisymmetric"), count)
-        a, b, c = body.surface.swapaxes(0, 1)
-        volume = np.einsum("nk,nk->", a, np.cross(b, c)) / 6.0
-        first, second = profile.T
-        cross = first * np.roll(second, -1) - np.roll(first, -1) * second
-        moment = np.sum((first + np.roll(first, -1)) * cross) / 6.0
-        share = np.sin(2.0 * np.pi / count) * count / (2.0 * np.pi)  # of a regular polygon in its circle
-        assert volume == pytest.approx(2.0 * np.pi * abs(moment) * share, rel=1e-9)
-        radius = np.hypot(body.vertices[:, 0], body.vertices[:, 1])
-        rings = {(round(r, 9), round(z, 9)) for r, z in zip(radius, body.vertices[:, 2], strict=True)}
-        assert rings == {(round(r, 9), round(z, 9)) for r, z in profile}
-        assert len(body.vertices) == sum(1 if r == 0.0 else count for r in profile[:, 0])
-    with pytest.raises(ValueError, match="needs an axisymmetric profile"):
-        SolidBody.of_revolution(Body(STAR, "planar"), 8)
-    with pytest.raises(ValueError, match="count must be a whole number of at least 3"):
-        SolidBody.of_revolution(Body(STAR, "axisymmetric"), 2)

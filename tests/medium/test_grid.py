@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from aerokernels.medium.grid import UniformGrid, check_finite, eq5_step
+from aerokernels.medium.grid import UniformGrid, check_finite
 from tests.fitted_order import fitted_order
 
 
@@ -50,31 +50,6 @@ def test_orders(interpolation, dimension, counts, value_order, gradient_order):
     assert abs(fitted_order(spacings, found[:, 1]) - gradient_order) < 0.2
 
 
-def test_order_of_the_cubic_in_r_and_z():
-    """Axisymmetric: even in r, smooth in z; the mirror keeps order 4 and 3 down to the axis."""
-
-    def even(points):
-        r, z = points.T
-        value = 0.05 * np.cos(2.0 * r) * np.sin(3.0 * z + 0.3)
-        slope = [-0.1 * np.sin(2.0 * r) * np.sin(3.0 * z + 0.3), 0.15 * np.cos(2.0 * r) * np.cos(3.0 * z + 0.3)]
-        return value, np.stack(slope, axis=1)
-
-    counts = (17, 33, 65, 129)
-    found = np.array([errors(sampled(count, 2, "cubic", True, even), even) for count in counts])
-    spacings = 1.0 / (np.array(counts) - 1.0)
-    assert abs(fitted_order(spacings, found[:, 0]) - 4.0) < 0.2
-    assert abs(fitted_order(spacings, found[:, 1]) - 3.0) < 0.2
-
-
-def test_monotone_converges_on_smooth_data():
-    """Third order where it is monotone, second at extrema: 1.8 to 3.2 in the greatest error; gradient 1 less."""
-    counts = (17, 33, 65, 129)
-    found = np.array([errors(sampled(count, 2, "monotone")) for count in counts])
-    spacings = 1.0 / (np.array(counts) - 1.0)
-    assert 1.8 < fitted_order(spacings, found[:, 0]) < 3.2
-    assert 0.8 < fitted_order(spacings, found[:, 1]) < 2.2
-
-
 @pytest.mark.parametrize("interpolation", ["cubic", "linear", "monotone"])
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_gradient_is_the_derivative_of_the_value(interpolation, dimension):
@@ -118,34 +93,12 @@ def test_a_contrast_of_2_to_the_minus_30_survives():
     assert np.abs(value / 2.0**-30 - 1.0).max() < 1e-14 and np.abs(gradient).max() < 1e-23
 
 
-def test_samples_are_a_copy():
-    samples = np.zeros((3, 3))
-    g = UniformGrid(samples, [0, 0], [1, 1], "linear", False, 1.0)
-    samples[:] = np.nan
-    assert (g.samples == 0.0).all() and not g.samples.flags.writeable
-    assert g.high.tolist() == [2.0, 2.0] and g.shape == (3, 3)
-
-
-def test_eq_5():
-    """The five tiers, edges included; 1e-5, which the paper leaves out, belongs to the tier below (reading 4)."""
-    difference = np.array([0.0, 1e-5, 1.1e-5, 1e-4, 1.1e-4, 1e-3, 1.1e-3, 1e-2, 1.1e-2, 1.0])
-    assert eq5_step(difference, 2.0) == pytest.approx([2.0, 2.0, 1.0, 1.0, 0.4, 0.4, 0.2, 0.2, 0.1, 0.1], rel=1e-15)
-
-
 def test_eq_5_takes_the_difference_over_the_corners_of_a_cell():
     """Reading 5: 2 x 3 cells of 1 x 4, l = 2; one corner at 1e-4 halves the step of the cells that share it."""
     samples = np.zeros((3, 4))
     samples[0, 0], samples[2, 2] = 1e-4, 5e-2
     g = UniformGrid(samples, [0, 0], [1.0, 4.0], "linear", False, 1.0)
     assert g.paper_step == pytest.approx(np.array([[1.0, 2.0, 2.0], [2.0, 0.1, 0.1]]), rel=1e-15)
-
-
-def test_eq_5_in_a_volume_takes_the_cube_root_of_the_cell():
-    """Cells of 1 x 2 x 13.5: l = 27^(1/3) = 3, and half of it where a corner differs by 1e-4."""
-    samples = np.zeros((3, 2, 2))
-    samples[0, 1, 0] = 1e-4
-    g = UniformGrid(samples, [0, 0, 0], [1.0, 2.0, 13.5], "linear", False, 1.0)
-    assert g.paper_step == pytest.approx(np.array([1.5, 3.0]).reshape(2, 1, 1), rel=1e-14)
 
 
 @pytest.mark.parametrize(

@@ -6,8 +6,7 @@ import pytest
 from hypothesis import strategies as st
 
 from aerokernels import trace
-from aerokernels.flow.reading.planes.polygon_cells import Polygons
-from aerokernels.flow.reading.planes.polygons import quad_mesh
+from aerokernels.flow.reading.planes.polygons import Polygons, quad_mesh
 from aerokernels.medium import IndexField, QuadMesh
 from aerokernels.medium.averages.kept_averages import cut_and_kept
 from aerokernels.medium.averages.vertex_values import of_parents
@@ -130,12 +129,6 @@ def test_no_density_below_a_tenth_of_the_least_about_it():
     assert values.min() >= 1e-4
 
 
-def test_values_at_vertices_have_no_averages_to_keep():
-    mesh = skewed(5, "planar")
-    with pytest.raises(ValueError, match=r"conserving.*averages"):
-        IndexField.from_mesh(mesh, np.zeros(25), interpolation="conserving")
-
-
 @pytest.mark.parametrize("share", [0.1, 0.3, 1.0, 3.0])
 def test_layers_at_walls(share):
     """Set-up: averages of 1 + exp(-y / d) / 2, d some cells, light along the wall within the first cell, 40 lines.
@@ -167,17 +160,6 @@ def test_a_mesh_that_closes_on_itself_is_not_cut():
     y[-1], z[-1] = y[0], z[0]
     with pytest.raises(ValueError, match=r"closes on itself in a seam.*take 'bilinear'"):
         IndexField.from_mesh(QuadMesh.structured(y, z), np.zeros(8), interpolation="conserving")
-
-
-def test_cells_cut_in_four_are_judged_by_those_they_were_cut_from():
-    """Set-up: averages of a step, cut cells. Expected: what is lacking on the flow's own cells is so on their parts."""
-    mesh = skewed(20, "planar")
-    average = 1e-4 * (1.0 + np.clip(0.5 + (mesh.cell_centroid @ [1.0, 0.4] - 0.75) / 0.02, 0.0, 1.0))
-    field = IndexField.from_mesh(mesh, average, interpolation="conserving", ambient_index=1.0)
-    assert field.mesh.whole is mesh
-    own, lacks = field.samples.lacking_by_cell
-    assert own is mesh and lacks.shape == (19 * 19,)
-    assert np.array_equal(field.samples.lacking, lacks[field.mesh.parents]) and np.abs(lacks).max() > 1e-6
 
 
 @hypothesis.settings(max_examples=25, deadline=None)

@@ -4,10 +4,6 @@ import numpy as np
 import pytest
 
 from aerokernels.medium import IndexField, QuadMesh
-from aerokernels.medium.mesh_cells import cells_across
-from aerokernels.medium.mesh_samples import gradient_jumps
-from aerokernels.medium.refined import cut_in_four
-from tests.draws.mesh_draws import cut_in_three, random_triangles
 
 
 def two_squares(interpolation: str) -> IndexField:
@@ -36,22 +32,3 @@ def test_a_linear_field_on_bent_cells_has_no_kinks():
     assert field.samples.kinks.max() < 1e-15
     turned = IndexField.from_mesh(QuadMesh.structured(y, z, "planar"), 1e-4 * y * y)
     assert turned.samples.kinks.max() > 1e-6
-
-
-def test_jumps_of_slopes_along_normals_are_those_of_whole_gradients():
-    """The bilinear interpolant's gradient jumps along the normal of an edge only, which takes a third of the time."""
-    draw = np.random.default_rng(5)
-    points, triangles = random_triangles(300, draw, crowded=True)
-    mesh, values = cut_in_three(points, triangles, draw.random(len(points)), "planar")
-    finer, finer_values = cut_in_four(mesh, values, draw.normal(size=(len(values), 2)))
-    field = IndexField.from_mesh(finer, 1e-4 * finer_values)
-    whole = gradient_jumps(finer, field.samples.gradients_in)
-    assert field.samples.kinks == pytest.approx(whole, rel=1e-6, abs=1e-6 * float(whole.max()))
-
-
-@pytest.mark.parametrize("geometry", ["planar", "axisymmetric"])
-def test_neighbors_of_cells_cut_in_four_are_known_from_the_mesh_before(geometry: str):
-    points, triangles = random_triangles(200, np.random.default_rng(6), crowded=False)
-    mesh, values = cut_in_three(points, triangles, points[:, 0], geometry)
-    finer, _ = cut_in_four(mesh, values, np.zeros((len(values), 2)))
-    assert (finer.neighbors == cells_across(finer.cells, len(finer.vertices))).all()

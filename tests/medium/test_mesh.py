@@ -5,10 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from aerokernels import IndexField, QuadMesh, flow
-from aerokernels.medium.grid import eq5_step
+from aerokernels import IndexField, QuadMesh
 from aerokernels.medium.mesh_cells import bilinear_point, contains, invert_bilinear
-from aerokernels.medium.refined import cells_of_four, has_seam, quarters, refined
+from aerokernels.medium.refined import refined
 
 
 def curvilinear(seed: int = 0, shape=(9, 13), geometry: str = "planar", turned: bool = False) -> QuadMesh:
@@ -50,44 +49,11 @@ def test_bins_find_what_brute_force_finds(seed, turned, many):
     assert (mesh.locate(on_edges.reshape(-1, 2)) >= 0).all()
 
 
-def test_lookup_on_the_shipped_mach_3_mesh():
-    """Stretched cells around a blunt body: inside each cell, on vertices and edges, in the body and beyond the rim."""
-    mesh = flow.shipped("mach3").mesh
-    centre = mesh.corners.mean(axis=1)
-    assert np.array_equal(mesh.locate(centre), np.arange(len(mesh.cells)))
-    assert (mesh.locate(mesh.vertices) >= 0).all()
-    middle = 0.5 * (mesh.corners + np.roll(mesh.corners, -1, axis=1))
-    assert (mesh.locate(middle.reshape(-1, 2)) >= 0).all()
-    low, high = mesh.box
-    probe = np.random.default_rng(3).uniform(low - 0.01, high + 0.01, (60, 2))
-    assert_lookup_is_right(mesh, np.vstack([probe, [[0.0, -1e-3], [4e-3, -0.05]]]))
-    assert mesh.locate(np.array([[0.0, -1e-3]]))[0] == -1, "the body is no cell"
-
-
-def test_points_looked_up_in_parts_are_found_as_in_one(monkeypatch):
-    """Pairs of points and cells are taken a limited number at a time; where the cut falls changes nothing."""
-    mesh = flow.shipped("mach3").mesh
-    low, high = mesh.box
-    points = np.random.default_rng(5).uniform(low, high, (500, 2))
-    whole = mesh.locate(points)
-    assert (whole >= 0).any() and (whole < 0).any()
-    for limit in (1, 7, 1000):
-        monkeypatch.setattr("aerokernels.medium.mesh.PAIR_LIMIT", limit)
-        assert np.array_equal(mesh.locate(points), whole)
-
-
 def test_a_point_on_an_edge_belongs_to_the_cell_of_lowest_index():
     """Set-up: unit cells 0 and 1 above each other, 2 and 3 beside them; edges, and the vertex where all four meet."""
     mesh = QuadMesh.structured(*np.meshgrid([0.0, 1.0, 2.0], [0.0, 1.0, 2.0], indexing="ij"))
     points = np.array([[0.5, 1.0], [1.0, 0.5], [1.0, 1.5], [1.5, 1.0], [1.0, 1.0]])
     assert mesh.locate(points).tolist() == [0, 0, 1, 2, 0]
-
-
-def test_outside_is_minus_one():
-    mesh = QuadMesh.structured(*np.meshgrid([0.0, 1.0, 2.0], [0.0, 1.0], indexing="ij"))
-    points = np.array([[-1e-6, 0.5], [2.000001, 0.5], [1.0, -1e-6], [1.0, 1.000001], [1e9, -1e9]])
-    assert (mesh.locate(points) == -1).all()
-    assert mesh.locate(np.empty((0, 2))).shape == (0,)
 
 
 def test_a_hair_beyond_the_rim_is_still_found():
@@ -143,32 +109,6 @@ def test_areas_and_centroids():
     assert trapezoid.cell_size[0] == pytest.approx(np.sqrt(1.5 * 0.5 * (1.0 + np.sqrt(2.0))), rel=1e-14)
 
 
-def test_cells_fill_the_mesh():
-    """The cells' areas add up to the outline's, by the shoelace formula; rounding only."""
-    mesh = curvilinear(5, (7, 11))
-    v = mesh.vertices.reshape(7, 11, 2)
-    outline = np.vstack([v[:, 0], v[-1, 1:], v[-2::-1, -1], v[0, -2:0:-1]])
-    x, y = outline.T
-    assert mesh.cell_area.sum() == pytest.approx(abs(0.5 * np.sum(x * np.roll(y, -1) - y * np.roll(x, -1))), rel=1e-12)
-
-
-def test_both_ways_round_give_the_same_mesh():
-    mesh = curvilinear(1)
-    other = QuadMesh(mesh.vertices, mesh.cells[:, ::-1], "planar")
-    assert (mesh.cell_area > 0.0).all() and np.array_equal(mesh.cell_area, other.cell_area)
-    points = np.random.default_rng(0).uniform(*mesh.box, (200, 2))
-    assert np.array_equal(mesh.locate(points), other.locate(points))
-
-
-def test_data_cannot_be_changed_behind_the_mesh():
-    vertices = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
-    mesh = QuadMesh(vertices, [[0, 1, 2, 3]])
-    vertices[0] = 99.0
-    assert mesh.vertices[0].tolist() == [0.0, 0.0]
-    with pytest.raises(ValueError, match="read-only"):
-        mesh.vertices[0] = 1.0
-
-
 UNIT = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]
 TWO = [*UNIT, [2.0, 0.0], [2.0, 1.0]]
 
@@ -205,12 +145,6 @@ def test_what_is_refused(vertices, cells, geometry, message):
         QuadMesh(vertices, cells, geometry)
 
 
-@pytest.mark.parametrize("shapes", [((3, 4), (4, 3)), ((1, 4), (1, 4)), ((4,), (4,))])
-def test_structured_shapes_must_agree(shapes):
-    with pytest.raises(ValueError, match="two coordinate arrays of one shape"):
-        QuadMesh.structured(np.zeros(shapes[0]), np.zeros(shapes[1]))
-
-
 @pytest.mark.parametrize("size", [1e-5, 1.0, 1e3])
 def test_a_cell_of_any_size_holds_its_edges_and_nothing_beyond(size):
     """Points on an edge, 1e-10 of it beyond (rounding), and 1e-3 of it beyond each edge."""
@@ -243,33 +177,6 @@ def test_cells_cut_in_four_keep_a_parabolas_values(geometry):
     assert len(found.mesh.cells) == 24 and found.mesh.geometry == geometry
     assert len(found.mesh.vertices) == 7 * 5
     np.testing.assert_allclose(found.samples.values, value(found.mesh.vertices), atol=1e-18)
-
-
-def test_eq_5_of_a_mesh_takes_the_difference_over_the_corners_of_a_cell():
-    """As on grids: the greatest less the least corner, and the cell's size."""
-    z, y = np.meshgrid(np.linspace(0.0, 2.0, 3), np.linspace(0.0, 1.0, 2))
-    contrast = np.array([[1e-4, 3e-4, 9e-4], [2e-4, 5e-4, 4e-4]])
-    field = IndexField.from_mesh(QuadMesh.structured(y, z, "planar"), contrast)
-    expected = eq5_step(np.array([4e-4, 6e-4]), field.mesh.cell_size)
-    np.testing.assert_allclose(field.samples.paper_step, expected, rtol=1e-13)
-
-
-def test_places_in_a_cell_are_found_in_its_parts():
-    """Set-up: 500 places in skewed cells. Expected: the part's bilinear map leads there too, 1e-14; no seam."""
-    y, z = np.meshgrid([0.0, 1.0, 2.2], [0.0, 1.3, 2.0], indexing="ij")
-    mesh = QuadMesh.structured(y + 0.2 * z, z + 0.1 * y * z)
-    places = mesh.places(np.random.default_rng(1).uniform(0.0, 2.0, (500, 2)))
-    part, u, v = quarters(*places.local)
-    a, b, c, d = cells_of_four(mesh).corners[4 * places.cell + part].swapaxes(0, 1)
-    u, v = u[:, None], v[:, None]
-    found = (1 - u) * (1 - v) * a + u * (1 - v) * b + u * v * c + (1 - u) * v * d
-    assert len(places.rows) > 100 and np.abs(found - places.points[places.rows]).max() < 1e-14
-    assert 0.0 <= min(u.min(), v.min()) and max(u.max(), v.max()) <= 1.0
-    angle, r = np.meshgrid(np.linspace(0.0, 2.0 * np.pi, 9), [1.0, 2.0], indexing="ij")
-    ring = r * np.cos(angle), r * np.sin(angle)
-    for values in ring:
-        values[-1] = values[0]
-    assert has_seam(QuadMesh.structured(*ring)) and not has_seam(mesh)
 
 
 @pytest.mark.parametrize("geometry", ["planar", "axisymmetric"])

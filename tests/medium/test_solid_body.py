@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from aerokernels.medium import Body, IndexField, SolidBody
-from aerokernels.medium.bodies.solid_body import ASKEW
 
 CORNERS = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-0.5, 0.5) for z in (-0.25, 0.25)])
 FACES = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
@@ -132,41 +131,3 @@ def lump(seed: int) -> SolidBody:
     body = SolidBody.of_revolution(Body(profile, "axisymmetric"), 24)
     rotation = np.linalg.qr(rng.normal(size=(3, 3)))[0]
     return SolidBody(body.vertices @ rotation.T, body.triangles)
-
-
-@pytest.mark.parametrize("seed", range(4))
-def test_distances_by_the_tree_are_those_of_all_triangles(seed):
-    """3,000 points about bodies with needles, also on vertices and edges: each against every triangle, to 1e-14.
-
-    Expected by the barycentric foot, or the nearest foot on the three edges; inside where the lines along which
-    `contains` counts cross an odd number of triangles of all.
-    """
-    body = lump(seed)
-    rng = np.random.default_rng(seed + 10)
-    low, high = body.box
-    corners = body.surface
-    around, at = (
-        rng.uniform(low - 0.5, high + 0.5, (2000, 3)),
-        body.vertices[rng.integers(len(body.vertices), size=300)],
-    )
-    beside = corners.mean(axis=1)[rng.integers(len(corners), size=700)] + 1e-5 * rng.normal(size=(700, 3))
-    points = np.concatenate([around, at, beside])
-    a, p, q = corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    inverse = np.linalg.pinv(np.stack([p, q], axis=-1))
-    least = np.full(len(points), np.inf)
-    for k in range(len(corners)):
-        v, w = inverse[k] @ (points - a[k]).T
-        on_plane = a[k] + v[:, None] * p[k] + w[:, None] * q[k]
-        there = np.linalg.norm(points - on_plane, axis=1)
-        least = np.where((v >= 0.0) & (w >= 0.0) & (v + w <= 1.0), np.minimum(least, there), least)
-        for start, end in ((0, 1), (1, 2), (2, 0)):
-            one, step = corners[k, start], corners[k, end] - corners[k, start]
-            share = np.clip((points - one) @ step / (step @ step), 0.0, 1.0)
-            least = np.minimum(least, np.linalg.norm(points - one - share[:, None] * step, axis=1))
-    found = body.signed_distance(points)
-    assert np.abs(np.abs(found) - least).max() < 1e-14
-    clear = least > 1e-9
-    met = body.crossings(points[clear], np.broadcast_to(ASKEW, (np.count_nonzero(clear), 3)))
-    odd = np.count_nonzero(np.isfinite(met) & (met > 0.0), axis=1) % 2 == 1
-    np.testing.assert_array_equal(found[clear] < 0.0, odd)
-    assert 100 < np.count_nonzero(odd) < len(odd) - 100

@@ -26,23 +26,6 @@ def nodes(g: UniformGrid) -> np.ndarray:
 
 
 @pytest.mark.parametrize("interpolation", spline.INTERPOLATIONS)
-def test_weights(interpolation):
-    """Weights reproduce 1 (value) and 0 (slope); the second row is the first one's derivative.
-
-    Central differences of step 1e-5: truncation 1e-10 max|w'''| / 6 <= 2e-10, rounding 1e-16 / 1e-5 = 1e-11.
-    """
-    u = np.linspace(0.0, 1.0, 41)
-    value, slope = spline.weights(interpolation, u)
-    assert value.shape == slope.shape == (spline.SUPPORT[interpolation], 41)
-    # Of the Hermite weights rows 1 and 3 belong to slopes.
-    of_values = slice(None, None, 2) if interpolation == "monotone" else slice(None)
-    assert value[of_values].sum(axis=0) == pytest.approx(1.0, abs=1e-15)
-    assert slope[of_values].sum(axis=0) == pytest.approx(0.0, abs=1e-15)
-    ahead, behind = (spline.weights(interpolation, u + d)[0] for d in (1e-5, -1e-5))
-    assert np.abs((ahead - behind) / 2e-5 - slope).max() < 1e-9
-
-
-@pytest.mark.parametrize("interpolation", spline.INTERPOLATIONS)
 @pytest.mark.parametrize("shape", [(2, 2), (2, 7), (3, 3), (3, 4), (4, 5), (9, 6), (2, 3, 4), (5, 4, 6)])
 @pytest.mark.parametrize("even", [False, True])
 def test_nodes_are_met(interpolation, shape, even):
@@ -99,15 +82,6 @@ def test_an_even_axis_reproduces_even_polynomials(count):
     assert gradient[:, 0] == pytest.approx(0.04 * u * (1.0 - v + v**3), abs=1e-14)
 
 
-@pytest.mark.parametrize("interpolation", ["cubic", "monotone"])
-@pytest.mark.parametrize("count", [2, 3, 4, 8])
-def test_even_means_no_slope_at_the_axis(interpolation, count):
-    samples = np.random.default_rng(count).uniform(0.0, 0.1, (count, 5))
-    g = grid(samples, interpolation, even=True)
-    z = np.linspace(0.0, 4.0, 37)
-    assert np.abs(g.evaluate_potential(np.stack([0.0 * z, z], axis=1))[1][:, 0]).max() < 1e-15
-
-
 def one_sided_second_derivative(g: UniformGrid, axis: int, node: int, side: int, other: float) -> float:
     """In a cell the slope is a quadratic: its derivative at the node from three places in the cell, exactly."""
     place = node + side * np.array([1e-9, 0.25, 0.5])
@@ -124,16 +98,6 @@ def test_cubic_is_twice_continuously_differentiable(axis):
     for node in range(1, g.shape[axis] - 1):
         left, right = (one_sided_second_derivative(g, axis, node, side, 2.3) for side in (-1, 1))
         assert abs(left - right) < 1e-7 and abs(left) > 1e-3
-
-
-@pytest.mark.parametrize("interpolation", ["cubic", "monotone"])
-def test_gradient_is_continuous_across_nodes(interpolation):
-    g = grid(np.random.default_rng(4).uniform(0.0, 0.1, (6, 7)), interpolation)
-    for axis, node in ((0, 2), (1, 3)):
-        points = np.random.default_rng(5).uniform(0.0, 5.0, (30, 2))
-        ahead, behind = points.copy(), points.copy()
-        ahead[:, axis], behind[:, axis] = node + 1e-12, node - 1e-12
-        assert np.abs(g.evaluate_potential(ahead)[1] - g.evaluate_potential(behind)[1]).max() < 1e-10
 
 
 @given(
@@ -166,58 +130,3 @@ def test_monotone_stays_within_each_cells_corners(shape, kind, even, seed):
     corners = [potential[tuple((cell + offset).T)] for offset in product((0, 1), repeat=len(shape))]
     assert (value >= np.min(corners, axis=0) - 1e-15).all()
     assert (value <= np.max(corners, axis=0) + 1e-15).all()
-
-
-def test_monotone_does_not_ring_where_the_cubic_does():
-    """Decision 5: at a step between two nodes the spline overshoots by 4 to 11 % of the jump, "monotone" by nothing."""
-    samples = np.where(np.arange(20)[:, None] < 10, 0.0, 0.1) * np.ones(4)
-    points = np.stack([np.linspace(0.0, 19.0, 2001), np.full(2001, 1.5)], axis=1)
-    overshoot = {name: grid(samples, name).evaluate_potential(points)[0].max() - 0.1 for name in spline.INTERPOLATIONS}
-    assert 0.004 < overshoot["cubic"] < 0.011
-    assert overshoot["monotone"] < 1e-15 and overshoot["linear"] < 1e-15
-
-
-@pytest.mark.parametrize("even", [False, True])
-@pytest.mark.parametrize("count", [4, 5, 6, 9, 40])
-def test_elimination_solves_the_spline_equations(count, even):
-    """Along each axis: (c[i-1] + 4 c[i] + c[i+1]) / 6 = f[i], no jump of the third derivative (or a mirror) at ends.
-
-    Tolerance: some roundings of numbers of about 30.
-    """
-    for axis in range(3):
-        shape = [5, 4, 6]
-        shape[axis] = count
-        values = np.random.default_rng(count).normal(size=shape)
-        made = np.moveaxis(spline.spline_along(values, axis, even), axis, 0)
-        assert np.abs((made[:-2] + 4.0 * made[1:-1] + made[2:]) / 6.0 - np.moveaxis(values, axis, 0)).max() < 1e-13
-        start = made[0] - made[2] if even else np.tensordot([1, -4, 6, -4, 1], made[:5], 1)
-        assert np.abs(start).max() < 3e-13
-        assert np.abs(np.tensordot([1, -4, 6, -4, 1], made[-5:], 1)).max() < 3e-13
-
-
-@pytest.mark.parametrize("shape", [(5, 6), (4, 4, 5)])
-def test_cross_slopes_are_as_great_as_the_range_allows(shape):
-    """All Bernstein points of every cell, from a third of each slope, lie in the range of its corners, and some on it.
-
-    A node whose share is below 1 has a point on a bound; a share of 0 is that of a node whose slopes alone are there.
-    """
-    values = np.random.default_rng(11).normal(size=shape)
-    dimension, made = len(shape), spline.coefficients(np.random.default_rng(11).normal(size=shape), "monotone", False)
-    part = {key: made[tuple(slice(k, None, 2) for k in key)] for key in product((0, 1), repeat=dimension)}
-    assert np.array_equal(part[(0,) * dimension], values)
-    nearest = np.full(shape, np.inf)  # of any point with a cross slope to a bound of its cell
-    for cell in product(*(range(n - 1) for n in shape)):
-        block = values[tuple(slice(k, k + 2) for k in cell)]
-        low, high = block.min(), block.max()
-        for corner in product((0, 1), repeat=dimension):
-            node = tuple(k + o for k, o in zip(cell, corner, strict=True))
-            sign = [1.0 - 2.0 * o for o in corner]
-            for chosen in product((0, 1), repeat=dimension):
-                point = sum(
-                    np.prod([s / 3.0 for s, k in zip(sign, key, strict=True) if k]) * part[key][node]
-                    for key in part if all(k <= c for k, c in zip(key, chosen, strict=True))
-                )  # fmt: skip
-                assert low - 1e-12 <= point <= high + 1e-12
-                if sum(chosen) > 1:
-                    nearest[node] = min(nearest[node], point - low, high - point)
-    assert (nearest < 1e-12).mean() > 0.1  # the limit decides at some nodes of noise

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from aerokernels import IndexField, QuadMesh, flow
 from aerokernels.medium.averages.kept_averages import cell_deficits, conserving_values
-from aerokernels.medium.averages.vertex_values import of_parents, vertex_gradients, vertex_values
+from aerokernels.medium.averages.vertex_values import vertex_gradients, vertex_values
 from tests.fitted_order import fitted_order
 
 WAVELENGTH = 905e-9
@@ -66,20 +66,6 @@ def test_order_on_a_smooth_curvilinear_mesh(geometry, unstructured):
     assert fitted_order(1.0 / (np.array(counts) - 1.0), errors) > 1.8
 
 
-def test_fourth_order_inside_a_uniform_mesh():
-    """Away from edges and extrema the five-cell formula is fourth order, +-0.2: a field that rises along both axes."""
-    counts, errors = (17, 33, 65, 129), []
-    for count in counts:
-        mesh = rectangular(np.linspace(0.0, 1.0, count), np.linspace(0.0, 1.0, count))
-
-        def rising(p):
-            return np.exp(p[:, 0] + 0.5 * p[:, 1])
-
-        miss = vertex_values(mesh, averages(mesh, rising)) - rising(mesh.vertices)
-        errors.append(np.abs(miss.reshape(count, count)[2:-2, 2:-2]).max())
-    assert abs(fitted_order(1.0 / (np.array(counts) - 1.0), errors) - 4.0) < 0.2
-
-
 @pytest.mark.parametrize("unstructured", [False, True])
 def test_linear_fields_are_reproduced_on_stretched_meshes(unstructured):
     """Cells growing by 10 and by 7 % a row: exact at inner vertices (structured: everywhere); rounding 1e-13."""
@@ -91,25 +77,11 @@ def test_linear_fields_are_reproduced_on_stretched_meshes(unstructured):
     assert np.abs(vertex_values(mesh, average) - exact).reshape(12, 15)[1:-1, 1:-1].max() < 1e-13
 
 
-def test_linear_in_z_is_reproduced_around_an_axis():
-    mesh = rectangular(np.linspace(0.0, 1.0, 9), np.cumsum(1.1 ** np.arange(9)) / 20.0, "axisymmetric")
-    found = vertex_values(mesh, mesh.cell_centroid[:, 1]).reshape(9, 9)
-    assert np.abs(found - mesh.vertices[:, 1].reshape(9, 9))[:, 1:-1].max() < 1e-13
-
-
 def test_a_field_even_in_r_is_met_on_the_axis():
     """With 1 - r^2, cells of h = 1/32: on the axis the parabola through two centroids; error of order h^2 = 1e-3."""
     mesh = rectangular(np.linspace(0.0, 1.0, 33), np.linspace(0.0, 1.0, 5), "axisymmetric")
     found = vertex_values(mesh, averages(mesh, lambda p: 1.0 - p[:, 0] ** 2)).reshape(33, 5)
     assert np.abs(found[0] - 1.0).max() < 1e-3
-
-
-@pytest.mark.parametrize("unstructured", [False, True])
-def test_a_constant_stays_constant(unstructured):
-    mesh, average = curvilinear(7), np.full(36, 0.7)
-    if unstructured:
-        mesh, average = shuffled(mesh, average)
-    assert np.abs(vertex_values(mesh, average) - 0.7).max() < 1e-15
 
 
 @given(seed=st.integers(0, 10_000), kind=st.sampled_from(["noise", "two levels", "sorted"]))
@@ -124,17 +96,6 @@ def test_no_new_extrema_inside(seed, kind):
     found = vertex_values(mesh, average.ravel()).reshape(shape[0] + 1, shape[1] + 1)[1:-1, 1:-1]
     around = [average[:-1, :-1], average[1:, :-1], average[:-1, 1:], average[1:, 1:]]
     assert (found >= np.min(around, axis=0) - 1e-14).all() and (found <= np.max(around, axis=0) + 1e-14).all()
-
-
-@pytest.mark.parametrize("shape", [(1, 1), (1, 4), (2, 2), (2, 5), (3, 3)])
-@pytest.mark.parametrize("unstructured", [False, True])
-def test_meshes_of_few_cells(shape, unstructured):
-    mesh = rectangular(np.arange(shape[0] + 1.0), np.arange(shape[1] + 1.0))
-    average = np.random.default_rng(0).uniform(0.0, 1.0, shape).ravel()
-    if unstructured:
-        mesh, average = shuffled(mesh, average)
-    found = vertex_values(mesh, average)
-    assert found.shape == (len(mesh.vertices),) and np.isfinite(found).all()
 
 
 # --- an unresolved shock ---------------------------------------------------------------------------------------------
@@ -184,14 +145,6 @@ def test_line_integral_through_an_unresolved_shock(slope, unstructured):
     assert 0.1 < np.abs(from_nodes).max() < 0.21
 
 
-def test_a_shock_does_not_ring():
-    """The inner vertex values on both sides of a tilted step stay within the step; rounding only."""
-    y, z = CELL * np.arange(11), CELL * np.arange(61)
-    found = IndexField.from_mesh(rectangular(y, z), shock_averages(y, z, 0.3, 0.0204)).samples.values
-    found = found.reshape(11, 61)[1:-1, 1:-1]
-    assert found.min() > -1e-18 and found.max() < JUMP * (1.0 + 1e-14)
-
-
 def test_an_unstructured_copy_of_the_shipped_field_agrees():
     """Shuffled cells have no directions to reconstruct along: values agree to the second order of both.
 
@@ -234,35 +187,6 @@ def test_what_is_lacking_falls_fast(geometry):
     assert (np.array(errors) < 0.05 * np.array(before)).all()
 
 
-@pytest.mark.parametrize("unstructured", [False, True])
-def test_lines_side_by_side_are_those_of_the_flow(unstructured):
-    """Set-up: averages of a wave over cells of 1 / 20, 120 lines along the second axis through rows 5 to 16.
-
-    Formula: the mean of sin(4 y - 3 z + 0.2) over 0.2 < y < 0.8, 0 < z < 1. Expected: within 5e-4 of the wave's height,
-    where values right at the vertices miss by h^2 / 12 (4^2 + 3^2) = 5e-3 of the mean. Error source: cells at the rim.
-    """
-    axis = np.linspace(0.0, 1.0, 21)
-    mesh = rectangular(axis, axis)
-    average = averages(mesh, wave)
-    cut, values = shuffled(mesh, average) if unstructured else (mesh, average)
-    y, z = 0.2 + 0.6 * (np.arange(120) + 0.5) / 120, (np.arange(400) + 0.5) / 400
-    points = np.stack(np.broadcast_arrays(0.0, y[:, None], z), axis=-1).reshape(-1, 3)
-    corner = [np.sin(4.0 * a - 3.0 * b + 0.2) for a, b in ((0.8, 1.0), (0.2, 1.0), (0.8, 0.0), (0.2, 0.0))]
-    exact = (corner[0] - corner[1] - corner[2] + corner[3]) / 12.0 / 0.6
-    off = [
-        abs(IndexField.from_mesh(*given).contrast_at(points).mean() / 1e-4 - exact)
-        for given in ((cut, 1e-4 * values), (mesh, 1e-4 * wave(mesh.vertices)))
-    ]
-    assert off[0] < 5e-4 and off[1] > 5e-3 * 0.9 * abs(exact)
-
-
-def test_nothing_is_moved_beside_a_shock():
-    """Set-up: a step between two rows of cells. Expected: the vertex values as they were, to rounding."""
-    mesh = rectangular(np.arange(13.0), np.arange(7.0))
-    average = np.repeat(np.arange(12) > 5, 6).astype(float)
-    assert np.abs(conserving_values(mesh, average) - vertex_values(mesh, average)).max() < 1e-15
-
-
 def test_parents_that_are_none_are_refused():
     mesh = rectangular(np.arange(3.0), np.arange(3.0))
     for parents in ([0, 0, 1], [0.0, 0.0, 1.0, 1.0], [0, 0, -1, 1]):
@@ -281,43 +205,6 @@ def test_eq_7_is_exact_for_polynomials_of_degree_4_up_to_the_edges():
     gradient = vertex_gradients(mesh, p(y) * q(z))
     assert np.abs(gradient[:, 0] - p.deriv()(y) * q(z)).max() < 1e-11
     assert np.abs(gradient[:, 1] - p(y) * q.deriv()(z)).max() < 1e-11
-
-
-def test_eq_7_is_fourth_order_on_curvilinear_meshes():
-    """With the metric (reading 11); greatest error over all vertices, edges included, +-0.2."""
-    counts, errors = (17, 33, 65, 129), []
-    for count in counts:
-        mesh = curvilinear(count)
-        exact = np.cos(mesh.vertices @ [4.0, -3.0] + 0.2)[:, None] * [4.0, -3.0]
-        errors.append(np.abs(vertex_gradients(mesh, wave(mesh.vertices)) - exact).max())
-    assert abs(fitted_order(1.0 / (np.array(counts) - 1.0), errors) - 4.0) < 0.2
-
-
-@pytest.mark.parametrize("unstructured", [False, True])
-@pytest.mark.parametrize("count", [3, 9])
-def test_gradients_of_a_linear_field_are_exact(count, unstructured):
-    """Five-point, least squares (unstructured, or fewer than five nodes a side) alike; rounding 1e-11."""
-    mesh = shuffled(curvilinear(count))[0] if unstructured else curvilinear(count)
-    gradient = vertex_gradients(mesh, 1.0 + mesh.vertices @ [2.0, -3.0])
-    assert np.abs(gradient - [2.0, -3.0]).max() < 1e-11
-
-
-def test_no_radial_gradient_on_the_axis():
-    mesh = rectangular(np.linspace(0.0, 1.0, 6), np.linspace(0.0, 1.0, 6), "axisymmetric")
-    gradient = vertex_gradients(mesh, wave(mesh.vertices))
-    assert (gradient[mesh.vertices[:, 0] == 0.0, 0] == 0.0).all() and (gradient[:, 1] != 0.0).all()
-
-
-def test_means_over_the_cells_that_parts_belong_to():
-    """Cells cut in parts: means by their areas, of numbers and of rows; without parts nothing is changed."""
-    z, y = np.meshgrid([0.0, 1.0, 3.0, 4.0], [0.0, 2.0])
-    whole = QuadMesh.structured(y, z, "planar")
-    cut = QuadMesh(whole.vertices, whole.cells, "planar", parents=np.array([1, 1, 0]))
-    values = np.array([3.0, 6.0, 8.0])
-    assert of_parents(whole, values) is values
-    assert of_parents(cut, values) == pytest.approx([8.0, 5.0])
-    rows = of_parents(cut, np.stack([values, 2.0 * values, -values], axis=1))
-    assert rows == pytest.approx(np.outer([8.0, 5.0], [1.0, 2.0, -1.0]))
 
 
 @pytest.mark.parametrize("size", [1e-6, 1e4])

@@ -108,22 +108,3 @@ def test_the_full_ray(amplitude):
     assert np.abs(result.opd - opd).max() < 1e-6 * first_opd
     assert np.abs(result.direction[:, 1] - turn).max() < 5e-6 * first_turn
     assert np.abs(result.position[:, 1] - place).max() < 5e-6 * SIZE
-
-
-def test_orders_in_the_contrast():
-    """Set-up: contrasts of 2e-3, 4e-3, 8e-3 against the ray in the exact field; 24 cells to the size.
-
-    Born's OPD and deflection are off by second order in the contrast. Method "straight" corrects the OPD to second
-    order, so its OPD is off by third, its deflection by second. Fitted orders +- 0.1.
-    """
-    amplitudes = np.array([2e-3, 4e-3, 8e-3])
-    rays = side_by_side(OFFSETS)
-    off = []
-    for amplitude in amplitudes:
-        result = trace(blob(float(amplitude), "axisymmetric", 24), rays, **{**SETTINGS, "method": "straight"})
-        _, turn, opd = exact(amplitude, rays)
-        first_opd, first_turn = born(amplitude, OFFSETS)
-        pairs = (first_opd, opd), (first_turn, turn), (result.opd, opd), (result.direction[:, 1], turn)
-        off.append([np.abs(value - truth).max() for value, truth in pairs])
-    orders = np.polyfit(np.log(amplitudes), np.log(off), 1)[0]
-    assert np.abs(orders - [2.0, 2.0, 3.0, 2.0]).max() < 0.1

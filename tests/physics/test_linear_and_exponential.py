@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from aerokernels.rays import RayBundle
-from aerokernels.tracing import ArcLength, Plane, trace
-from tests.physics.exact_ends import layered_direction
+from aerokernels.tracing import Plane, trace
 
 from .checks import assert_float32, assert_float64, case
 from .media import N0
@@ -49,27 +48,6 @@ def test_catenaries_of_equal_strength():
     about doubled where the ray has become steep; steps, 5e-13. Tolerance: 4e-9 of the path.
     """
     assert_float64(case("exponential planar"), 4e-9, tolerance=1e-6)
-
-
-def test_catenaries_along_their_length():
-    """Several lengths s along the same rays: tan(slope) = sinh(s / L + asinh(tan(slope0))).
-
-    From it follow y, the way along x and z, L (slope - slope0), and the optical path,
-    n cos(slope) L (tan(slope) - tan(slope0)). Tolerance as above.
-    """
-    air = case("exponential planar")
-    level, start = layered_direction(air.rays)
-    y0 = air.rays.position[:, 1]
-    for length in (0.15, 0.6, 1.1, 1.5):
-        result = trace(air.field, air.rays, until=ArcLength(length), precision="float64", tolerance=1e-6)
-        slope = np.arctan(np.sinh(length + np.arcsinh(np.tan(start))))
-        assert result.ok.all()
-        assert np.abs(result.position[:, 1] - y0 - np.log(np.cos(start) / np.cos(slope))).max() < 4e-9 * length
-        way = result.position - air.rays.position
-        assert np.abs(way[:, [0, 2]] - (level * (slope - start)[:, None])[:, [0, 2]]).max() < 4e-9 * length
-        assert np.abs(result.direction[:, 1] - np.sin(slope)).max() < 4e-9 * length
-        path = N0 * np.exp(y0) * np.cos(start) * (np.tan(slope) - np.tan(start))
-        assert np.abs(result.optical_path - path).max() < 4e-9 * length
 
 
 @pytest.mark.parametrize("name", [*LINEAR, "exponential planar"])

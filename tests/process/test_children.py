@@ -15,9 +15,7 @@ SWEEP = (
     "done = aerokernels.sweep('wind-tunnel-static', {'target.tilt': [0.0]}, settings=small, executor='%s', workers=1)\n"
     "assert not done.failed.any()"
 )
-TRIAL = (
-    "import tempfile; from aerokernels.tracing.engines.opencl import linker; print(linker._compiles('%s', ()) or 'no')"
-)
+TRIAL = "import tempfile; from aerokernels.tracing.engines.opencl import pocl; print(pocl._compiles('%s', ()) or 'no')"
 
 
 def write_density(path: Path, peak: float = 0.1) -> None:

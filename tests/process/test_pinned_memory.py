@@ -8,7 +8,7 @@ import signal
 import numpy as np
 import pytest
 
-from aerokernels.device_arrays.pinned_memory import Lent, PinnedMemory
+from aerokernels.device_arrays.pinned import Lent, PinnedMemory
 
 SHAPE = (40, 60, 70)  # 1.3 MB
 SIZE = 8 * int(np.prod(SHAPE))

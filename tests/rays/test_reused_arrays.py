@@ -16,7 +16,7 @@ from aerokernels import (
     Wave,
     estimate_strehl,
 )
-from aerokernels.schlieren import Picture
+from aerokernels.benches import Picture
 
 PLACE = np.array([1e-3, -2e-3, 0.3])
 MADE = {

@@ -5,10 +5,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from aerokernels.echo.paths import target_points
 from aerokernels.flow import CellDensity
 from aerokernels.flow.sampled_density import WallDensity
 from aerokernels.jobs.run import scene_strehl
+from aerokernels.lidar.paths import target_points
 from aerokernels.medium import QuadMesh
 from aerokernels.prepare import prepare_field, ray_region, view_radius
 from aerokernels.scene import Scene

@@ -11,7 +11,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from aerokernels import Annulus, IndexField, Mask, Sensor
-from aerokernels.schlieren import Bench, interferogram, schlieren, shadowgraph
+from aerokernels.benches import Bench, interferogram, schlieren, shadowgraph
 
 WAVES, WIDTH, DEPTH = 4, 0.02, 2e-3
 WAVE_NUMBER, GREATEST = 2.0 * math.pi * WAVES / WIDTH, 5e-6

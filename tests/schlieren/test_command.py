@@ -10,8 +10,8 @@ import pytest
 import xarray
 from PIL import Image
 
+from aerokernels.benches import read_picture
 from aerokernels.jobs.pictures import BenchPictures, PictureOptions, picture_field, picture_scene
-from aerokernels.schlieren import read_picture
 
 SMALL = ("--pixels", "160", "--spacing", "0.4 mm")
 

@@ -16,8 +16,8 @@ import numpy as np
 import pytest
 
 from aerokernels import flow
+from aerokernels.benches import Picture, knife_edge_picture, line_of_sight, measure_shock_angle, shadow_picture
 from aerokernels.medium import IndexField
-from aerokernels.schlieren import Picture, knife_edge_picture, line_of_sight, measure_shock_angle, shadow_picture
 
 LENGTH, PIXELS = 0.05, 120
 WINDOW = (-0.045, -0.015)

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from aerokernels.schlieren import Picture, measure_shock_angle, measure_stand_off
+from aerokernels.benches import Picture, measure_shock_angle, measure_stand_off
 
 COLUMNS, ROWS, PITCH = 170, 201, 1e-4
 HORIZONTAL = (np.arange(COLUMNS) - 130) * PITCH

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from aerokernels import interferogram, schlieren, shadowgraph
+from aerokernels.benches import fringe_picture, knife_edge_picture, line_of_sight
 from aerokernels.medium import IndexField
-from aerokernels.schlieren import fringe_picture, knife_edge_picture, line_of_sight
 
 PEAK, SIZE, WIDTH, WAVELENGTH = 1e-4, 0.004, 0.02, 500e-9
 

@@ -13,9 +13,9 @@ Tolerance: 0.2 % of the greatest value for both. On the volume, h = s / 4, the s
 import numpy as np
 import pytest
 
+from aerokernels.benches import line_of_sight, schlieren
+from aerokernels.benches.knife_edge import KnifeEdge
 from aerokernels.medium import IndexField
-from aerokernels.schlieren import line_of_sight, schlieren
-from aerokernels.schlieren.knife_edge import KnifeEdge
 
 PEAK, SIZE, SPACING, REACH = 1e-6, 0.01, 0.00125, 0.06
 GREATEST_OPD = PEAK * SIZE * np.sqrt(np.pi)

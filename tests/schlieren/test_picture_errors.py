@@ -15,8 +15,8 @@ import pytest
 from scipy.special import erf
 
 from aerokernels import IndexField, Rectangle
+from aerokernels.benches import Bench, interferogram, line_of_sight, schlieren, shadowgraph
 from aerokernels.medium import Body
-from aerokernels.schlieren import Bench, interferogram, line_of_sight, schlieren, shadowgraph
 
 WIDTH, STRENGTH, HALF = 0.008, 3e-6, 0.024
 PATH = math.sqrt(math.pi) * WIDTH * STRENGTH
@@ -99,7 +99,7 @@ def test_light_that_was_not_traced_here_has_no_known_error():
     """NaN, not 0; what a picture needs for its error travels with it."""
     from dataclasses import replace
 
-    from aerokernels.schlieren import knife_edge_picture
+    from aerokernels.benches import knife_edge_picture
 
     light = line_of_sight(lump(4e-3), **VIEW)
     told = knife_edge_picture(light, sensitivity=1e4)

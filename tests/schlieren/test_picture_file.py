@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from aerokernels.schlieren import Picture, compare_halves, read_picture, write_picture
+from aerokernels.benches import Picture, compare_halves, read_picture, write_picture
 
 PITCH = 1e-3
 HORIZONTAL = (np.arange(60) - 49) * PITCH

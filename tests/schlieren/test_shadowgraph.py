@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from aerokernels.benches import line_of_sight, shadow_picture, shadowgraph
 from aerokernels.medium import Body, IndexField
-from aerokernels.schlieren import line_of_sight, shadow_picture, shadowgraph
 
 WIDTH = 0.02
 
@@ -115,7 +115,7 @@ def test_a_source_blurs_by_its_own_shape(source: str, pixels: float):
     """
     from scipy.special import j1
 
-    from aerokernels.schlieren.bench import blurred
+    from aerokernels.benches.bench import blurred
 
     pitch = (1e-4, 2e-4)
     size, wave = pixels * pitch[0], (900.0, 700.0)
@@ -130,7 +130,7 @@ def test_a_source_blurs_by_its_own_shape(source: str, pixels: float):
 
 def test_the_bench_says_which_shape_blurs():
     """A lens of air, round, through benches of one angle: a slit blurs its peak least and a square most."""
-    from aerokernels.schlieren import Bench
+    from aerokernels.benches import Bench
 
     field = planar(lambda y, z: 5e-6 * np.exp(-(y**2 + z**2) / 0.002**2), spacing=5e-4)
     options = {"distance": 0.5, "width": WIDTH, "pixel_count": 40}

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from aerokernels import flow
-from aerokernels.schlieren import knife_edge_picture, line_of_sight, measure_shock_angle, measure_stand_off
+from aerokernels.benches import knife_edge_picture, line_of_sight, measure_shock_angle, measure_stand_off
 
 MACH = {"mach2": 2.0, "mach3": 3.0, "mach4": 4.0}
 # Lines drawn by hand: heights [m] of the second shock at z = -50 and -70 mm, of the third at -96 and -108 mm.

@@ -16,8 +16,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from aerokernels.schlieren import Picture, measure_shock_angle
-from aerokernels.schlieren.fronts import fit_curve, is_staircase, slope_error
+from aerokernels.benches import Picture, measure_shock_angle
+from aerokernels.benches.fronts import fit_curve, is_staircase, slope_error
 
 from .test_fronts import HORIZONTAL, PITCH, VERTICAL, WINDOW, area_below
 

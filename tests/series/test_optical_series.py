@@ -18,7 +18,7 @@ from aerokernels import Disc, estimate_strehl, flow, optical_series
 from aerokernels.flow import GridMesh
 from aerokernels.series.line_integrals import LineIntegrals, NotLinearError
 from aerokernels.tracing.pupil.air import TruncationWarning
-from aerokernels.wavefront import remove_terms
+from aerokernels.wavefronts import remove_terms
 
 from .fourier import CONSTANT, WAVELENGTH, Fourier
 

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
+from aerokernels.focus.estimate import estimate_strehl
 from aerokernels.medium import Body, IndexField
 from aerokernels.rays import Disc, RayBundle
-from aerokernels.strehl.estimate import estimate_strehl
 from aerokernels.tracing import Plane, RayStatus, trace
 
 from .backends import ENGINES, OPENCL, on

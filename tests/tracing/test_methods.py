@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from aerokernels.focus.estimate import estimate_strehl
 from aerokernels.rays import Disc, RayBundle
-from aerokernels.strehl.estimate import estimate_strehl
 from aerokernels.tracing import Plane, trace
 from aerokernels.tracing.leapfrog.pilot import LEAST_RAYS
 from tests.random_fields import uniform_field

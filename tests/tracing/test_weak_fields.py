@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from aerokernels.focus.estimate import estimate_strehl
 from aerokernels.medium import IndexField
 from aerokernels.rays import Disc, RayBundle
-from aerokernels.strehl.estimate import estimate_strehl
 from aerokernels.tracing import Plane, trace
 from aerokernels.tracing.error_limit import SHARE, error_limit, greatest_path
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from aerokernels import Annulus, Disc, Mask, Polygon, Rectangle, Wavefront
-from aerokernels.wavefront.pixels import pupil_grid
+from aerokernels.wavefronts.pixels import pupil_grid
 from aerokernels.zernike import zernike_modes
 from tests.wavefront.zemax_files import read_zemax
 

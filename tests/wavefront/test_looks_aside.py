@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from aerokernels import flow
+from aerokernels.focus.estimate import estimate_strehl
 from aerokernels.pupils import Disc, Mask, Polygon, Rectangle, seen_along, transverse_axes
 from aerokernels.rays import RayBundle
 from aerokernels.series.optical import optical_series
-from aerokernels.strehl.estimate import estimate_strehl
 from aerokernels.tracing import available_backends, trace
-from aerokernels.wavefront import wavefront
+from aerokernels.wavefronts import wavefront
 
 WAVE = 905e-9
 LOOKS = {"in a plane": (np.sin(0.75), 0.0, np.cos(0.75)), "askew": (0.5, -0.4, 0.77)}

@@ -7,7 +7,7 @@ import pytest
 
 from aerokernels import Annulus, Disc, Polygon, Rectangle, Wavefront, flow, optical_series
 from aerokernels.series.pupil_grid import pupil_grid as series_grid
-from aerokernels.wavefront.pixels import pupil_grid
+from aerokernels.wavefronts.pixels import pupil_grid
 from aerokernels.zernike import zernike_modes
 
 WAVELENGTH, RADIUS = 1e-6, 0.05

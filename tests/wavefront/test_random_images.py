@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from aerokernels import Annulus, Disc, Polygon, Rectangle, Wavefront
-from aerokernels.wavefront.pixels import pupil_grid
+from aerokernels.wavefronts.pixels import pupil_grid
 
 WAVELENGTH, RADIUS = 1e-6, 0.05
 TRIANGLE = Polygon(RADIUS * np.array([[-1.0, -0.6], [0.9, -0.5], [0.1, 1.0]]))

@@ -7,7 +7,7 @@ import pytest
 
 from aerokernels import Annulus, Disc, Polygon, Wavefront
 from aerokernels.rays import RayBundle
-from aerokernels.wavefront.pixels import pupil_grid
+from aerokernels.wavefronts.pixels import pupil_grid
 from tests.phase_plates import WAVELENGTH
 
 

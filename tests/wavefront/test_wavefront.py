@@ -7,10 +7,10 @@ from hypothesis import strategies as st
 from scipy.special import j1
 
 from aerokernels import point_spread_function
+from aerokernels.focus import strehl
 from aerokernels.rays import unit_disc_samples
-from aerokernels.strehl import strehl
-from aerokernels.wavefront import check_terms, fit_tilt, remove_terms
-from aerokernels.wavefront.terms import map_points
+from aerokernels.wavefronts import check_terms, fit_tilt, remove_terms
+from aerokernels.wavefronts.terms import map_points
 
 WAVELENGTH = 905e-9
 small = st.floats(-1e-5, 1e-5)

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.special import j0, j1, jn_zeros
 
 from aerokernels import Annulus, Disc, Mask, Polygon, Rectangle, Wavefront, wavefront
-from aerokernels.wavefront.pixels import pupil_grid
+from aerokernels.wavefronts.pixels import pupil_grid
 from tests.phase_plates import RADIUS, WAVELENGTH, modes, phase_plate
 
 RESOLUTION = WAVELENGTH / (2.0 * RADIUS)

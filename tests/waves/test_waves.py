@@ -245,7 +245,7 @@ def test_a_far_field_has_the_same_bits_on_any_number_of_threads(tmp_path):
     Expected: the same bits; within rounding the sum over all samples that they stand for.
     """
     code = (
-        "import sys; import numpy as np; from aerokernels.wavefront.point_spread import far_field\n"
+        "import sys; import numpy as np; from aerokernels.wavefronts.point_spread import far_field\n"
         "draw = np.random.default_rng(0).normal; wave = draw(size=(150, 150)) + 1j * draw(size=(150, 150))\n"
         "x = np.linspace(-0.01, 0.01, 150); angle = np.linspace(-1e-4, 1e-4, 130)\n"
         "found = far_field(wave, (x, x), angle, 1e-6); found.tofile(sys.argv[1])\n"

@@ -103,9 +103,7 @@ def length_of(path, axes: Mapping[str, str]) -> tuple[float | None, list[float]]
     The factors are 1 unless the units of the coordinates differ; then the factors convert all coordinates to metres. A
     coordinate without a unit takes that of the others.
 
-    Args:
-        path: The file, for messages.
-        axes: Names of the coordinates, and the unit that the file states for each, or "".
+    `axes` has the unit that the file states, or "", by the name of each coordinate.
     """
     factors = {}
     for name, stated in axes.items():
@@ -167,11 +165,7 @@ SYMMETRY = {"z": (0.0, 0.0, -1.0), "x": (1.0, 0.0, 0.0)}
 
 
 def axes_of(known: Mapping[str, Own]) -> tuple[tuple[str, ...], tuple[float, float, float] | None]:
-    """Return the coordinates of a flow in the order of its axes, and the axis of symmetry of one over r and z or x.
-
-    Args:
-        known: The coordinates that there are, by "x", "y", "z" and "r".
-    """
+    """Return the coordinates of a flow in the order of its axes, and the axis of symmetry of one over r and z or x."""
     along = next((axis for axis in "zx" if axis in known), None)
     if "r" in known and "y" not in known and along is not None:
         return ("r", along), SYMMETRY[along]

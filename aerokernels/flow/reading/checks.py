@@ -1,4 +1,4 @@
-"""Check the blocks of a data set: coordinates, the corners of cells, and blocks that repeat one mesh."""
+"""Check what was read: coordinates, corners of cells, blocks that repeat one mesh, numbers that are hardly in SI."""
 
 import math
 from collections.abc import Sequence
@@ -88,7 +88,6 @@ def _check_cells(path, block: Block) -> None:
 # Gas constants differ from that of air by up to 14 (hydrogen), scales of non-dimensional files by hundreds.
 APART = 30.0
 COLDEST = 4.0  # [K] helium is liquid below it
-HOTTEST = 5e4  # [K] of air that is no plasma, by the gas constant of its molecules: above it units are mixed
 GAUGE_SHARE = 0.01  # of pressures that are 0 or less, above which they are relative to an operating pressure
 # Total energies, of a volume or of a mass.
 ENERGY_NAMES = ("energy", "totalenergy", "energystagnationdensity", "energystagnation", "rhoe", "etot", "e")
@@ -168,7 +167,8 @@ def _not_in_si(path: Any, dataset: Dataset, choice: DensityChoice, densities: li
     else:  # an upper bound: of a mass or of a volume, whichever gives more, with the energy of the motion
         share = (GAMMA_AIR - 1.0) / constant
         half = median(beside, "", lambda density, own: share * own / np.minimum(density, 1.0))
-    if not (0.0 < half < COLDEST or (pressure is not None and half > HOTTEST)):
+    # [K] of air that is no plasma, by the gas constant of its molecules: above it units are mixed.
+    if not (0.0 < half < COLDEST or (pressure is not None and half > 5e4)):
         return ""
     return f"with {beside!r} half of the gas is {'below' if half < COLDEST else 'above'} {half:.2g} K"
 

@@ -171,12 +171,7 @@ def block_density(
 ) -> tuple[np.ndarray, str]:
     """Return the density [kg/m3] of a block, and whether it belongs to its "cell"s or its "point"s.
 
-    Args:
-        path: The file, for messages.
-        block: The block.
-        choice: The arrays that its density comes from.
-        reference: Reference values; they replace the file's own unit of that quantity.
-        units: Unit of each array by name, where the file states it.
+    References replace the file's own unit of that quantity; `units` has those units by name.
     """
     if choice.density is not None:
         values, where = scalar_array(path, block, choice.density)

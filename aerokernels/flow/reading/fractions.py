@@ -34,12 +34,7 @@ class Fractions:
     said: str
 
     def composition(self, partial: np.ndarray, ambient: np.ndarray) -> Composition:
-        """Return the composition of a field from partial densities.
-
-        Args:
-            partial: [kg/m3], shape (species_count, ...).
-            ambient: Shares of the gas around the field, shape (species_count,), of any sum.
-        """
+        """Return the composition of a field from partial densities."""
         outside = ambient / ambient.sum()
         total = partial.sum(axis=0)
         empty = total <= 0.0

@@ -16,6 +16,7 @@ from typing import Any
 from aerokernels import __version__
 from aerokernels.flow import DensityField
 from aerokernels.flow.series import on_known_geometry
+from aerokernels.focus import StrehlEstimate
 from aerokernels.jobs.run import RunResult, run_stages, scene_strehl
 from aerokernels.jobs.store import to_json
 from aerokernels.medium import IndexField
@@ -23,7 +24,6 @@ from aerokernels.prepare import Prepared, prepare_field, view_extent, view_radiu
 from aerokernels.process.clock import processor_clocked
 from aerokernels.process.opened import OPENED
 from aerokernels.scene import Scene
-from aerokernels.strehl import StrehlEstimate
 
 CACHED = 2  # number of latest flows, index fields and Strehl ratios that a process caches
 _INDEX_KEYS = ("wavelength", "relation", "gladstone_dale")  # keys of [flow] that change the index but not the flow

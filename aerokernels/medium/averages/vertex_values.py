@@ -35,8 +35,6 @@ FIVE_POINT = (
 # A second difference above this fraction of the field's whole range counts as a captured shock; those of smooth flow
 # resolved by twenty cells or more are below it.
 SHOCK_SHARE = 0.05
-# Least determinant of the equations of a gradient, as a share of the square of their trace, for a direct solution.
-LEAST_DETERMINANT = 1e-4
 
 
 def vertex_values(mesh: QuadMesh, average: np.ndarray) -> np.ndarray:
@@ -244,7 +242,7 @@ def _least_squares_gradient(points, values, first, second) -> np.ndarray:
     )
     # Most systems of two equations are solved as they are; where neighbours are nearly on a line, by singular values.
     determinant = yy * zz - yz * yz
-    flat = ~(determinant > LEAST_DETERMINANT * (yy + zz) ** 2)
+    flat = ~(determinant > 1e-4 * (yy + zz) ** 2)
     divisor = np.where(flat, 1.0, determinant)
     found = np.stack([(zz * right_y - yz * right_z) / divisor, (yy * right_z - yz * right_y) / divisor], axis=1)
     normal = np.stack([yy, yz, yz, zz], axis=1)[flat].reshape(-1, 2, 2)

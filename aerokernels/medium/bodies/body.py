@@ -3,6 +3,10 @@
 Intersections of rays with the surface are exact: straight lines are intersected with the segments of the profile
 (`Body.crossings`, crossings.py); kernels find the segments in a tree of boxes (wall_tree.py). No table approximates the
 surface, so a body may be arbitrarily thin.
+
+A profile may touch or cross itself: two parts joined by a bridge of no width, a slit that closes, a figure of eight.
+The crossing number (`Body.contains`) decides what is solid; parts of edges with solid or air on both sides are no walls
+and are left out of `Body.surface`.
 """
 
 from dataclasses import dataclass
@@ -102,7 +106,7 @@ class Body(Derived):
 
     @property
     def normals(self) -> np.ndarray:
-        """Outward unit normals at both ends of each segment of the surface, shape (w, 2, 2): see normals.py."""
+        """Outward unit normals at both ends of each segment of the surface, shape (w, 2, 2): see wall_tree.py."""
         return segment_normals(*self.surface, self.geometry == "axisymmetric")
 
     @cached_property

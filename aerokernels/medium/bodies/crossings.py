@@ -15,6 +15,13 @@ line, A Dz^2 > D^2 Dr^2, at the roots of the quadratic equation of the cone that
 
 Both segments at a corner use the same value of w: no line passes between two segments, and the number of crossings of a
 closed body is even. The kernels (engines/warp/kernels/wall.py) use the same formulas.
+
+Triangles. With two unit vectors u and v that complete a line's direction d to a right-handed frame, a corner c has the
+coordinates x = u . (c - p), y = v . (c - p), w = d . (c - p) from a point p of the line. The line is on the left of an
+edge from a to b if e = x_a y_b - y_a x_b is positive. A triangle is crossed if e has one sign for its three edges;
+these numbers are the weights of w at the opposite corners. For both triangles at an edge e is computed from the lesser
+corner (by x, then y) to the greater one, and zero counts as negative: no line passes between two triangles, and a
+closed surface is crossed an even number of times (engines/warp/kernels/crossings.py).
 """
 
 import numpy as np

@@ -1,6 +1,9 @@
 """A solid body in a volume: a closed surface of triangles, points inside it, and where lines cross it.
 
-Intersections of rays with the triangles are exact, as with the profile of a `Body`: see triangle_crossings.py.
+Intersections of rays with the triangles are exact, as with the profile of a `Body`: see crossings.py.
+
+A point is inside by the number of triangles ahead of it along one fixed direction: the triangles are projected along it
+once, and a plane grid lists those whose projections may reach each of its cells.
 """
 
 from dataclasses import dataclass
@@ -22,7 +25,6 @@ from aerokernels.medium.grid import as_points, check_finite
 # Direction of the lines; edges of bodies are unlikely to be parallel to it.
 ASKEW = np.array([0.312_8, 0.541_7, 0.780_2]) / np.linalg.norm([0.312_8, 0.541_7, 0.780_2])
 PAIRS = 1 << 16  # pairs of a point and a triangle that are computed together; speed only
-CELLS = 2.0  # cells of the grid for each triangle; speed only
 
 
 class AskewLines:
@@ -35,7 +37,7 @@ class AskewLines:
         self.corners = corners @ self.axes.T
         low, high = self.corners[..., :2].min(axis=1), self.corners[..., :2].max(axis=1)
         self.origin = low.min(axis=0)
-        self.side = max(1, int(np.sqrt(CELLS * len(corners))))
+        self.side = max(1, int(np.sqrt(2.0 * len(corners))))  # cells of the grid for each triangle; speed only
         self.cell = np.maximum((high.max(axis=0) - self.origin) / self.side, 1e-300)
         first, last = self._cell_of(low), self._cell_of(high)
         extent = last - first + 1
@@ -162,7 +164,7 @@ class SolidBody(Derived):
 
     @property
     def normals(self) -> np.ndarray:
-        """Outward unit normals at the corners of each triangle, shape (triangle_count, 3, 3): see normals.py."""
+        """Outward unit normals at the corners of each triangle, shape (triangle_count, 3, 3): see wall_tree.py."""
         return triangle_normals(self.surface, self.triangles)
 
     @cached_property

@@ -17,7 +17,6 @@ import numpy as np
 
 from aerokernels.medium.bodies.wall_tree import LEAF, WallTree
 
-NEAREST = 3  # triangles with the nearest centroids, with which the search for the nearest one begins
 POINTS = 1 << 10  # points that descend the tree together; speed only
 
 
@@ -49,7 +48,8 @@ class NearestTriangles:
         return np.concatenate([np.empty((0, 3)), *parts])
 
     def _nearest(self, points: np.ndarray) -> np.ndarray:
-        count = min(NEAREST, len(self.determinant))
+        # The search begins with the triangles of the nearest centroids.
+        count = min(3, len(self.determinant))
         near = self.middles.query(points, count)[1].reshape(-1)
         columns = _columns(points)
         foot, least = _columns(np.empty_like(points)), np.full(len(points), np.inf)

@@ -3,6 +3,12 @@
 Pieces are segments of a profile, or triangles of a surface in space. Nodes are in depth-first order: the first child
 follows its parent, and each node has a link to the node where the traversal continues if its box is missed. Kernels
 therefore need no stack.
+
+Normals are given at the corners of pieces and linear between them. The normals of a chain of chords jump from one chord
+to the next, those of the curve through the corners do not: at a corner between chords of lengths L0 and L, which turn
+by the angle a, the tangent of the circle through three corners is a L / (L0 + L) off the second chord. Where the angles
+at the ends of a chord differ, the smaller one is taken. Corners that turn by more than SMOOTH are edges of the body. A
+triangle has at each corner the mean normal of the triangles there that lean from it by less, weighted by their angles.
 """
 
 from dataclasses import dataclass
@@ -24,7 +30,7 @@ class WallTree:
     Attributes:
         corners: Corners of each piece, shape (w, d, d): segments with the solid on their left, triangles
             counter-clockwise seen from outside.
-        normals: Outward unit normals at the corners, linear between them, shape (w, d, d): see normals.py.
+        normals: Outward unit normals at the corners, linear between them, shape (w, d, d): see wall_tree.py.
         boxes: Lowest and highest corner of each node's box [m], shape (n, 2, d).
         links: For each node the next node after all its descendants, its first piece and the one after its last, shape
             (n, 3); only leaves have pieces.

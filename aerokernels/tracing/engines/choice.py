@@ -150,7 +150,7 @@ def _warp_devices(quick: bool = False, memory: bool = False) -> list[BackendInfo
     if quick and "warp" not in sys.modules and not cuda_driver_loads():
         with suppress(PackageNotFoundError):
             return [warp_processor(_version("warp-lang"), NO_CUDA)]
-    from .warp.devices import list_devices
+    from .warp.library import list_devices
 
     try:
         return list_devices(memory)

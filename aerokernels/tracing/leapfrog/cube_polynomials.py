@@ -147,16 +147,7 @@ def _operators_on(places: GridPlaces, inside: tuple[int, ...]) -> tuple[np.ndarr
 
 
 def _operators(inside: tuple[int, ...], spacing: np.ndarray) -> tuple[np.ndarray, int]:
-    """The operator from a window of coefficients to a cube's polynomial and its deviations from the spline.
-
-    Args:
-        inside: Cells of the cube that are in the grid, along each axis; the fit ignores the others.
-        spacing: Node spacing [m].
-
-    Returns:
-        A matrix, float32, with columns for the coefficients of POWERS, for deviations of the potential at some points,
-        and for deviations of its slopes there [1/m]; and the number of points.
-    """
+    """The operator from a window of coefficients to a cube's polynomial and its deviations from the spline."""
     alike = {count: _axis(count) for count in set(inside)}
     axes = [alike[count] for count in inside]
     projected = np.stack([_tensor([axis.moments[n] for axis, n in zip(axes, row, strict=True)]) for row in POWERS], 1)

@@ -18,7 +18,6 @@ two cells.
 """
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -26,8 +25,8 @@ from aerokernels.medium.grid import GridPlaces
 
 from ...derived import cached_on
 from ...medium.grid import UniformGrid
-from ...process.threads import in_threads, own_cores, product_on_one_core, slabs
-from ..step_bound import block_size, potential_at_nodes
+from ...process.threads import in_threads, own_cores, slabs
+from ..step_bound import potential_at_nodes
 
 # The share of a component that is passed at phi H = x is 1 - exp(-(x / edge)^24): for edge = 0.92 it is 0.03 at
 # x = 0.8 and 0.99 at x = 0.98.
@@ -41,58 +40,6 @@ COARSE = 1.35
 LEAST_ALONG, LEAST_IMAGED = 0.01, 0.8
 # Weights of the last transforms are cached with a grid's node positions, if they are no more numbers than this.
 CACHED, MOST_CACHED = 3, 1 << 21  # speed only
-# Nodes along an axis up to which matrices are faster than transforms, and number of pairs of matrices in the cache.
-MOST_ALONG, CACHED_ALONG = 512, 16  # speed only
-
-
-@dataclass(frozen=True, eq=False)
-class PassAlong:
-    """The matrices of a high pass along an axis, applied to values at its nodes.
-
-    Attributes:
-        even: For sums of values and their mirror images, shape (nodes + 1) // 2 squared.
-        odd: For their differences, shape nodes // 2 squared.
-        whole: For the values themselves, shape (nodes, nodes).
-    """
-
-    even: np.ndarray
-    odd: np.ndarray
-    whole: np.ndarray
-
-    @classmethod
-    def of_shares(cls, share: np.ndarray) -> "PassAlong":
-        """Make the matrices from the weights of the cosines that are passed, shape (nodes,)."""
-        from scipy.fft import dct, idct
-
-        count = len(share)
-        half, whole = count // 2, idct(share * dct(np.eye(count), 1), 1)
-        mirrored = whole[:, ::-1]
-        even = 0.5 * (whole + mirrored)[: count - half, : count - half]
-        odd = 0.5 * (whole - mirrored)[:half, :half]
-        return cls(*(np.ascontiguousarray(part, share.dtype) for part in (even, odd, whole)))
-
-    def of_all(self, values: np.ndarray) -> np.ndarray:
-        """Return the passed part of values along the last axis."""
-        count = values.shape[-1]
-        half = count // 2
-        rows = values.reshape(-1, count)
-        mirrored = rows[:, ::-1]
-        sums = rows[:, : count - half].copy()
-        sums[:, :half] += mirrored[:, :half]
-        both = product_on_one_core(sums, self.even)
-        sided = product_on_one_core(rows[:, :half] - mirrored[:, :half], self.odd)
-        found = np.empty_like(rows)
-        found[:, : count - half] = both
-        found[:, :half] += sided
-        np.subtract(both[:, :half], sided, out=found[:, ::-1][:, :half])
-        return found.reshape(values.shape)
-
-    def of_some(self, values: np.ndarray, nodes: np.ndarray) -> np.ndarray:
-        """Return the passed part at some nodes of the last axis, given by number, and 0 at the others."""
-        rows = values.reshape(-1, values.shape[-1])
-        found = np.zeros_like(rows)
-        found[:, nodes] = product_on_one_core(rows, np.ascontiguousarray(self.whole[:, nodes]))
-        return found.reshape(values.shape)
 
 
 def high_pass(
@@ -101,11 +48,8 @@ def high_pass(
     spacing: float,
     edge: float,
     is_fine: bool,
-    wanted: np.ndarray | None = None,
 ) -> np.ndarray:
     """The potential over the ambient index without low frequencies along the rays [1].
-
-    Where all rays run along one axis, matrices do what transforms do, except for rounding.
 
     Args:
         grid: The samples.
@@ -113,7 +57,6 @@ def high_pass(
         spacing: H, distance of samples [m].
         edge: Frequency times H from about which on components are passed.
         is_fine: Whether rounding to single precision would be visible.
-        wanted: Blocks (blocks.py) at whose nodes the result is needed, if not at all; 0 may be elsewhere.
     """
     from scipy.fft import dctn, idctn
 
@@ -124,8 +67,6 @@ def high_pass(
         return np.zeros(grid.shape, kind)
 
     given = rates, axes, spacing, edge, kind
-    if len(axes) == 1 and grid.shape[axes[0]] <= MOST_ALONG:
-        return _along(grid, axes[0], _pass(grid.places, grid.shape, *given), wanted, kind)
     beside = [axis for axis in axes if axis != int(np.argmax(rates))]
     whole, inner = continued(grid, beside, kind)
     how = {"axes": axes, "overwrite_x": True, "workers": own_cores()}  # all in the memory of one volume
@@ -135,31 +76,6 @@ def high_pass(
     else:
         _weigh(found, grid.places, *given)
     return np.asarray(idctn(found, 1, **how)[inner])
-
-
-@cached_on("places", CACHED_ALONG)
-def _pass(places: GridPlaces, shape: tuple[int, ...], *given) -> PassAlong:
-    return PassAlong.of_shares(_shares.function(places, shape, *given).ravel())
-
-
-def _along(grid: UniformGrid, axis: int, pass_: PassAlong, wanted: np.ndarray | None, kind: np.dtype) -> np.ndarray:
-    """Pass the potential along an axis, at all nodes or in the wanted blocks."""
-    dimension, count, block = len(grid.shape), grid.shape[axis], block_size(grid)
-    others = [other for other in range(dimension) if other != axis]
-    found = np.empty([grid.shape[other] for other in (*others, axis)], kind)
-    nodes = None
-    if wanted is not None:
-        is_wanted, blocks = np.zeros(count, bool), np.flatnonzero(wanted.any(axis=tuple(others)))
-        is_wanted[np.minimum(blocks[:, None] * block + np.arange(block + 1), count - 1)] = True
-        nodes = np.flatnonzero(is_wanted)
-
-    def fill(part: slice) -> None:
-        some = potential_at_nodes(grid, (slice(None),) * others[0] + (part,)).astype(kind)
-        moved = np.ascontiguousarray(some.transpose(*others, axis))
-        found[part] = pass_.of_all(moved) if nodes is None else pass_.of_some(moved, nodes)
-
-    in_threads(fill, slabs(grid.shape[others[0]], grid.samples.size))
-    return found.transpose([*range(axis), dimension - 1, *range(axis, dimension - 1)])
 
 
 @cached_on("places", CACHED)
@@ -187,10 +103,7 @@ def _weigh(
     edge: float,
     kind: np.dtype,
 ) -> None:
-    """Multiply values by the weights of the cosines along some axes.
-
-    `rates` are phi H over cycles a cell.
-    """
+    """Multiply values by the weights of the cosines along some axes."""
     shape = values.shape
     # Frequencies of the cosines of a type I transform, in cycles a cell, along the axes.
     cycles = []
@@ -244,11 +157,7 @@ def _share_left(square: np.ndarray, edge: float) -> np.ndarray:
 
 
 def _images(rates: np.ndarray) -> list[tuple[int, int]]:
-    """Axes, and along each the numbers m of the images that count; images along two axes at once do not.
-
-    Interpolation keeps the sum of all shares at 1: the shares of the other images are counted at the frequency itself,
-    which is hardly lower.
-    """
+    """Axes, and along each the numbers m of the images that count; images along two axes at once do not."""
     main = int(np.argmax(rates))
     near = [(number, -1) for number, rate in enumerate(rates) if rate > LEAST_IMAGED]
     return [*near, (main, 1), (main, -2)] if rates[main] < COARSE else near

@@ -178,10 +178,7 @@ def _greatest_on_lines(
     lines: Lines,
     geometry: str,
 ) -> float:
-    """Greatest sum along any line of the error `missed` in blocks, and of its `changes` times the lever arms.
-
-    None for `changes` means that no line has a lever arm.
-    """
+    """Greatest sum along any line of the error `missed` in blocks, and of its `changes` times the lever arms."""
     path = path_of(lines, geometry, grid.low, block * grid.spacing, missed.shape)
     met, changing = missed[path.part], None if changes is None else changes[path.part]
     found = float(met.max()) * path.longest

@@ -267,11 +267,7 @@ class _Fitting:
         return None if judged is None else _Fit(count, *judged, None, searched, self.structure.steepness)
 
     def with_cubes(self, fit: _Fit) -> _Fit | None:
-        """At least as many samples of polynomials of cubes; None where the tolerance needs the spline.
-
-        Two conditions must be met: the pilot agrees with the spline at three times as many samples, and so does each
-        pilot ray's own bound of the polynomials' deviation from the spline where it samples them.
-        """
+        """At least as many samples of polynomials of cubes; None where the tolerance needs the spline."""
         structure, count = self.structure, fit.count
         some = structure.lines.every(max(1, len(structure.lines.length) // CUBES_LINES))
         rough = np.count_nonzero(approximate_deviation(self.grid, some) > self.limit) / max(1, len(some.length))

@@ -243,16 +243,12 @@ def _slopes(values: np.ndarray, axis: int, nodes: tuple[slice, ...]) -> np.ndarr
 
 
 def _not_resolved(grid: UniformGrid, geometry: str, sampling: Sampling, edge: float) -> tuple[np.ndarray, float, float]:
-    """The part of the potential at nodes that samples some distance apart do not resolve: along rays, or at ends.
-
-    Also returns that distance [m], and the share of this part that counts. It is as large as the grid: not cached.
-    """
+    """The part of the potential at nodes that samples some distance apart do not resolve: along rays, or at ends."""
     obliquity = along_axes(sampling.steepness, geometry)
     # At higher frequencies a spline's images fall off as the fourth power of the frequency.
     finest = FINEST / max(float((obliquity / grid.spacing).max()), 1.0 / float((grid.high - grid.low).max()))
     spacing, share = max(sampling.spacing, finest), min(sampling.spacing / finest, 1.0) ** 4
-    wanted = None if edge == EDGE or sampling.ends == EVERYWHERE else _ends_of(grid, sampling)
-    return high_pass(grid, obliquity, spacing, edge, sampling.is_fine, wanted), spacing, share
+    return high_pass(grid, obliquity, spacing, edge, sampling.is_fine), spacing, share
 
 
 def _ends_of(grid: UniformGrid, sampling: Sampling) -> np.ndarray:

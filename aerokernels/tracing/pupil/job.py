@@ -339,11 +339,7 @@ def _begun(field: IndexField, like: PupilJob | None) -> Callable[[], None]:
 
 
 def _check_size(field: IndexField, pupil: Pupil) -> None:
-    """Reject a pupil so much larger than the field that hardly one ray in a hundred would meet it.
-
-    Raises:
-        ValueError: The pupil is more than ten times as large as the field.
-    """
+    """Reject a pupil so much larger than the field that hardly one ray in a hundred would meet it."""
     size = 0.5 * box_size(field)
     if pupil.reach > GREATEST_RATIO * size:
         raise ValueError(

@@ -310,10 +310,7 @@ class NewValues:
         )
 
     def _worst(self, field: IndexField, limit: float, pilots: list[dict[str, np.ndarray]]) -> float | None:
-        """The pilot's greatest error [m] in a field whose tables are known; None where the plan does not hold.
-
-        `limit` is the OPD error allowed there [m].
-        """
+        """The pilot's greatest error [m] in a field whose tables are known; None where the plan does not hold."""
         plan = self.task.plan
         judged = judged_pair(pair_of(pilots, plan.sample_count), limit)
         if judged is None or limit < self.limit:
@@ -399,10 +396,7 @@ def _strength(grid: UniformGrid) -> float:
 
 
 def _wider_scales(made: list[dict[str, np.ndarray]], count: int, limit: float) -> tuple[float, float] | None:
-    """Scales of a ray's error up to WIDER times those that the pilot needs, if they reject no ray of it.
-
-    None for a pilot that is not accurate. `made` are the outputs of its trials, and `limit` is a ray's [m].
-    """
+    """Scales of a ray's error up to WIDER times those that the pilot needs, if they reject no ray of it."""
     judged = judged_pair(pair_of(made, count), limit)
     if judged is None:
         return None

@@ -187,10 +187,7 @@ class PupilRun:
         return self.buffers[number]
 
     def _place(self, number: int, rows: slice, seed: int | None, points: Any) -> Batch:
-        """Make a batch: upload the rays along a radius, or the seeds from which other rays are made on the device.
-
-        `points` are those of the task, as a function for rays along a radius.
-        """
+        """Make a batch: upload the rays along a radius, or the seeds from which other rays are made on the device."""
         task = self.task
         if self.seeds is not None:
             self.seeds.array[: rows.stop - rows.start] = points[rows]
@@ -238,10 +235,7 @@ class PupilRun:
         return self.found[: batch.rows.stop - batch.rows.start]
 
     def _start_sums(self, batch: Batch, numbers: list) -> None:
-        """Sum groups of the replicates of a batch, then groups of groups.
-
-        `numbers` are those of `_phasor_numbers`; they define the surface from which phases are measured.
-        """
+        """Sum groups of the replicates of a batch, then groups of groups."""
         per_replicate, engine, results = self.task.per_replicate, self.engine, batch.results
         replicates = batch.rows.stop - batch.rows.start
         groups = replicates * group_count(per_replicate)

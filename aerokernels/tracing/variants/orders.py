@@ -179,11 +179,7 @@ def _put(whole: Rays, found: Crossings, value: np.ndarray, slope: np.ndarray, we
 
 
 def _taper(found: Crossings, thin: int) -> np.ndarray:
-    """Return weights of planes that begin and end smoothly where a path does, shape (n, k).
-
-    They are those of a box, `SMOOTH` times averaged over `thin` planes: every `thin`-th of them and all of them have
-    the same sum times any polynomial of an order below SMOOTH.
-    """
+    """Return weights of planes that begin and end smoothly where a path does, shape (n, k)."""
     kernel = np.ones(1)
     for _ in range(SMOOTH):
         kernel = np.convolve(kernel, np.full(thin, 1.0 / thin))

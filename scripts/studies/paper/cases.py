@@ -5,14 +5,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from aerokernels import flow
+from aerokernels.benches import SchlierenImage
+from aerokernels.benches.knife_edge import schlieren
 from aerokernels.compare import WaveformComparison, compare_waveforms
-from aerokernels.echo import EchoResult
-from aerokernels.echo.simulate import echo
+from aerokernels.lidar import EchoResult
+from aerokernels.lidar.simulate import echo
 from aerokernels.medium import IndexField
 from aerokernels.prepare import prepare_field
 from aerokernels.scene import Scene
-from aerokernels.schlieren import SchlierenImage
-from aerokernels.schlieren.knife_edge import schlieren
 
 from .printed import MACH
 

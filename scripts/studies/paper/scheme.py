@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from aerokernels import flow
-from aerokernels.echo.simulate import echo
+from aerokernels.lidar.simulate import echo
 from aerokernels.medium import IndexField
 from aerokernels.prepare import prepare_field
 from aerokernels.rays import RayBundle

@@ -6,7 +6,7 @@ import numpy as np
 
 from aerokernels import flow
 from aerokernels.compare import DEGREES
-from aerokernels.echo import RANGING_METHODS
+from aerokernels.lidar import RANGING_METHODS
 
 from ..report import markdown_table
 from .cases import SHOCKS, Case, Shadow, compare_cases, lag_of_correlation
@@ -154,7 +154,7 @@ def table_ranges(cases: Cases) -> Table:
 
 def table_walk() -> Table:
     """Range walk of a 1 V threshold on the peaks of Table 3, tau 6 ns, and of the other methods."""
-    from aerokernels.echo import GaussianPulse, estimate_range
+    from aerokernels.lidar import GaussianPulse, estimate_range
 
     pulse, time = GaussianPulse(6e-9), np.arange(-40e-9, 60e-9, 0.5e-9)
     cells, rows = [], []

@@ -10,8 +10,7 @@ import writers
 
 import aerokernels
 from aerokernels import flow
-from aerokernels.flow.reading.planes.polygon_cells import Polygons
-from aerokernels.flow.reading.planes.polygons import quad_mesh
+from aerokernels.flow.reading.planes.polygons import Polygons, quad_mesh
 
 
 @pytest.fixture

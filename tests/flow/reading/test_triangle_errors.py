@@ -5,8 +5,7 @@ import pytest
 from scipy.spatial import Delaunay
 
 from aerokernels import Disc, IndexField, Plane, RayBundle, trace
-from aerokernels.flow.reading.planes.polygon_cells import Polygons
-from aerokernels.flow.reading.planes.polygons import quad_mesh
+from aerokernels.flow.reading.planes.polygons import Polygons, quad_mesh
 
 RADIUS, CONTRAST = 2.5e-3, 6.6e-5
 

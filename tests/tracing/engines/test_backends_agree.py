@@ -19,7 +19,6 @@ from ..backends import (
     OPENCL,
     STOPS,
     WAVE,
-    assert_same_bits,
     exact,
     field_of,
     on,
@@ -185,17 +184,3 @@ def test_strong_contrast_agrees(engine):
         result = trace(field, rays, until=FAR, method="adaptive", tolerance=1e-4, precision=precision, **backend)
         assert np.abs(result.opd - expected.opd).max() < opd * WAVE
         assert np.abs(result.direction - expected.direction).max() < 1e-6
-
-
-@pytest.mark.parametrize("engine", ENGINES)
-def test_chunks_over_threads_change_nothing(engine):
-    """A bundle of several chunks gives each ray what it gets alone."""
-    backend = on(engine)
-    field = uniform_field("planar")
-    rng = np.random.default_rng(7)
-    position = np.c_[rng.uniform(-0.8e-3, 0.8e-3, (10_000, 2)), np.full(10_000, -1e-3)]
-    direction = np.c_[rng.normal(0.0, 0.05, (10_000, 2)), np.ones(10_000)]
-    rows = [0, 4095, 4096, 9_999]
-    many = trace(field, RayBundle(position, direction), until=FAR, method="adaptive", **backend)
-    few = trace(field, RayBundle(position[rows], direction[rows]), until=FAR, method="adaptive", **backend)
-    assert_same_bits(many, few, rows)

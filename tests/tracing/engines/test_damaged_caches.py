@@ -9,7 +9,6 @@ import subprocess
 import sys
 import threading
 import time
-import warnings
 from pathlib import Path
 
 import pytest
@@ -160,7 +159,7 @@ def test_a_home_that_takes_no_files_gives_the_process_caches_of_its_own(backend,
 
 def test_a_limit_on_files_is_seen_before_pocl_meets_it(monkeypatch):
     """`ulimit -f 200` ended in "LLVM ERROR: IO failure" and SIGABRT."""
-    from aerokernels.tracing.engines.opencl import linker
+    from aerokernels.tracing.engines.opencl import pocl as linker
 
     monkeypatch.setattr(linker, "_greatest_file", lambda: 102400)
     assert "102400 bytes here (ulimit -f)" in linker.linker_trouble(("-DANOTHER",))
@@ -176,34 +175,6 @@ def test_a_full_disk_gives_the_process_a_cache_of_its_own(tmp_path, monkeypatch)
         pocl_cache.make_safe()
     assert pocl_cache.cache_folder() != tmp_path and pocl_cache.cache_folder().is_dir()
     pocl_cache.cache_folder().rmdir()
-
-
-def test_what_warp_keeps_is_built_anew_where_it_does_not_load():
-    """Warp's own module stands for a kernel: it loads at the second attempt only."""
-    from aerokernels.device_arrays import launching
-
-    class Module:
-        loads = 0
-
-        def load(self, device, block_size):
-            self.loads += 1
-            if self.loads == 1:
-                raise Exception("Failed to load CPU module")
-
-        def get_module_identifier(self, block_size):
-            return "wp_stand"
-
-    with pytest.raises(Exception, match="Failed to load"):  # nothing in the cache: no fault of the cache
-        launching.load_module(Module(), "cpu", 1)
-    folder = Path(launching.wp.config.kernel_cache_dir or launching.wp.init() or launching.wp.config.kernel_cache_dir)
-    (folder / "wp_stand").mkdir(parents=True)
-    module = Module()
-    with pytest.warns(RuntimeWarning, match="does not load"):
-        launching.load_module(module, "cpu", 1)
-    assert module.loads == 2 and not (folder / "wp_stand").exists()
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        launching.load_module(module, "cpu", 1)
 
 
 def test_what_a_crash_left_of_warps_kernels_is_compiled_again(tmp_path: Path):

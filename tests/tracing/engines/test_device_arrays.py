@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from aerokernels import RayBundle
-from aerokernels.device_arrays import pinned, pinned_memory
+from aerokernels.device_arrays import pinned
 from aerokernels.device_arrays.array import DeviceArray, extremes_of, is_one_row, rows_begun, rows_where
 from aerokernels.device_arrays.foreign import host_array
+from aerokernels.device_arrays.pinned import pinned_memory
 from aerokernels.device_arrays.rays import checked_rays
 from aerokernels.tracing.engines import available_backends, engine_of
 

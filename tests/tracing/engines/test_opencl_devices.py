@@ -17,7 +17,7 @@ from aerokernels.commands.listing import backends
 from aerokernels.tracing.engines import engine_of
 from aerokernels.tracing.engines.info import BackendInfo
 from aerokernels.tracing.engines.opencl import devices as opencl_devices
-from aerokernels.tracing.engines.opencl import pocl_workaround as opencl_pocl
+from aerokernels.tracing.engines.opencl import pocl as opencl_pocl
 from aerokernels.tracing.engines.opencl.devices import (
     FoundDevice,
     OpenCLUnavailable,

@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from aerokernels.tracing.engines.opencl import program as opencl_program
 from aerokernels.tracing.engines.opencl.program import (
     WORK_GROUP,
     build,
@@ -126,24 +125,6 @@ def test_a_build_failure_names_file_line_and_options(folder):
         build(opened(), "fill.cl", ("-DSOME=1",), folder)
     text = str(refused.value)
     assert "include/twice.h:3" in text and "nonsense" in text and "-DSOME=1" in text
-
-
-def test_lines_of_the_expanded_source_are_named_as_in_the_original(folder):
-    """Set-up: messages that count lines of the expanded source, as NVIDIA's compiler does.
-
-    Expected: the file and the line in it where the same text stands.
-    """
-    source = expand("fill.cl", folder)
-    originals = {"fill.cl": KERNEL.splitlines()}
-    for header in ("factor.h", "twice.h"):
-        originals[f"include/{header}"] = (folder / "include" / header).read_text().splitlines()
-    for number, line in enumerate(source.splitlines(), start=1):
-        if line and not line.startswith("#line"):
-            named = opencl_program.places_named(f"<kernel>:{number}:3: error: here", source)
-            file, place, rest = named.split(":", 2)
-            assert originals[file][int(place) - 1] == line and rest == "3: error: here"
-    other = "fill.cl:3: <kernel>: nothing else"
-    assert opencl_program.places_named(other, source) == other
 
 
 def test_warnings_of_the_compiler_stay_away_from_users(folder, tmp_path):

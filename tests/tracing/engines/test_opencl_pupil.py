@@ -131,8 +131,8 @@ def test_points_are_those_of_warp(device: Device, shape: str):
 def test_points_of_a_lattice_are_those_of_warp_and_numpy(device: Device, shape: str):
     """Three replicates of 144 points: places and weights as lattice_points has them, to some roundings."""
     wp = pytest.importorskip("warp")
-    from aerokernels.tracing.engines.warp.devices import start_warp
     from aerokernels.tracing.engines.warp.kernels.pupil import launch_pupil
+    from aerokernels.tracing.engines.warp.library import start_warp
 
     start_warp()
     per, count = 144, 432

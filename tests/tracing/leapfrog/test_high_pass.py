@@ -1,55 +1,16 @@
-"""What a high pass leaves of a field: matrices along one axis leave what transforms leave, but for rounding."""
+"""What a high pass leaves of a field: what samples do not resolve, and no more beside faces that rays run along."""
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from scipy.interpolate import NdBSpline, make_interp_spline
 
 from aerokernels.medium.grid import UniformGrid
-from aerokernels.tracing.leapfrog import high_pass as module
 from aerokernels.tracing.leapfrog import unresolved
 from aerokernels.tracing.leapfrog.high_pass import high_pass
 from aerokernels.tracing.step_bound import potential_at_nodes
 
 # Share of the change in a cell, for air that is linear across the rays; values even about the faces leave 0.22.
 LINEAR = 0.025
-
-
-def grid_of(shape: tuple[int, ...], seed: int) -> UniformGrid:
-    samples = 1e-4 * np.random.default_rng(seed).normal(size=shape)
-    return UniformGrid(samples, np.zeros(len(shape)), np.full(len(shape), 1e-3), "cubic", False, 1.0003)
-
-
-@settings(deadline=None)
-@given(
-    first=st.integers(4, 40),
-    second=st.integers(4, 40),
-    axis=st.sampled_from((0, 1)),
-    cells=st.floats(0.9, 6.0),
-    is_fine=st.booleans(),
-    seed=st.integers(0, 1000),
-)
-def test_matrices_leave_what_transforms_leave(first, second, axis, cells, is_fine, seed):
-    """Rays along one axis of a plane, samples `cells` apart: equal to rounding, twice, the second time as it is kept.
-
-    Sums of some 40 products of numbers of size 1e-4 and shares of at most 1: 40 roundings of the greatest.
-    """
-    steepness = np.array([0.0, 0.0])
-    steepness[axis] = 1.0
-    shape = first, second
-    grid = grid_of(shape, seed)
-    edges = 0.92, 0.4
-    with pytest.MonkeyPatch.context() as changed:
-        changed.setattr(module, "MOST_ALONG", 0)
-        expected = [high_pass(grid, steepness, cells * 1e-3, edge, is_fine) for edge in edges]
-    unit = np.finfo(np.float64 if is_fine else np.float32).eps
-    allowed = 40.0 * unit * max(shape) * np.abs(grid.samples).max()
-    for _ in range(2):
-        for edge, other in zip(edges, expected, strict=True):
-            one = high_pass(grid, steepness, cells * 1e-3, edge, is_fine)
-            assert one.shape == other.shape
-            assert np.abs(one - other).max() <= allowed
 
 
 def faded(count: int, width: float) -> np.ndarray:

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from aerokernels.device_arrays import on_host
+from aerokernels.focus.estimate import estimate_strehl
 from aerokernels.medium import Body, IndexField
 from aerokernels.process.clock import clocked
 from aerokernels.rays import Disc, RayBundle
-from aerokernels.strehl.estimate import estimate_strehl
 from aerokernels.tracing import Plane, RayStatus, trace
 from aerokernels.tracing.launch import launch
 from aerokernels.tracing.leapfrog.pilot import LEAST_RAYS

@@ -7,9 +7,9 @@ import pytest
 
 from aerokernels.benchmark.scenes import strehl_scene
 from aerokernels.device_arrays import on_host
+from aerokernels.focus.estimate import estimate_strehl
 from aerokernels.medium import Body, IndexField
 from aerokernels.rays import RayBundle
-from aerokernels.strehl.estimate import estimate_strehl
 from aerokernels.tracing import Plane, trace
 from aerokernels.tracing.error_limit import error_limit, support_box
 from aerokernels.tracing.launch import launch

@@ -44,18 +44,3 @@ def test_rays_turn_with_the_air(change: str, stop: str):
     if change == "moved":
         np.testing.assert_array_equal(after.step_count, before.step_count)
         np.testing.assert_array_equal(after.evaluation_count, before.evaluation_count)
-
-
-@pytest.mark.parametrize("stop", ["none", "before"])
-def test_a_steps_evaluations_are_those_of_its_formula(stop: str):
-    """Nystrom's of fixed steps takes four of the field; the eighth-order pair of error control twelve an attempt.
-
-    Every attempt counts, and those that are accepted are the steps.
-    """
-    fixed = traced(PLAIN, "reference", stop, method="fixed", step=PITCH)
-    np.testing.assert_array_equal(fixed.evaluation_count, 4 * fixed.step_count)
-    lengths = fixed.arc_length - 3.0 * PITCH  # before the box
-    np.testing.assert_allclose(fixed.step_count, lengths / PITCH, atol=1.01)
-    adaptive = traced(PLAIN, "reference", stop, tolerance=1e-5)
-    assert (adaptive.evaluation_count % 12 == 0).all()
-    assert (adaptive.evaluation_count >= 12 * adaptive.step_count).all()

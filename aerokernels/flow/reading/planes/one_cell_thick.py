@@ -22,7 +22,6 @@ from aerokernels.flow.reading.dataset import (
     Patch,
 )
 
-GREATEST_ANGLE = 0.35  # [rad] 20 degrees
 LEAST_ANGLE = 1e-4
 ON_AXIS = 1e-6  # of the greatest radius
 ON_PLANE = 1e-3  # of the wedge's angle: single precision
@@ -82,11 +81,7 @@ class Wedge:
 
 
 def wedge(points: np.ndarray) -> Wedge | None:
-    """Return the wedge of which points are the corners of the cells; None for other points.
-
-    Args:
-        points: Points of a volume in the file's axes, shape (n, 3).
-    """
+    """Return the wedge of which points are the corners of the cells; None for other points."""
     for axis in range(3):
         some = points[:: max(len(points) // SOME_POINTS, 1)]
         if _wedge(some, axis) is not None and (found := _wedge(points, axis)) is not None:
@@ -106,7 +101,8 @@ def _wedge(points: np.ndarray, axis: int) -> Wedge | None:
     ahead = np.array([one.sum(), other.sum()])
     turn = _turn(one, other, ahead)
     low, high = float(turn.min()), float(turn.max())
-    if not LEAST_ANGLE < high - low <= GREATEST_ANGLE:
+    # At most 20 degrees [rad].
+    if not LEAST_ANGLE < high - low <= 0.35:
         return None
     near = np.minimum(turn - low, high - turn) < ON_PLANE * (high - low)
     return Wedge(axis, ahead, low, high, radius) if near.all() else None
@@ -118,7 +114,6 @@ def _turn(one: np.ndarray, other: np.ndarray, ahead: np.ndarray) -> np.ndarray:
 
 
 NEAR = 1e-7  # of the size: single precision
-MATCHED = 10.0 * NEAR  # the radii of both sides of a wedge are rounded apart
 ALIKE = 1e-6  # greatest relative difference between the values of the two layers
 # Corners of each face of a cell, in order around it. Cells at the axis of a wedge have lost corners.
 FACES = {
@@ -195,7 +190,8 @@ def _flat(block: Block, layers: Layers, size: float) -> Block | None:
         if pair is None or cells is None:
             return None
         one, other = pair
-    if (np.abs(layers.places[one] - layers.places[other]) > MATCHED * size).any():
+    # The radii of both sides of a wedge are rounded apart.
+    if (np.abs(layers.places[one] - layers.places[other]) > 10.0 * NEAR * size).any():
         return None
     data = {}
     for name, values in block.point_data.items():

@@ -1,4 +1,4 @@
-"""Two-dimensional files: their points in the optical frame, their mesh, and the density on it."""
+"""Two-dimensional files: their points in the optical frame, their mesh, and the density on it and at its walls."""
 
 from dataclasses import dataclass
 
@@ -7,8 +7,7 @@ import numpy as np
 from aerokernels.flow.reading.dataset import FLAT, Block, Dataset, ReadError, wall_patches
 from aerokernels.flow.reading.density import density_of, in_si
 from aerokernels.flow.reading.frame import Frame
-from aerokernels.flow.reading.planes.polygon_cells import Polygons
-from aerokernels.flow.reading.planes.polygons import merged, quad_mesh
+from aerokernels.flow.reading.planes.polygons import Polygons, merged, quad_mesh
 from aerokernels.flow.sampled_density import WallDensity
 from aerokernels.medium import QuadMesh
 

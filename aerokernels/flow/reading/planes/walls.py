@@ -13,9 +13,7 @@ def wall_body(edges: np.ndarray, mesh: QuadMesh) -> Body | None:
     A closed wall is the body's outline. A wall that ends on the edge of the field is closed behind it: on the axis of
     symmetry, or along the side of the field behind the wall.
 
-    Args:
-        edges: Both ends of each edge of the walls [m], shape (edge_count, 2, 2).
-        mesh: The mesh of the flow.
+    `edges` are both ends of each edge of the walls [m], shape (edge_count, 2, 2).
 
     Raises:
         ValueError: Walls that branch, and outlines that `Body` rejects.

@@ -1,6 +1,8 @@
 """Read CGNS files with VTK's reader: structured and unstructured zones, solutions at vertices or cell centres.
 
-Runs in the child process of fragile.py.
+What the file states beside its zones is read from its nodes: units, which apply to all nodes below theirs that have
+none of their own, an axis of symmetry, boundary patches, data without dimensions. Runs in the child process of
+fragile.py.
 """
 
 from collections.abc import Mapping
@@ -25,8 +27,7 @@ from aerokernels.flow.reading.readers.cgns_nodes import (
     text_of,
 )
 from aerokernels.flow.reading.readers.cgns_walls import patches_of
-from aerokernels.flow.reading.readers.vtk_files import blocks_of
-from aerokernels.flow.reading.readers.vtk_running import DAMAGED, run
+from aerokernels.flow.reading.readers.vtk_files import DAMAGED, blocks_of, run
 
 ADF = "of a CGNS file in ADF only zones are read: units are taken as metres and kg/m3, boundary patches are left out"
 # Symbols of the standard's unit names, in the order of the exponents: mass, length, time, temperature, angle.

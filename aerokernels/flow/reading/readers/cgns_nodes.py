@@ -1,4 +1,10 @@
-"""Nodes of a CGNS file in HDF5: their labels, names, data and children, read on demand."""
+"""Nodes of a CGNS file in HDF5, read on demand; their arrays are compared with the sizes of their zones.
+
+By the standard (SIDS) a zone of dimension d has d counts of vertices and d of cells; an unstructured zone has d = 1. An
+array has one value for each vertex or cell, by its solution's GridLocation (Vertex if none is stated), and for the rows
+of ghosts beyond both ends of each axis that Rind states. VTK's reader allocates by these sizes and reads what the array
+holds: of a shorter array the rest is memory that nobody wrote.
+"""
 
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager

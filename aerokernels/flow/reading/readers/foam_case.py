@@ -23,7 +23,6 @@ _WIDTH = {"volScalarField": 1, "volVectorField": 3}
 _MOLAR_MASS = re.compile(r"\bmolWeight\s+([0-9.eE+-]+)\s*;")
 _COMMENT = re.compile(r"//[^\n]*|/\*.*?(?:\*/|\Z)", re.DOTALL)  # an unclosed comment extends to the end
 _DIMENSIONS = re.compile(rb"\bdimensions\s*\[([^\]]*)\]")
-GREATEST_INCLUDED = 1_000_000  # [bytes]
 _INCLUDE = re.compile(r'^[ \t]*#include\w*\s+"([^"\n]+)"', re.MULTILINE)
 
 
@@ -165,7 +164,8 @@ def _value_of(file: FoamFile, name: str) -> str:
     texts = [text]
     for included in _INCLUDE.findall(text):
         other = own_file(file.path.parent.parent, os.path.join(file.path.parent.name, included))  # within the case
-        if other.is_file() and other.stat().st_size <= GREATEST_INCLUDED:
+        # A greater file, in bytes, is not looked into.
+        if other.is_file() and other.stat().st_size <= 1_000_000:
             texts.append(_COMMENT.sub("", other.read_text("latin-1")))
     values = [
         found for one in texts for found in re.findall(rf"^[ \t]*{re.escape(name)}\s+([^;{{}}]*);", one, re.MULTILINE)
@@ -213,13 +213,7 @@ def case_times(folder: Path) -> list[FoamTime]:
 
 
 def read(path: Path, time: Any, options: Mapping[str, Any]) -> Dataset:
-    """Read an OpenFOAM case.
-
-    Args:
-        path: The case's folder, a .foam file in it, or its controlDict.
-        time: "latest" (None), "first", or the time itself.
-        options: None; as of all readers.
-    """
+    """Read an OpenFOAM case."""
     folder = case_folder(path)
     times = case_times(folder)
     value = chosen_time(folder, [entry.value for entry in times], time)

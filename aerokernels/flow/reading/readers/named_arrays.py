@@ -35,15 +35,7 @@ def arrays_as_dataset(
 ) -> Dataset:
     """Return the dataset of named arrays; `options` are the caller's `variables` and `order`.
 
-    Args:
-        path: The file, for messages.
-        arrays: By name.
-        kind: Name of the format.
-        time: As in `flow.read`.
-        options: As in `flow.read`.
-        units: Unit of each array, where the file states it.
-        ends: The ends of axes, where the file states them.
-        labelled: Names of the arrays whose axes are in a known order.
+    `units` of arrays and `ends` of axes are what the file states; the axes of `labelled` arrays are in a known order.
     """
     variables, order = dict(options.get("variables") or {}), options.get("order")
     given = {axis: value for axis, value in variables.items() if not isinstance(value, str)}

@@ -25,8 +25,6 @@ from aerokernels.process.foreign_files import own_file
 DAMAGED = "the file is damaged, or no file of Plot3D: write it again"
 GRID_ENDS = (".xyz", ".x", ".g", ".p3d", ".grd", ".p2d")
 SOLUTION_ENDS = (".q", ".f", ".fun", ".p3dq")
-GREATEST_GRID_COUNT = 100_000
-PADDING = 1024  # [bytes] a disk or tape block
 RELATIVE = "q files are mostly non-dimensional: without a reference their density is taken as kg/m3"
 CONSERVATIVE = ("density", "momentum_x", "momentum_y", "momentum_z", "energy")
 
@@ -77,7 +75,8 @@ class _Stream:
     def at_end(self) -> bool:
         """Whether only zeros follow, with which some systems pad the last block."""
         rest = self.source[self.at :]
-        return not len(rest) if not self.order else len(rest) < PADDING and not any(rest)
+        # Less than a disk or tape block, in bytes.
+        return not len(rest) if not self.order else len(rest) < 1024 and not any(rest)
 
 
 def read(path: Path, time: Any, options: Mapping[str, Any]) -> Dataset:
@@ -137,7 +136,7 @@ def _sizes(stream: _Stream, several: bool, width: int, more: int = 0) -> tuple[n
     """Return the sizes with which a file begins, a row for each grid, and `more` numbers; None if they cannot be."""
     stream.at, most = 0, len(stream.source)
     head = stream.take(("i", 1)) if several else [np.ones(1)]
-    if head is None or not 0 < head[0][0] <= GREATEST_GRID_COUNT:
+    if head is None or not 0 < head[0][0] <= 100_000:
         return None
     found = stream.take(("i", width * int(head[0][0]) + more))
     if found is None or found[0].min() < 0 or found[0].max() > most:

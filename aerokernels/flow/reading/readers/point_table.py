@@ -27,7 +27,6 @@ from aerokernels.flow.reading.dataset import (
 )
 
 TIMES = ("time", "timevalue", "flowtime", "physicaltime", "solutiontime", "simulationtime")
-LEAST_POINTS = 4  # at a time: a column of other times is an array like any other
 SAME = 1e-9  # of the extent: coordinates along an axis that are closer count as equal
 
 
@@ -74,7 +73,8 @@ def _at_time(
     if bad := int((~np.isfinite(arrays[name])).sum()):
         raise ReadError(path, f"{bad} of its {len(points)} times ({name}) are no numbers", "give each point its time")
     values, number, counts = np.unique(arrays[name], return_inverse=True, return_counts=True)
-    if counts.min() < LEAST_POINTS:
+    # Points at a time: a column of other times is an array like any other.
+    if counts.min() < 4:
         return [], None, every
     del arrays[name]
     times = (unit_of_array(path, name, "", "time").factor * values).tolist()

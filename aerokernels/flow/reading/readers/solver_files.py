@@ -12,8 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from aerokernels.flow.reading.dataset import UNFINISHED, Dataset, Patch, ReadError
-from aerokernels.flow.reading.readers.vtk_files import vtk_dataset
-from aerokernels.flow.reading.readers.vtk_running import run
+from aerokernels.flow.reading.readers.vtk_files import run, vtk_dataset
 from aerokernels.process.foreign_files import own_file
 
 SINGLE = "VTK reads its coordinates in single precision"

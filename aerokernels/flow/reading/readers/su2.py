@@ -1,7 +1,13 @@
 """Read SU2: a mesh (.su2 or .cgns) and a restart, binary (.dat) or text (.csv, .dat), with values at the mesh's points.
 
 The binary restart: five int32 (535532, variable count, point count, 0, 0), names of 33 characters, float64 values point
-by point, then metadata of the run. The first number tells the byte order.
+by point, then metadata of the run. The first number tells the byte order. SU2 numbers the points of a mesh in CGNS as
+they are in its zone, and takes the coordinates as metres, whatever unit that file states.
+
+What neither mesh nor restart states may be in a configuration beside them. REF_DIMENSIONALIZATION= FREESTREAM_... makes
+every density a multiple of the free stream's. SU2 computes that from FREESTREAM_PRESSURE and FREESTREAM_TEMPERATURE by
+the ideal gas law, or takes FREESTREAM_DENSITY where FREESTREAM_OPTION says so; a viscous run takes it from the Reynolds
+number unless INIT_OPTION is TD_CONDITIONS (SU2's configuration template, config_template.cfg).
 """
 
 import math
@@ -33,7 +39,6 @@ from aerokernels.process.foreign_files import OwnFilesError, own_file
 MAGIC = 535532
 NAME_LENGTH = 33
 GREATEST_VARIABLE_COUNT = 10_000
-HIGH_ORDER = 100  # type numbers of elements with interior points are greater
 ELEMENTS = {LINE: 2, **CORNERS}  # SU2 uses VTK's numbers
 DENSITY_NAMES = ("Density", "Conservative_1")
 WALLS = ("wall", "airfoil", "body", "cylinder", "wedge", "cone", "sphere")  # SU2 states types of boundaries elsewhere
@@ -217,7 +222,8 @@ def _elements(path: Path, rows: list[tuple[int, str]], known: Mapping[int, int])
     bad = (count == 0) | (count > room)
     if bad.any():
         first = int(np.argmax(bad))
-        if count[first] == 0 and kinds[first] > HIGH_ORDER:
+        # Type numbers of elements with interior points are greater.
+        if count[first] == 0 and kinds[first] > 100:
             fault = f"line {number[first]}: element {kinds[first]:.0f} is of high order, with points inside it"
             raise ReadError(path, fault, "write the flow on cells with corners only, by SU2's own output for ParaView")
         fault = f"line {number[first]}: not an element of SU2: {rows[first][1][:60]!r}"

@@ -37,8 +37,6 @@ ELEMENTS = {
 }
 _PAIR = re.compile(r'([A-Za-z][\w ]*?)\s*=\s*("[^"]*"|\((?:[^()]|\([^()]*\))*\)|[^\s,=]+)')
 _NUMBER = re.compile(r"^\s*[-+.\d]")
-LONGEST_HEAD = 10_000  # characters of a zone's header
-MOST_REPEATED = 1000  # greatest ratio of a zone's numbers to written ones: a coordinate changes along the first index
 _REPEAT = re.compile(r"(\d+)\*(\S+)")
 
 
@@ -104,7 +102,8 @@ def _parts(path: Path, text: str):
 
     def close() -> None:
         if head is not None:
-            if len(written := " ".join(head)) > LONGEST_HEAD:
+            # A zone's header has fewer characters.
+            if len(written := " ".join(head)) > 10_000:
                 raise ReadError(path, f"the head of zone {len(zones) + 1} has {len(written)} letters", UNFINISHED)
             zones.append((_pairs(written), "\n".join(body)))
 
@@ -302,7 +301,8 @@ def _numbers(path: Path, name: str, text: str, expected: int) -> np.ndarray:
         words = [_REPEAT.fullmatch(word) or word for word in text.split()]
         repeats = [1 if isinstance(word, str) else int(word[1]) for word in words]
         _check_count(path, name, sum(repeats), expected)  # before expanding: a damaged count may be huge
-        if expected > MOST_REPEATED * len(words):
+        # Greatest ratio of a zone's numbers to written ones: a coordinate changes along the first index.
+        if expected > 1000 * len(words):
             raise ReadError(path, f"{name} repeats {len(words)} numbers until they are {expected}", UNFINISHED)
         counts, text = np.array(repeats), " ".join(word if isinstance(word, str) else word[2] for word in words)
     try:

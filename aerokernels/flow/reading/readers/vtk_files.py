@@ -4,6 +4,7 @@ VTK prints an error and returns what it has read so far. Here every printed erro
 compared with those that the file announces. Runs in the child process of fragile.py.
 """
 
+import re
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -11,35 +12,23 @@ from typing import Any
 
 import numpy as np
 
-from aerokernels.flow.reading.dataset import (  # fmt: skip
-    CORNERS,
-    FLAT,
-    LINE,
+from aerokernels.flow.reading.dataset import (
+    HDF5_MAGIC,
     SOLID,
     Block,
-    Cells,
     Dataset,
-    Faces,
     GridPoints,
     Patch,
     Polygons,
     ReadError,
     chosen_time,
 )
-from aerokernels.flow.reading.readers.high_order import BY_CORNERS, joined, linear_cells
+from aerokernels.flow.reading.readers.vtk_cells import cells_of, joined
 from aerokernels.flow.reading.readers.vtk_collections import SUFFIXES, collection
-from aerokernels.flow.reading.readers.vtk_running import DAMAGED, text_of, vtk_output
-from aerokernels.flow.reading.volumes.solids import FACES
 from aerokernels.process.foreign_files import check_own_files, pieces
 
 NO_OWN_FLOW = 1 | 8 | 32  # flags of cells that vtkDataSetAttributes calls duplicate, refined and hidden
-STRUCTURED_ORDER = {11: [0, 1, 3, 2, 4, 5, 7, 6], 8: [0, 1, 3, 2]}  # voxel and pixel corners in hexahedron, quad order
 SURFACE = (5, 7, 9)  # triangles, polygons, quadrilaterals
-LINEAR = {11: 12, 8: 9}
-# Quadratic cells, which list their corners first, and the linear cell of each.
-QUADRATIC = {21: 3, 35: 3, 22: 5, 34: 5, 23: 9, 28: 9, 30: 9, 24: 10, 25: 12, 29: 12, 33: 12, 26: 13, 31: 13, 32: 13,
-             27: 14, 37: 14}  # fmt: skip
-NO_FLOW = (0, 1, 2, 3, 4, 51, 60, 68, 75)  # empty cells, points, lines and curves
 
 
 def read(path: Path, time: Any, options: Mapping[str, Any]) -> Dataset:
@@ -152,7 +141,7 @@ def _block(path: Path | str, data, name: str, notes: dict[str, None]) -> Block:
         blank = (ghosts.astype(int) & NO_OWN_FLOW) != 0
     elif point_ghosts is not None and (point_ghosts.astype(int) & 2).any():
         blank = (point_ghosts.astype(int) & 2) != 0
-    cells, parent = (None, None) if shape is not None else _cells(path, data, notes)
+    cells, parent = (None, None) if shape is not None else cells_of(path, data, notes)
     if parent is not None:
         cell_data = {name: values[parent] for name, values in cell_data.items()}
         blank = blank[parent] if blank is not None and ghosts is not None else blank
@@ -204,109 +193,85 @@ def _arrays(path: Path | str, attributes, count: int) -> dict[str, np.ndarray]:
     return found
 
 
-def _cells(path: Path | str, data, notes: dict[str, None]) -> tuple[Cells | None, np.ndarray | None]:
-    """Return the cells, and the file's cell that each came from if high-order cells were divided, else None."""
-    from vtkmodules.util.numpy_support import vtk_to_numpy
-    from vtkmodules.vtkCommonDataModel import vtkPolyData
-
-    if not data.GetNumberOfCells():
-        return None, None
-    if isinstance(data, vtkPolyData):
-        return _polygons(path, data), None
-    array = data.GetCells()
-    start = vtk_to_numpy(array.GetOffsetsArray()).astype(np.int64)
-    points = vtk_to_numpy(array.GetConnectivityArray()).astype(np.int64)
-    kinds = np.array([data.GetCellType(0)]) if len(start) == 2 else vtk_to_numpy(_types(data))
-    kinds = kinds.astype(np.uint8)
-    if second := _read_by_corners(kinds, np.diff(start)):
-        notes[f"{second} of {len(kinds)} cells are of second order: they are read by their corners alone"] = None
-    start, points, kinds = _linear(start, points, kinds)
-    start, points, kinds, parent = linear_cells(path, start, points, kinds)
-    if len(unknown := np.setdiff1d(kinds, [*NO_FLOW, *FLAT, *SOLID])):
-        raise ReadError(
-            path, f"it has cells of VTK's type {unknown[0]}, which are not read", "write triangles, quadrilaterals, "
-            "polygons, tetrahedra, hexahedra, prisms, pyramids or polyhedra"
-        )  # fmt: skip
-    faces = None
-    if (kinds == 42).any():
-        if parent is not None:
-            raise ReadError(path, "it has polyhedra and cells of high order", "write linear cells")
-        faces = _polyhedra(path, data, start, points, kinds)
-    return Cells(kinds, start, points, faces), parent
+DAMAGED = "the file is damaged or of another version: write it again"
+READERS = {
+    ".vti": "vtkXMLImageDataReader",
+    ".vtr": "vtkXMLRectilinearGridReader",
+    ".vts": "vtkXMLStructuredGridReader",
+    ".vtu": "vtkXMLUnstructuredGridReader",
+    ".vtp": "vtkXMLPolyDataReader",
+    ".pvti": "vtkXMLPImageDataReader",
+    ".pvtr": "vtkXMLPRectilinearGridReader",
+    ".pvts": "vtkXMLPStructuredGridReader",
+    ".pvtu": "vtkXMLPUnstructuredGridReader",
+    ".vtm": "vtkXMLMultiBlockDataReader",
+    ".vtmb": "vtkXMLMultiBlockDataReader",
+    ".vtpd": "vtkXMLPartitionedDataSetReader",
+    ".vtpc": "vtkXMLPartitionedDataSetCollectionReader",
+    ".vth": "vtkXMLUniformGridAMRReader",
+    ".vthb": "vtkXMLUniformGridAMRReader",
+}
 
 
-def _types(data):
-    from vtkmodules.vtkCommonCore import vtkVersion
+def vtk_output(path: Path, suffix: str, time: Any = None) -> tuple[Any, list[float], float | None]:
+    """Return the output of VTK's reader for a suffix, the file's times, and the one that was read."""
+    from vtkmodules import vtkIOHDF, vtkIOLegacy, vtkIOXML
 
-    # VTK 9.6 renamed the method.
-    named_anew = (vtkVersion.GetVTKMajorVersion(), vtkVersion.GetVTKMinorVersion()) >= (9, 6)
-    return data.GetCellTypes() if named_anew else data.GetCellTypesArray()
-
-
-def _polygons(path: Path | str, data) -> Cells | None:
-    from vtkmodules.util.numpy_support import vtk_to_numpy
-
-    array = data.GetPolys()
-    count = array.GetNumberOfCells()
-    if not count:
-        return None
-    if count != data.GetNumberOfCells():
-        raise ReadError(path, "it mixes polygons with lines or points", "give a surface of polygons, or a grid")
-    start = vtk_to_numpy(array.GetOffsetsArray()).astype(np.int64)
-    return Cells(np.full(count, 7, np.uint8), start, vtk_to_numpy(array.GetConnectivityArray()).astype(np.int64))
-
-
-def _linear(start, points, kinds):
-    """Convert voxels and pixels to hexahedra and quadrilaterals, and quadratic cells to their corners."""
-    for kind, order in STRUCTURED_ORDER.items():
-        own = np.flatnonzero(kinds == kind)
-        if len(own):
-            place = start[own][:, None] + np.array(order)
-            points = points.copy()
-            points[start[own][:, None] + np.arange(len(order))] = points[place]
-            kinds = np.where(kinds == kind, LINEAR[kind], kinds).astype(np.uint8)
-    if np.isin(kinds, list(QUADRATIC)).any():
-        width = np.diff(start)
-        keep = width.copy()
-        for kind, plain in QUADRATIC.items():
-            keep[kinds == kind] = {LINE: 2, **CORNERS}[plain]
-            kinds = np.where(kinds == kind, plain, kinds).astype(np.uint8)
-        within = np.arange(len(points)) - np.repeat(start[:-1], width)
-        points = points[within < np.repeat(keep, width)]
-        start = np.concatenate([[0], np.cumsum(keep)])
-    return start, points, kinds
+    reader: Any
+    with path.open("rb") as stream:
+        in_hdf5 = stream.read(len(HDF5_MAGIC)) == HDF5_MAGIC
+    if in_hdf5:
+        reader = vtkIOHDF.vtkHDFReader()
+        reader.SetMaximumLevelsToReadByDefaultForAMR(0)  # all
+    elif suffix == ".vtk":
+        reader = vtkIOLegacy.vtkGenericDataObjectReader()
+        reader.ReadAllScalarsOn()
+        reader.ReadAllVectorsOn()
+        reader.ReadAllTensorsOn()
+        reader.ReadAllFieldsOn()
+    else:
+        reader = getattr(vtkIOXML, READERS.get(suffix, "vtkXMLGenericDataObjectReader"))()
+        if suffix.startswith(".vth"):
+            reader.SetMaximumLevelsToReadByDefault(0)
+    reader.SetFileName(str(path))
+    return run(path, reader, time, several=in_hdf5)
 
 
-def _read_by_corners(kinds: np.ndarray, width: np.ndarray) -> int:
-    """Return how many cells of the flow have points between their corners that are left out."""
-    corners = {**{kind: CORNERS.get(plain, 2) for kind, plain in QUADRATIC.items()},
-               **{kind: count for kind, (_, count, _) in BY_CORNERS.items()}}  # fmt: skip
-    return sum(int(((kinds == kind) & (width > count)).sum()) for kind, count in corners.items() if count > 2)
+def run(path: Path, reader, time: Any = None, several: bool = True) -> tuple[Any, list[float], float | None]:
+    """Run a VTK reader on a file: return its output, the file's times, and the one that was read."""
+    from vtkmodules.vtkCommonCore import vtkOutputWindow, vtkStringOutputWindow
+
+    window = vtkStringOutputWindow()
+    vtkOutputWindow.SetInstance(window)
+    reader.UpdateInformation()
+    times = _times(reader)
+    if len(times) > 1 and not several:
+        what = f"it has {len(times)} times in one file"
+        raise ReadError(path, what, "write a file for each, and a list of them (.pvd), or .vtkhdf")
+    chosen = chosen_time(path, times, time) if times else None
+    if chosen is None:
+        reader.Update()
+    else:
+        reader.UpdateTimeStep(chosen)
+    said = re.sub(r" ?\(0x[0-9a-f]+\)", "", " ".join(text_of(window.GetOutput()).split()))
+    if "ERR" in said or "rror" in said or reader.GetErrorCode():
+        what = said.split("): ", 1)[-1][:200] or f"error {reader.GetErrorCode()}"
+        raise ReadError(path, f"VTK cannot read it ({what})", DAMAGED)
+    data = reader.GetOutputDataObject(0)
+    if data is None:
+        raise ReadError(path, "VTK finds nothing in it", DAMAGED)
+    return data, times, chosen
 
 
-def _polyhedra(path, data, start: np.ndarray, points: np.ndarray, kinds: np.ndarray) -> Faces:
-    """Return the faces of all cells; a face between two cells is listed twice, once for each."""
-    from vtkmodules.util.numpy_support import vtk_to_numpy
+def _times(reader) -> list[float]:
+    from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline as Pipeline
 
-    faces, of_cells = data.GetPolyhedronFaces(), data.GetPolyhedronFaceLocations()
-    if faces is None or of_cells is None or of_cells.GetNumberOfCells() != len(kinds):
-        raise ReadError(path, "its polyhedra have no faces", DAMAGED)
-    begin, flat, first, number = (
-        vtk_to_numpy(array).astype(np.int64)
-        for own in (faces, of_cells)
-        for array in (own.GetOffsetsArray(), own.GetConnectivityArray())
-    )
-    if len(number) and (number.min() < 0 or number.max() >= len(begin) - 1):
-        raise ReadError(path, "its polyhedra name faces that are not there", DAMAGED)
-    width = np.diff(begin)[number]
-    at = np.arange(width.sum()) + np.repeat(begin[number] - (np.cumsum(width) - width), width)
-    widths, corners, owner = [width], [flat[at]], [np.repeat(np.arange(len(kinds)), np.diff(first))]
-    for kind, table in FACES.items():
-        own = np.flatnonzero(kinds == kind)
-        for face in table:
-            ring = list(dict.fromkeys(face))  # a triangle names its last corner twice
-            corners.append(points[start[own][:, None] + ring].ravel())
-            widths.append(np.full(len(own), len(ring)))
-            owner.append(own)
-    ends = np.concatenate([[0], np.cumsum(np.concatenate(widths))])
-    return Faces(ends, np.concatenate(corners), np.concatenate(owner), np.empty(0, np.int64))
+    information, key = reader.GetOutputInformation(0), Pipeline.TIME_STEPS()
+    if information is None or not information.Has(key):
+        return []
+    return sorted({float(information.Get(key, k)) for k in range(information.Length(key))})
+
+
+def text_of(said: str | bytes | None) -> str:
+    """Return a text of VTK as str; VTK returns bytes for texts that are not UTF-8."""
+    return said.decode("utf-8", "replace") if isinstance(said, bytes) else said or ""

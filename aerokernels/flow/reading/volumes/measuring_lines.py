@@ -9,10 +9,6 @@ from aerokernels.flow.reading.volumes.solids import NodeGrid
 
 LINES = 12  # measuring lines along x and along y
 GREATEST = 3.0  # budgets report three times the rms error: the greatest error of a line counts where it is more
-SHEET_SHARE = 0.02  # of the range of the density: cells with a greater deficit contain a shock, or are beside one
-# In a curved density the deficit of a linear function with the right average is up to h^2 / 12 times the second
-# derivative on a line off the centroids of the cells; at the corners it is h^2 / 4, which is what is measured.
-BIAS = 1.0 / 3.0
 ALONG = 2.0  # greatest increase of the squares in a row of cells where the line runs along or inside a shock
 PLACE = 2.0  # the average leaves a shock's place in its cell open: deficit of the worst corner over the corners' rms
 
@@ -75,10 +71,7 @@ class MeasuringLines:
     def settle(self, parts: list[Reconstruction], firsts: list[int], cell_counts: list[int]) -> None:
         """Store what is needed of the cells that the lines cross, one part for each block.
 
-        Args:
-            parts: Reconstructions of the blocks.
-            firsts: Number of the first cell of each block in the lines' grid.
-            cell_counts: Number of cells of each block.
+        `firsts` are the numbers of the first cells of the blocks in the lines' grid.
         """
         from scipy.sparse import csr_array
 
@@ -104,14 +97,7 @@ class MeasuringLines:
         self._length = float(grid.spacing[2])
 
     def measure(self, values, density: np.ndarray, outside_share: float, averaged_share: float) -> VolumeResampling:
-        """Return the changes of the grid's density against the cells' functions.
-
-        Args:
-            values: Results of `Reconstruction.values` for each block.
-            density: At all nodes of the grid, shape (node_count,).
-            outside_share: Share of the nodes that are in no cell.
-            averaged_share: Share of the nodes that took an average.
-        """
+        """Return the changes of the grid's density against the cells' functions."""
         shape, node = self.grid.shape, self._node
         change, flat, deficit = (np.zeros(int(np.prod(shape))) for _ in range(3))
         span = 0.0
@@ -153,8 +139,11 @@ def unresolved(lines: np.ndarray, deficit: np.ndarray, cell: np.ndarray, span: f
         cell: Numbers of the cells, likewise.
         span: The range of the density [kg/m3].
     """
-    together = BIAS * lines.sum(axis=1)
-    shock = np.sign(lines) * (np.abs(deficit) > SHEET_SHARE * span)
+    # In a curved density the deficit of a linear function with the right average is up to h^2 / 12 times the second
+    # derivative on a line off the centroids of the cells; at the corners it is h^2 / 4, which is what is measured.
+    together = 1.0 / 3.0 * lines.sum(axis=1)
+    # Of the range of the density: cells with a greater deficit contain a shock, or are beside one.
+    shock = np.sign(lines) * (np.abs(deficit) > 0.02 * span)
     other = np.ones(lines.shape, bool)
     other[:, 1:] = cell[:, 1:] != cell[:, :-1]
     # Consecutive cells of a shock along the line have alike deficits: their errors add up.

@@ -8,10 +8,6 @@ from aerokernels.flow.reading.dataset import Block
 from aerokernels.flow.reading.volumes.point_values import LEAST_SHARE
 from aerokernels.flow.reading.volumes.solids import CellFacts, NodeGrid
 
-LEAST_AVERAGED = 4  # cells around a node: from this number on their average replaces the cell that contains it
-CARRIED_ON = 8  # layers of nodes into which the density is extrapolated, in a body and beyond the mesh
-CARRIED_LINEARLY = 3  # the first of these layers, with linear extrapolation
-
 
 class SmallCells:
     """Nodes around which several cells have their centroids, and which take the volume average of these cells."""
@@ -32,7 +28,8 @@ class SmallCells:
         count = np.bincount(node, minlength=len(held))
         total = np.bincount(node, volume[cell], len(held))
         # The cells must fill most of the node's surroundings: otherwise the average would be one-sided.
-        several = (count >= LEAST_AVERAGED) & held & (total >= 0.7 * grid.spacing.prod())
+        # Cells around a node: from this number on their average replaces the cell that contains it.
+        several = (count >= 4) & held & (total >= 0.7 * grid.spacing.prod())
         self.node = np.flatnonzero(several)
         number = np.zeros(len(held), np.int32)
         number[self.node] = np.arange(len(self.node))
@@ -98,7 +95,8 @@ class EmptyNodes:
         known = held.copy()
         strides = (shape[1] * shape[2], shape[2], 1)
         self._layers: list[_Layer] = []
-        for depth in range(CARRIED_ON):
+        # Layers of nodes into which the density is extrapolated, in a body and beyond the mesh.
+        for depth in range(8):
             empty = _beside(known, shape)
             if not len(empty):
                 break
@@ -112,7 +110,8 @@ class EmptyNodes:
                     for steps, other in enumerate(line, start=1):
                         good &= room >= steps
                         good &= known[np.where(good, other, 0)]
-                        if depth >= CARRIED_LINEARLY and steps > 1:
+                        # The first three layers are extrapolated linearly.
+                        if depth >= 3 and steps > 1:
                             good[:] = False
                         other[~good] = -1
                     row = np.flatnonzero(line[0] >= 0)

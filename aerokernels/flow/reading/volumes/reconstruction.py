@@ -10,8 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from aerokernels.flow.reading.dataset import POLYHEDRON, Block, Faces
-from aerokernels.flow.reading.volumes.point_values import PointDeficits, PointValues
-from aerokernels.flow.reading.volumes.rows import Rows
+from aerokernels.flow.reading.volumes.point_values import PointDeficits, PointValues, Rows
 from aerokernels.flow.reading.volumes.solids import CellFacts, corner_chunks, corner_counts
 
 
@@ -52,14 +51,7 @@ class Reconstruction:
     """The weights of the linear functions in the cells of a block, which depend on its mesh alone."""
 
     def __init__(self, block: Block, points: np.ndarray, where: str, facts: CellFacts):
-        """Compute the weights.
-
-        Args:
-            block: The block.
-            points: Its points in the optical frame [m], shape (point_count, 3).
-            where: Whether densities belong to a "cell" or a "point".
-            facts: Volumes and centroids of its cells.
-        """
+        """Compute the weights."""
         self.where = where
         self.count = block.cell_count if where == "cell" else len(points)
         self.rows = cell_corners(block)
@@ -200,13 +192,7 @@ class CellNodes:
     def set_densities(self, value, near, origin, shape, spacing, density: np.ndarray) -> None:
         """Set the densities of these nodes.
 
-        Args:
-            value: Average of every cell of the block.
-            near: The values that `rows` lists by number.
-            origin: The first node of the grid [m].
-            shape: Nodes of the grid along x, y and z.
-            spacing: Of the nodes [m].
-            density: Of all nodes of the grid, shape (node_count,): changed in place.
+        `value` is the average of every cell, `near` what `rows` lists by number, `density` (node_count,) is changed.
         """
         from aerokernels.flow.reading.volumes.mesh_kernels import densities_at_nodes, launch
 

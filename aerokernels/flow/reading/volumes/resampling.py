@@ -39,9 +39,7 @@ class Resampling:
     def __init__(self, reading, moved: Sequence[np.ndarray]):
         """Rasterise the cells of a file that was read into a grid.
 
-        Args:
-            reading: The file that was read.
-            moved: The points of its blocks in the optical frame [m], each (n, 3).
+        `moved` are the points of its blocks in the optical frame [m], each (n, 3).
 
         Raises:
             ReadError: Cells inside out, duplicate points, no node in a cell.

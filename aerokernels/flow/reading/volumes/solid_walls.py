@@ -14,7 +14,6 @@ from aerokernels.flow.reading.volumes.solids import FACES, NodeGrid, corner_chun
 from aerokernels.medium import SolidBody
 
 CLOSE = 1e-9  # of the field's size: closer points are the same
-LEAST_VOLUME = 1e-9  # of the field's size cubed: a smaller volume bounds no body
 
 
 def solid_body(reading, moved: Sequence[np.ndarray], grid: NodeGrid) -> SolidBody | None:
@@ -120,7 +119,8 @@ def _body(vertices: np.ndarray, triangles: np.ndarray, grid: NodeGrid, size: flo
         corner = whole[own]
         normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
         volume = float(np.einsum("nk,nk->n", corner[:, 0] - whole.mean(axis=0), normal).sum() / 6.0)
-        if abs(volume) <= LEAST_VOLUME * size**3:
+        # Of the field's size cubed: a smaller volume bounds no body.
+        if abs(volume) <= 1e-9 * size**3:
             continue
         if _flow_outside(corner[: (part == number).sum()], np.sign(volume), grid):
             found.append((whole, own))
@@ -190,13 +190,7 @@ def _closed(vertices: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np
 
 
 def _flow_outside(corner: np.ndarray, outward: float, grid: NodeGrid) -> bool:
-    """Return whether the flow is outside a surface, from which nodes near its triangles are in cells.
-
-    Args:
-        corner: Corners of the triangles [m], shape (n, 3, 3).
-        outward: 1 where the corners are counter-clockwise seen from outside, -1 otherwise.
-        grid: The grid that the cells were rasterised into.
-    """
+    """Return whether the flow is outside a surface, from which nodes near its triangles are in cells."""
     normal = outward * np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
     area = np.linalg.norm(normal, axis=1)
     step = normal / np.maximum(area, 1e-300)[:, None] * float(np.linalg.norm(grid.spacing))

@@ -1,7 +1,8 @@
 """Solid cells in chunks: faces, volumes and centroids, for all cell types alike.
 
 A face is treated as the plane through its centroid perpendicular to its area vector. Where the four corners of a face
-are not in a plane, both cells that share it use the same plane, so that there is no gap between them.
+are not in a plane, both cells that share it use the same plane, so that there is no gap between them. Cells are
+rasterised into uniform grids of nodes on all cores, in bounded memory.
 """
 
 from collections.abc import Callable, Iterator
@@ -134,9 +135,7 @@ def corner_counts(block: Block) -> np.ndarray:
 def solid_chunks(block: Block, across: np.ndarray) -> Iterator[Callable[[], Solids]]:
     """Yield functions that compute the solid cells of a block, one for each chunk.
 
-    Args:
-        block: The block.
-        across: Its points in the optical frame [m], shape (3, point_count).
+    `across` are its points in the optical frame [m], shape (3, point_count).
     """
     for chunk in corner_chunks(block):
         yield partial(chunk.solids, across)

@@ -15,10 +15,6 @@ from aerokernels.medium.labelled_grid import unevenness
 def volume_field(reading, shared=None) -> GridDensity:
     """Return the density of a volume on a uniform grid.
 
-    Args:
-        reading: The file that was read.
-        shared: A `Reader`, which keeps the map from the mesh to the grid for further files; or None.
-
     Raises:
         ReadError: A mesh without solid cells, with cells inside out or duplicate points.
         ValueError: A spacing or a region that does not give a grid.

@@ -19,11 +19,9 @@ from aerokernels.process.kernel_cache import NoCacheError, why_untrusted, why_un
 from ....process.machine import patient_threads
 from ....process.opened import OPENED
 from ..info import BackendInfo, absent
-from .drivers import broken_drivers
-from .linker import linker_trouble
+from .drivers import POCL, broken_drivers, no_platform, why_no_devices
+from .pocl import linker_trouble, name_processor, workaround
 from .pocl_cache import cache_folder, make_safe, remove_damaged
-from .pocl_workaround import name_processor, workaround
-from .remedies import POCL, no_platform, why_no_devices
 from .session import Session
 
 KINDS = ("gpu", "cpu", "accelerator")  # in order of preference

@@ -9,7 +9,7 @@ import numpy as np
 import pyopencl as cl
 
 from ....device_arrays import is_one_row
-from ....device_arrays.pinned_memory import LEAST, Lent
+from ....device_arrays.pinned import LEAST, Lent
 from ....process.clock import stage
 from ..field_data import FieldData
 from ..interface import GRID_TABLES, PROGRAMS, Prepared

@@ -10,25 +10,21 @@ all programs where there is no record, or a damaged one.
 A folder that another user owns or may write is not used: its libraries would run as this user.
 """
 
+import io
 import json
 import os
 import shutil
 import time
 import warnings
 import zlib
-from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
-from typing import BinaryIO
 
 from aerokernels.process.kernel_cache import is_whole, spare_cache, why_untrusted, why_unusable
 
 VARIABLE = "POCL_CACHE_DIR"
 RECORD = "aerokernels-checked.json"  # beside PoCL's folders, which have names of two letters
-READ_AT_MOST = 32 << 20  # [bytes] of files not recorded yet whose checksums are computed at one start
-CLOCK_STEP = 2.0  # [s] resolution of a file system's times
 SETTLED = 5.0  # [s] without a change after which an incomplete file is no longer being written
-UNREAD = -1  # stands for the checksum of files beyond READ_AT_MOST
 
 
 def cache_folder() -> Path:
@@ -74,38 +70,32 @@ def make_safe() -> None:
 def remove_damaged(folder: Path) -> list[Path]:
     """Remove the folders of programs with damaged files, and record the intact files; return the folders removed.
 
-    Recorded files are checked one by one; other files are searched for in folders that have changed since the record.
     Without a record all are removed that were written before now: what another process builds now is checked.
     """
     begun = time.time()
-    record, when = _read_record(folder)
+    record = _read_record(folder)
     known = record or {}
-    groups = [entry for entry in _entries(folder) if len(entry.name) == 2 and _changed(entry) >= when - CLOCK_STEP]
-    added = dict.fromkeys(_code_files(folder, groups))
+    added = [path.relative_to(folder).as_posix() for kind in ("bc", "so") for path in folder.glob(f"??/**/*.{kind}")]
     seen: dict[str, list[int]] = {}
     damaged: dict[Path, None] = {}
-    room = READ_AT_MOST
-    for path in {**known, **added}:
-        place = os.path.join(folder, path)
-        recorded = known.get(path)
+    for path in dict.fromkeys([*known, *added]):
+        place, recorded = folder / path, known.get(path)
         try:
-            state = os.stat(place)
-            stamp = [state.st_size, state.st_mtime_ns, UNREAD]
-            if recorded is not None and recorded[:2] == stamp[:2]:
+            state = place.stat()
+            if recorded is not None and recorded[:2] == [state.st_size, state.st_mtime_ns]:
                 seen[path] = recorded
                 continue
             if record is None and state.st_mtime < begun:
                 raise OSError("not recorded")
-            with open(place, "rb") as file:
-                whole = is_whole(file, state.st_size)
-                if not whole and recorded is None:  # another process may be writing it now
-                    whole, state = _settle(file, state)
-                    stamp[:2] = state.st_size, state.st_mtime_ns
-                if whole and (room > 0 or recorded is not None):
-                    file.seek(0)
-                    stamp[2] = zlib.crc32(file.read())
-                    room -= state.st_size
-            if whole and (recorded is None or recorded[2] in (UNREAD, stamp[2])):
+            content = place.read_bytes()
+            whole = is_whole(io.BytesIO(content), len(content))
+            # Another process may be writing it now.
+            while not whole and recorded is None and 0.0 <= time.time() - state.st_mtime < SETTLED:
+                time.sleep(0.05)
+                state, content = place.stat(), place.read_bytes()
+                whole = is_whole(io.BytesIO(content), len(content))
+            stamp = [state.st_size, state.st_mtime_ns, zlib.crc32(content)]
+            if whole and (recorded is None or recorded[2] == stamp[2]):
                 seen[path] = stamp
                 continue
         except FileNotFoundError:  # another process removed it
@@ -116,67 +106,27 @@ def remove_damaged(folder: Path) -> list[Path]:
     for program in damaged:
         shutil.rmtree(program, ignore_errors=True)
     if seen != record:
-        _write_record(folder, seen, begun)
+        _write_record(folder, seen)
     return list(damaged)
 
 
-def _settle(file: BinaryIO, state: os.stat_result) -> tuple[bool, os.stat_result]:
-    """Wait until a file is whole or unchanged for SETTLED; return whether it is whole, and its state."""
-    whole = False
-    while not whole and 0.0 <= time.time() - state.st_mtime < SETTLED:
-        time.sleep(0.05)
-        state = os.fstat(file.fileno())
-        whole = is_whole(file, state.st_size)
-    return whole, state
-
-
-def _code_files(folder: Path, groups: list[os.DirEntry]) -> Iterator[str]:
-    """Yield the path within the cache of every file with code in the given folders."""
-    start = len(os.fspath(folder)) + 1
-    for group in groups:
-        open_folders = [program.path for program in _entries(group.path)]
-        while open_folders:
-            for entry in _entries(open_folders.pop()):
-                if entry.name.endswith((".bc", ".so")):
-                    yield entry.path[start:]
-                elif entry.is_dir(follow_symlinks=False):
-                    open_folders.append(entry.path)
-
-
-def _changed(entry: os.DirEntry) -> float:
+def _read_record(folder: Path) -> dict[str, list[int]] | None:
+    """Return size, time and checksum of files by path; None without a record, or where it is damaged."""
     try:
-        return entry.stat().st_mtime
-    except OSError:
-        return 0.0
-
-
-def _entries(folder: str | Path) -> list[os.DirEntry]:
-    try:
-        with os.scandir(folder) as entries:
-            return list(entries)
-    except OSError:
-        return []
-
-
-def _read_record(folder: Path) -> tuple[dict[str, list[int]] | None, float]:
-    """Return size, time and checksum of files by path, and when the record was written [s]; None without a record."""
-    try:
-        when = (folder / RECORD).stat().st_mtime
         record = json.loads((folder / RECORD).read_bytes())
         for path, stamp in record.items():
             if path.startswith("/") or ".." in path or [type(part) for part in stamp] != [int, int, int]:
-                return None, 0.0
-        return record, when
+                return None
+        return dict(record)
     except (OSError, ValueError, TypeError, AttributeError, RecursionError):
-        return None, 0.0  # there is no record yet, or it is damaged
+        return None
 
 
-def _write_record(folder: Path, record: dict[str, list[int]], begun: float) -> None:
+def _write_record(folder: Path, record: dict[str, list[int]]) -> None:
     beside = folder / f"{RECORD}.{os.getpid()}"
     with suppress(OSError):  # no right to write, or no space: the next start checks structures again
         try:
             beside.write_text(json.dumps(record))
-            os.utime(beside, (begun, begun))
             beside.replace(folder / RECORD)
         finally:
             beside.unlink(missing_ok=True)

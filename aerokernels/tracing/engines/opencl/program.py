@@ -20,8 +20,6 @@ from .session import WORK_GROUP, Session
 # relaxes the arithmetic, because compensated sums would be optimised away. Kernels are built for the work-group's size.
 BASE_OPTIONS = ("-cl-std=CL1.2", "-w", f"-DWORK_GROUP={WORK_GROUP}")
 _INCLUDE = re.compile(r'^[ \t]*#[ \t]*include[ \t]+"([^"\n]+)"[ \t]*(?://.*)?$')
-_MOVED = re.compile(r'^#line (\d+) "(.*)"$')
-_COUNTED = re.compile(r"<kernel>:(\d+)\b")
 
 
 def kernel_folder() -> Path:
@@ -92,21 +90,6 @@ def _read(path: Path, named: str) -> list[str]:
         return path.read_text(encoding="utf-8").splitlines()
     except OSError as error:
         raise RuntimeError(f"{named} cannot be read at {path} ({error.strerror}): install aerokernels again") from error
-
-
-def places_named(messages: str, expanded: str) -> str:
-    """Return a compiler's messages with file and line of the original where it counts lines of the expanded source.
-
-    NVIDIA's compiler writes `<kernel>:12:3` whatever `#line` says.
-    """
-    places, file, number = [""], "", 0
-    for line in expanded.splitlines():
-        if (moved := _MOVED.match(line)) is not None:
-            number, file = int(moved[1]) - 1, moved[2]
-        else:
-            number += 1
-        places.append(f"{file}:{number}")
-    return _COUNTED.sub(lambda found: places[min(int(found[1]), len(places) - 1)], messages)
 
 
 @functools.lru_cache(maxsize=256)
@@ -193,6 +176,6 @@ def _build(session: Session, kernel_file: str, source: str, options: list[str]):
         except (cl.Error, cl.RuntimeError) as error:
             raise RuntimeError(
                 f"OpenCL kernel {kernel_file} does not build for device {session.name!r}:\n"
-                f"{places_named(str(error).strip(), source)}\n"
+                f"{str(error).strip()}\n"
                 f"options: {' '.join(options)}"
             ) from error

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ....device_arrays.pinned_memory import PinnedMemory
+from ....device_arrays.pinned import PinnedMemory
 
 # Work-items of a work-group. Global sizes are rounded up to whole groups, and kernels test `ray < ray_count`.
 WORK_GROUP = 64
@@ -93,7 +93,7 @@ class Session:
 
 
 class Mapped:
-    """Host memory that the driver of a GPU has pinned; see device_arrays/pinned_memory.py.
+    """Host memory that the driver of a GPU has pinned; see device_arrays/pinned.py.
 
     Attributes:
         size: Its bytes.

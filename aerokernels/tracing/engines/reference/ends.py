@@ -8,10 +8,9 @@ from ....medium import Body, IndexField, SolidBody
 from ...scheme import ENTRY_ROUNDING, LEAST_SLOPE
 from ...status import RayStatus
 from ...stop import ArcLength, Plane
-from .flight import Flight
+from .flight import Flight, Segments, Triangles
 from .medium import dot, outward, plane_motion
 from .steps import EPSILON, Integrator
-from .walls import Segments, Triangles
 
 # Never divide by a cosine at the stop that is smaller than this.
 LEAST_COSINE = 1e-3

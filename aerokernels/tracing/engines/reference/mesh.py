@@ -7,8 +7,8 @@ import numpy as np
 
 from ....medium import IndexField
 from ....medium.mesh_samples import inverse_distance_weights
+from .flight import Segments
 from .medium import approach, dot, outward, plane_motion
-from .walls import Segments
 
 # Share of a cell's size by which a place is moved ahead to find the cell behind an edge.
 AHEAD = 1e-7

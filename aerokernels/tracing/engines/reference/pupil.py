@@ -1,4 +1,4 @@
-"""Trace a pupil with the reference backend and form the sums of the other backends' kernels in NumPy."""
+"""Trace a pupil on the reference backend and form the sums of the other backends' kernels in NumPy."""
 
 import numpy as np
 

@@ -9,10 +9,8 @@ import numpy as np
 import warp as wp
 
 from ....device_arrays import DeviceArray, in_reach, is_one_row
-from ....device_arrays.fetching import Fetching
 from ....device_arrays.launching import launch, load_module
-from ....device_arrays.pinned import as_kind, bring, pinned_memory, to_host
-from ....device_arrays.pinned_memory import LEAST
+from ....device_arrays.pinned import LEAST, Fetching, as_kind, bring, pinned_memory, to_host
 from ....process.clock import stage
 from ....process.machine import core_count, host_memory
 from ....process.opened import OPENED

@@ -1,4 +1,4 @@
-"""The types of Warp's kernels, one set for each precision, and a cache of their device functions and kernels."""
+"""Warp's devices, the types of its kernels, one set for each precision, and a cache of their functions and kernels."""
 
 import functools
 from collections.abc import Callable
@@ -9,6 +9,8 @@ from typing import Any
 import warp as wp
 
 from ....process.opened import OPENED, Opened
+from ....process.quiet_warp import start_warp
+from ..info import NO_CUDA, BackendInfo, warp_processor
 from ..layout import STRUCTS, Value
 
 PLAIN = {
@@ -91,3 +93,17 @@ def built_once(*options: str) -> Callable[[Callable[[Scene], Any]], Callable[[Sc
         return built
 
     return decorate
+
+
+def list_devices(memory: bool = False) -> list[BackendInfo]:
+    """Return Warp's devices, CUDA devices first; with `memory`, including the memory of each."""
+    start_warp()
+    version, found = wp.__version__, []
+    for device in wp.get_devices():
+        if device.is_cuda:
+            size, reason = device.total_memory if memory else None, "a GPU is preferred"
+            found.append(BackendInfo("warp", device.alias, device.name, version, True, True, size, reason))
+        else:
+            reason = "a GPU is preferred" if wp.is_cuda_available() else NO_CUDA
+            found.append(warp_processor(version, reason, memory))
+    return sorted(found, key=lambda info: info.device == "cpu")

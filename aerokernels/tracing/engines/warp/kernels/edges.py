@@ -2,7 +2,7 @@
 
 A step ends at an edge whose jump is too great for the tolerance, and the next one begins with the slope behind it. It
 crosses edges of small jumps, as far as their errors are allowed: a jump K [1/m] somewhere in a step of length h makes
-an error of the momentum of at most 0.23 h K. The jumps are known beforehand (medium/kinks.py), so none between two
+an error of the momentum of at most 0.23 h K. The jumps are known beforehand (mesh_samples.py), so none between two
 samples is missed. Their errors have either sign, and add up by chance (error.py).
 
 In the plane of the mesh the ray is a parabola. With an axis its radius is a root of a quadratic, and where it crosses

@@ -8,7 +8,7 @@ from .....medium.grid import AXIS_CORE
 from .....medium.spline import STRIDE, SUPPORT
 from ..library import Scene, built_once
 
-# On a CPU a row of coefficients is a vector. All sums are in the order of grid.py: the results are the same to the bit.
+# On a CPU a row of coefficients is a vector. All sums are in the order of `volume_sample`: to the bit the same results.
 VOLUME_LOOKUP = """
 #if defined(__CUDA_ARCH__)
     return wp::vec_t<4, REAL>();

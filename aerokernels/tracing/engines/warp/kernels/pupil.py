@@ -2,12 +2,12 @@
 
 Points are the two-dimensional Sobol sequence (bit reversal, and the sequence of x + 1) with a nested uniform scramble
 by hashing (B. Burley, Practical hash-based Owen scrambling, JCGT 9-4 (2020)), one seed per replicate and axis. Equal
-areas of the unit square map to equal shares of the pupil (pupil_shape.py).
+areas of the unit square map to equal shares of the pupil (device_arrays/kernels.py).
 """
 
 import warp as wp
 
-from .....device_arrays.pupil_shape import place_on_pupil
+from .....device_arrays.kernels import place_on_pupil
 from ....pupil.sums import MOMENT_COUNT, SUM_COUNT
 from ....scheme import GROUP, HASHES, REDUCTION_WIDTH
 from ....status import RayStatus
@@ -24,10 +24,13 @@ _TOLERANCE_NOT_MET = wp.constant(int(RayStatus.TOLERANCE_NOT_MET))
 _GROUP = wp.constant(GROUP)
 _MOMENTS = wp.constant(MOMENT_COUNT)
 _SUMS = wp.constant(SUM_COUNT)
+_HALF = wp.constant(SUM_COUNT // 2)
+_WORST = wp.constant(10)  # of the moments the greatest error, which is a maximum and no sum
 _REDUCTION_WIDTH = wp.constant(REDUCTION_WIDTH)
 
 Doubles = wp.array(dtype=wp.float64)
 Ints = wp.array(dtype=wp.int32)
+Sums = wp.types.vector(length=SUM_COUNT, dtype=wp.float64)
 
 
 # Threads of a warp, all of them active: kernels that use these functions are launched over whole warps.
@@ -237,84 +240,41 @@ def sum_rays(
     """Sum moments and phasors of the rays of one group that arrived; kernels/pupil.cl has the order of the sums."""
     group = wp.tid() // team_size() + first_group
     begin, stop = group_span(group, per_replicate)
-    count = wp.float64(0.0)
-    sx = wp.float64(0.0)
-    sy = wp.float64(0.0)
-    sw = wp.float64(0.0)
-    sxx = wp.float64(0.0)
-    sxy = wp.float64(0.0)
-    syy = wp.float64(0.0)
-    sxw = wp.float64(0.0)
-    syw = wp.float64(0.0)
-    sww = wp.float64(0.0)
-    sxq = wp.float64(0.0)
-    syq = wp.float64(0.0)
-    sqq = wp.float64(0.0)
-    sqw = wp.float64(0.0)
-    worst = wp.float64(0.0)
-    looked = wp.float64(0.0)
-    phasor = wp.vec2d(wp.float64(0.0), wp.float64(0.0))
+    sums = Sums()
     for ray in range(begin + place_in_team(), stop, team_size()):
-        looked += wp.float64(evaluation_count_in[ray])
+        sums[11] += wp.float64(evaluation_count_in[ray])
         if has_arrived(status_in[ray]):
             p = pupil_in[ray]
             w = opd_in[ray]
+            x, y = p[0], p[1]
+            q = x * x + y * y
             share = weight_of(weight_count, weight_in, ray)
-            count += share
-            sx += share * p[0]
-            sy += share * p[1]
-            sw += share * w
-            sxx += share * p[0] * p[0]
-            sxy += share * p[0] * p[1]
-            syy += share * p[1] * p[1]
-            sxw += share * p[0] * w
-            syw += share * p[1] * w
-            sww += share * w * w
-            q = p[0] * p[0] + p[1] * p[1]
-            sxq += share * p[0] * q
-            syq += share * p[1] * q
-            sqq += share * q * q
-            sqw += share * q * w
-            worst = wp.max(worst, step_error_in[ray])
-            phase = wave_number * (w - (plane[0] + plane[1] * p[0] + plane[2] * p[1] + focus * q))
-            phasor += share * wp.vec2d(wp.cos(phase), wp.sin(phase))
-    count = sum_of_team(count)
-    sx = sum_of_team(sx)
-    sy = sum_of_team(sy)
-    sw = sum_of_team(sw)
-    sxx = sum_of_team(sxx)
-    sxy = sum_of_team(sxy)
-    syy = sum_of_team(syy)
-    sxw = sum_of_team(sxw)
-    syw = sum_of_team(syw)
-    sww = sum_of_team(sww)
-    worst = greatest_of_team(worst)
-    looked = sum_of_team(looked)
-    sxq = sum_of_team(sxq)
-    syq = sum_of_team(syq)
-    sqq = sum_of_team(sqq)
-    sqw = sum_of_team(sqw)
-    real_part = sum_of_team(phasor[0])
-    imaginary_part = sum_of_team(phasor[1])
-    if place_in_team() == 0:
-        sums_out[group * _SUMS + 0] = count
-        sums_out[group * _SUMS + 1] = sx
-        sums_out[group * _SUMS + 2] = sy
-        sums_out[group * _SUMS + 3] = sw
-        sums_out[group * _SUMS + 4] = sxx
-        sums_out[group * _SUMS + 5] = sxy
-        sums_out[group * _SUMS + 6] = syy
-        sums_out[group * _SUMS + 7] = sxw
-        sums_out[group * _SUMS + 8] = syw
-        sums_out[group * _SUMS + 9] = sww
-        sums_out[group * _SUMS + 10] = worst
-        sums_out[group * _SUMS + 11] = looked
-        sums_out[group * _SUMS + 12] = sxq
-        sums_out[group * _SUMS + 13] = syq
-        sums_out[group * _SUMS + 14] = sqq
-        sums_out[group * _SUMS + 15] = sqw
-        sums_out[group * _SUMS + _MOMENTS] = real_part
-        sums_out[group * _SUMS + _MOMENTS + 1] = imaginary_part
+            sums[0] += share
+            sums[1] += share * x
+            sums[2] += share * y
+            sums[3] += share * w
+            sums[4] += share * x * x
+            sums[5] += share * x * y
+            sums[6] += share * y * y
+            sums[7] += share * x * w
+            sums[8] += share * y * w
+            sums[9] += share * w * w
+            sums[12] += share * x * q
+            sums[13] += share * y * q
+            sums[14] += share * q * q
+            sums[15] += share * q * w
+            sums[_WORST] = wp.max(sums[_WORST], step_error_in[ray])
+            phase = wave_number * (w - (plane[0] + plane[1] * x + plane[2] * y + focus * q))
+            sums[_MOMENTS] += share * wp.cos(phase)
+            sums[_MOMENTS + 1] += share * wp.sin(phase)
+    for half in range(2):
+        for k in range(_HALF):  # Warp unrolls both, so that a GPU holds the sums in registers
+            number = half * _HALF + k
+            whole = sum_of_team(sums[number])
+            if number == _WORST:
+                whole = greatest_of_team(sums[number])
+            if place_in_team() == 0:
+                sums_out[group * _SUMS + number] = whole
 
 
 @wp.kernel(enable_backward=False)
@@ -332,7 +292,7 @@ def reduce_sums(row_count: int, reduced_count: int, first_sum: int, sums_in: Dou
     whole = wp.float64(0.0)
     for row in range(replicate * row_count + first, replicate * row_count + stop):
         part = sums_in[row * _SUMS + k]
-        if k == 10:  # the greatest error is a maximum, not a sum
+        if k == _WORST:
             whole = wp.max(whole, part)
         else:
             whole += part

@@ -1,4 +1,4 @@
-"""Device functions of a step of the tracer: its length, the field at its later stages, and whether it is accepted."""
+"""Device functions of a step of the tracer: its length, its stages, whether it is accepted, slopes behind faces."""
 
 from types import SimpleNamespace
 

@@ -1,8 +1,0 @@
-"""Compute the Strehl ratio of a wavefront, or estimate it over a pupil of millions of rays (`estimate`)."""
-
-from ..callable_module import make_callable
-from .ratio import StrehlEstimate, strehl, strehl_marechal
-
-__all__ = ["StrehlEstimate", "strehl", "strehl_marechal"]
-
-make_callable(__name__)

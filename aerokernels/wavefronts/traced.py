@@ -1,0 +1,102 @@
+"""Trace the wavefront of a field over a pupil, with one ray from the centre of each pixel."""
+
+from dataclasses import replace
+from functools import partial
+from typing import Any, Unpack
+
+import numpy as np
+
+from ..inputs.arguments import Numbers, checked
+from ..medium import IndexField
+from ..pupils import Pupil, as_unit_vector, seen_along
+from ..rays import RayBundle
+from ..tracing.plan import TraceOptions, complete
+from ..tracing.pupil.air import pupil_air
+from ..tracing.stop import plane_beyond
+from ..tracing.trace import trace
+from .pixels import pupil_grid
+from .result import Wavefront
+
+
+@checked
+def wavefront(
+    field: IndexField,
+    pupil: Pupil,
+    *,
+    wavelength: float | None = None,
+    direction: Numbers | None = None,
+    pixel_count: int | None = None,
+    **options: Unpack[TraceOptions],
+) -> Wavefront:
+    """Trace the optical path difference over a pupil, as a map.
+
+    Rays leave the pupil along its normal (or `direction`) and stop on a plane across that line, beyond the field's box:
+    by reciprocity this is the wavefront that arrives from a distant point on the line. The map is across the line: of a
+    pupil seen askew it is the projection. A pixel on the pupil's edge counts by its share in the pupil.
+
+    Args:
+        field: The refractive index.
+        pupil: The pupil; it looks along its normal.
+        wavelength: Vacuum wavelength [m]; None takes the field's own, or 905 nm where it has none.
+        direction: Look direction, if not along the pupil's normal.
+        pixel_count: Pixels along a side of the square map, the smallest that holds the pupil; None takes 128, or a
+            Mask's own pixels if they are square.
+        options: tolerance [waves], method, step, max_steps, backend, device, precision: see `trace`; and
+            allow_truncation, whether more than a thousandth of the pupil may look through disturbed air that was cut
+            off, and more than half of it past the field's box, as in `estimate_strehl`.
+
+    Returns:
+        A Wavefront; pixels whose ray did not arrive have weight 0, and `blocked` is their share of the pupil.
+
+    Raises:
+        TypeError: `field` or `pupil` is of the wrong type.
+        ValueError: A name is unknown or a number out of range; the wavelength is not the field's; no ray meets the
+            field or arrives; or the view is truncated and `allow_truncation` is not set.
+    """
+    if not isinstance(field, IndexField):
+        raise TypeError(f"field must be an IndexField, got {type(field).__name__}")
+    if not isinstance(pupil, Pupil):
+        raise TypeError(f"pupil must be a Disc, Annulus, Rectangle, Polygon or Mask, got {type(pupil).__name__}")
+    wavelength = field.wavelength_for(wavelength)
+    look = pupil.normal if direction is None else as_unit_vector(direction, "direction")
+    whole: dict[str, Any] = dict(complete(options))
+    air = pupil_air(field, pupil, look, whole["tolerance"] * wavelength)
+    air.check(whole.pop("allow_truncation"))
+    air.warn()
+    aperture = seen_along(pupil, look)
+    coordinate, pixel, weight, intensity = pupil_grid(aperture, pixel_count)
+    lit = weight > 0.0
+    rows, columns = np.nonzero(lit)
+    first, second = aperture.axes
+    start = pupil.center + coordinate[columns, None] * first + coordinate[rows, None] * second
+    traced = trace(
+        field,
+        RayBundle(start, np.broadcast_to(look, start.shape), weight[lit]),
+        until=plane_beyond(field, pupil, look),
+        wavelength=wavelength,
+        outputs=("opd", "step_error"),
+        **whole,
+    )
+    assert traced.opd is not None  # requested above
+    if not traced.ok.any():
+        raise ValueError(
+            f"no ray of the pupil arrived beyond the field ({traced.status_summary()}): move the pupil, or turn "
+            "its normal toward the flow"
+        )
+    opd, arrived = np.full(weight.shape, np.nan), np.zeros(weight.shape)
+    opd[lit] = traced.opd
+    arrived[lit] = np.where(traced.ok, weight[lit], 0.0)
+    return Wavefront(
+        opd,
+        arrived,
+        pixel,
+        wavelength,
+        intensity=np.where(arrived > 0.0, intensity, 0.0),
+        radius=pupil.reach,
+        pupil=pupil,
+        direction=look,
+        blocked=float(1.0 - arrived.sum() / weight.sum()),
+        plan=replace(traced.plan, reasons=(*traced.plan.reasons, *air.misses)),
+        seconds=dict(traced.seconds),
+        varied=partial(getattr, traced, "variants"),
+    )
