@@ -62,7 +62,7 @@ def checked_options(options: ReadOptions, taker: str, *, without: Sequence[str] 
     known = [name for name in ReadOptions.__annotations__ if name not in without]
     if unknown := sorted(set(options) - set(known)):
         raise TypeError(f"{taker} has no argument {unknown[0]!r}: it takes {', '.join(known)}")
-    values = {name: options.get(name) for name in ReadOptions.__annotations__}
+    values: dict[str, Any] = {name: options.get(name) for name in ReadOptions.__annotations__}
     values["frame"], values["reference"] = Frame.of(values["frame"]), Reference.of(values["reference"])
     if values["length_unit"] is not None or "length" in values["reference"].given:
         values["length_unit"] = unit_of_length(values["length_unit"]) * values["reference"].length
@@ -232,7 +232,7 @@ def reading_of(path, dataset: Dataset, options: ReadOptions) -> Reading:
     flat = options["spacing"] is None and options["region"] is None  # else a mesh one cell thick is a volume
     if dataset.unsure:
         warn_caller(f"{path}: {dataset.unsure}")
-    scale = options["length_unit"] or dataset.length or 1.0
+    scale = cast("float | None", options["length_unit"]) or dataset.length or 1.0
     check_blocks(path, dataset)
     dataset = with_blanks(dataset)
     solid = len(dataset.blocks) == 1 and grid_of(dataset.blocks[0].points) is not None

@@ -275,7 +275,8 @@ class FoamPatchValues:
         if not starts:
             raise file.fault("there is no boundaryField")
         file.at = starts[-1].end()
-        own, alike = None, {}
+        own: dict[str, list] | None = None
+        alike: dict[str, list] = {}
         while file.peek() != b"}":
             quoted = file.peek() == b'"'
             name = file.word()

@@ -9,8 +9,6 @@ from aerokernels.flow.reading.volumes.solids import NodeGrid
 
 LINES = 12  # measuring lines along x and along y
 GREATEST = 3.0  # budgets report three times the rms error: the greatest error of a line counts where it is more
-# In a curved density the deficit of a linear function with the right average is up to h^2 / 12 times the second
-# derivative on a line off the centroids of the cells; at the corners it is h^2 / 4, which is what is measured.
 ALONG = 2.0  # greatest increase of the squares in a row of cells where the line runs along or inside a shock
 PLACE = 2.0  # the average leaves a shock's place in its cell open: deficit of the worst corner over the corners' rms
 
@@ -141,6 +139,8 @@ def unresolved(lines: np.ndarray, deficit: np.ndarray, cell: np.ndarray, span: f
         cell: Numbers of the cells, likewise.
         span: The range of the density [kg/m3].
     """
+    # In a curved density the deficit of a linear function with the right average is up to h^2 / 12 times the second
+    # derivative on a line off the centroids of the cells; at the corners it is h^2 / 4, which is what is measured.
     together = 1.0 / 3.0 * lines.sum(axis=1)
     # Of the range of the density: cells with a greater deficit contain a shock, or are beside one.
     shock = np.sign(lines) * (np.abs(deficit) > 0.02 * span)
