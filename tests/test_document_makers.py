@@ -64,32 +64,6 @@ def test_made_pages_hold_what_they_are_made_from():
         assert f"| {name} |" in validation_pages.page()
 
 
-@pytest.fixture
-def builder():
-    """scripts/docs.py as a module."""
-    spec = importlib.util.spec_from_file_location("builder_of_documents", ROOT / "scripts" / "docs.py")
-    assert spec is not None and spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-def test_dead_links_of_a_site_are_found(builder, tmp_path: Path):
-    """A page, an anchor and a picture that are there; one of each that is not; what lies elsewhere is not followed."""
-    (tmp_path / "part").mkdir()
-    (tmp_path / "part" / "page.html").write_text('<h1 id="top">x</h1><a href="../index.html#here">up</a>')
-    (tmp_path / "shown.png").write_bytes(b"")
-    alive = (
-        '<p id="here"></p><a href="part/page.html#top"></a><img src="shown.png"><a href="https://example.org/x"></a>'
-    )
-    dead = '<a href="part/gone.html"></a><a href="part/page.html#gone"></a><img src="gone.png">'
-    (tmp_path / "index.html").write_text(alive)
-    assert builder.dead_links(tmp_path) == []
-    (tmp_path / "index.html").write_text(alive + dead)
-    found = [link.partition(": ")[2] for link in builder.dead_links(tmp_path)]
-    assert found == ["gone.png", "part/gone.html", "part/page.html#gone"]
-
-
 def modules_with_examples() -> list[str]:
     paths = [path for path in (ROOT / "aerokernels").rglob("*.py") if ">>>" in path.read_text(encoding="utf-8")]
     return [".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__") for path in sorted(paths)]

@@ -1,9 +1,7 @@
 """Results, fields and scenes travel: pickled, and to and from processes of a pool that is started afresh."""
 
 import pickle
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import fields, is_dataclass
-from multiprocessing import get_context
 
 import numpy as np
 import pytest
@@ -80,38 +78,3 @@ def test_an_estimate_comes_back_and_still_knows_its_error(field: ak.IndexField):
     same(found, estimate, "StrehlEstimate")
     assert found.error == estimate.error and np.isfinite(found.error["total"])
     assert found.quantities == estimate.quantities and repr(found) == repr(estimate)
-
-
-def run_small(settings: dict) -> ak.RunResult:
-    """One run of a sweep, as a worker makes it."""
-    return ak.simulate(ak.Scene.load("wind-tunnel-mach3", settings))
-
-
-def error_of(result) -> dict:
-    """The budget of a result that was sent to a worker."""
-    return dict(result.error)
-
-
-def test_results_travel_through_a_pool(field: ak.IndexField):
-    """A run made in a worker is the one made here; a result sent to a worker knows its error there.
-
-    Workers are started afresh ("spawn"), so that nothing is inherited. Times differ, and are left out.
-    """
-    settings = {**SMALL, "trace.backend": "warp", "trace.device": "cpu"}
-    mine = run_small(settings)
-    estimate = ak.estimate_strehl(field, PUPIL, ray_count=160, allow_truncation=True, **HERE)
-    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
-        theirs, error = pool.submit(run_small, settings), pool.submit(error_of, estimate)
-        made, error = theirs.result(timeout=300), error.result(timeout=300)
-    assert error == estimate.error
-    assert isinstance(made, ak.RunResult) and isinstance(made.echo, ak.EchoResult)
-    same(made.scene, mine.scene, "scene")
-    assert made.strehl.value == mine.strehl.value and made.strehl.error == mine.strehl.error
-    assert np.array_equal(made.echo.voltage, mine.echo.voltage)
-    assert made.echo.error == mine.echo.error
-    mine_numbers, their_numbers = mine.summary, made.summary
-    for key in ("strehl", "range_m", "errors", "error", "verdict", "failures", "plan"):
-        assert their_numbers[key] == mine_numbers[key], key
-    theirs_opd, my_opd = made.to_xarray()["opd"], mine.to_xarray()["opd"]
-    assert np.array_equal(theirs_opd, my_opd, equal_nan=True), np.nanmax(np.abs(theirs_opd - my_opd))
-    assert theirs_opd.identical(my_opd)

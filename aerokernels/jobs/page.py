@@ -2,12 +2,12 @@
 
 import base64
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from aerokernels.display.plain_text import plain
 from aerokernels.display.shown import NOTHING
 from aerokernels.jobs.figure_layout import png_or_fault
+from aerokernels.process.opened import OPENED
 
 if TYPE_CHECKING:
     import jinja2
@@ -36,7 +36,7 @@ def page(
         remarks: What a reader must know besides the numbers, as pairs of heading and text.
         alarm: Whether the numbers are not meaningful.
     """
-    return _template().render(
+    return OPENED.once("template of reports", _template).render(
         title=title, lead=lead, sections=list(sections), cards=list(cards), remarks=list(remarks), alarm=alarm
     )
 
@@ -62,7 +62,6 @@ def embedded(data: bytes) -> str:
     return f"data:image/png;base64,{base64.b64encode(data).decode('ascii')}"
 
 
-@cache
 def _template() -> "jinja2.Template":
     import jinja2
 

@@ -45,7 +45,7 @@ STAGES = {
     "echo": ("tracing the echo", 0.75),
 }
 MAP_PIXELS = 201  # pixels across the pupil's map
-FAN_RAYS, FAN_PLANES = 15, 25
+FAN_RAYS, FAN_PLANES = 15, 13
 
 
 def scene_strehl(scene: Scene, field: IndexField) -> StrehlEstimate:

@@ -88,7 +88,7 @@ def test_the_fan_is_symmetric_and_bends_as_the_optical_path_changes():
     greatest = np.abs(fan.deviation).max()
     assert greatest > 1e-7
     np.testing.assert_allclose(fan.deviation, -fan.deviation[::-1], atol=1e-3 * greatest)
-    y, (near, far) = np.linspace(-6e-3, 6e-3, 401), fan.position[:, [-3, -1]].transpose(1, 0, 2)
+    y, (near, far) = np.linspace(-6e-3, 6e-3, 401), fan.position[:, [-2, -1]].transpose(1, 0, 2)
     rays = RayBundle(np.c_[0.0 * y, y, np.full(y.size, fan.position[0, 0, 2])], np.tile([0.0, 0.0, 1.0], (y.size, 1)))
     end = trace(prepared.field, rays, until=Plane(far[far.shape[0] // 2], (0, 0, 1)), precision="float64")
     slope = np.interp(near[:, 1], end.position[:, 1], np.gradient(end.opd, end.position[:, 1]))

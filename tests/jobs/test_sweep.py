@@ -47,7 +47,7 @@ def lines(folder: Path) -> list[dict]:
 
 
 def wait_for_cases(process: subprocess.Popen, folder: Path, count: int) -> None:
-    deadline = time.monotonic() + 120.0
+    deadline = time.monotonic() + 400.0
     while len(lines(folder)) < count:
         assert process.poll() is None, process.communicate()
         assert time.monotonic() < deadline

@@ -65,12 +65,13 @@ def outcomes(
         yield None
         return
     with contextlib.ExitStack() as ending:
-        environments = worker_environments(workers, len(cases), devices)
         if executor == "local":
+            environments = worker_environments(workers, len(cases), devices)
             processes = ending.enter_context(_processes(environments))
             yield None
             yield from _on_processes(cases, processes)
         elif executor == "dask":
+            environments = worker_environments(workers, len(cases), devices) if scheduler is None else []
             client = ending.enter_context(_dask_client(scheduler, environments))
             yield None
             yield from _on_executor(cases, client.get_executor(pure=False), lambda: _check_client(client))
