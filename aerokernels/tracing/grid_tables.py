@@ -4,8 +4,8 @@ A GPU does so for every volume, a CPU for grids of many float64 nodes and for th
 
 These are the spline's coefficients, the greatest of their fourth differences in blocks (step_bound.py), of the
 potential in blocks (unresolved.py) and of the coefficients in each plane across an axis (error_limit.py): half of the
-work of preparing a known pupil for new values. The results are cached on the grid under the keys that NumPy's results would
-have, and are the same except for rounding.
+work of preparing a known pupil for new values. The results are cached on the grid under the keys that NumPy's results
+would have, and are the same except for rounding.
 """
 
 import math

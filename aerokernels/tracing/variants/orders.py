@@ -6,8 +6,8 @@ crosses, of a spline along two axes. The sum over every j-th plane less the sum 
 made of the same values.
 
 Splines of the first, third and fifth order are sums of B-splines with not-a-knot ends, so that the next order differs
-at the faces as it does elsewhere. The coefficient of a node falls with the distance of the samples by 0.27 a node (third
-order) and 0.43 (fifth): only samples about the points are needed.
+at the faces as it does elsewhere. The coefficient of a node falls with the distance of the samples by 0.27 a node
+(third order) and 0.43 (fifth): only samples about the points are needed.
 """
 
 from collections.abc import Callable, Iterator, Sequence
