@@ -121,4 +121,6 @@ def test_extras_install_only_what_is_imported(root: Path):
     for extra, lines in project["optional-dependencies"].items():
         for line in lines if extra not in ("dev", "docs", "all") else []:
             name = re.match(r"[\w-]+", line)[0].replace("-", "_")  # type: ignore[index]
+            if name == "numcodecs":  # zarr's: a floor only, older ones run code that a store holds
+                continue
             assert any(re.search(rf"\bimport {name}\b|\bfrom {name}\b|\"{name}[\".]", text) for text in sources), line

@@ -13,8 +13,6 @@ from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 if TYPE_CHECKING:
     import xarray
 
@@ -229,6 +227,7 @@ def write_grey(path: str | Path, brightness, format: str | None = None) -> None:
         ValueError: Another ending, a folder that does not exist, or an array that has not two axes.
         OutputError: The disk is full; an earlier file is as it was.
     """
+    import numpy as np
     from PIL import Image
 
     path, brightness = Path(path), np.asarray(brightness)

@@ -25,9 +25,7 @@ from ..tracing.stop import way_beyond
 from ..wavefronts.pixels import pupil_grid
 from .camera import Camera, along
 
-# Nodes whose point spread functions are computed together; side of a tile of the pupil's pixels, whose rays are
-# consecutive: rays that a processor moves in lockstep then share the field's cells (tracing/coherence.py).
-NODES_AT_ONCE, TILE = 16, 4  # speed only
+NODES_AT_ONCE = 16  # whose point spread functions are computed together; speed only
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +87,7 @@ def spread_grid(
     x, y = camera.tangents(shape)
     column, row = (axis.ravel() for axis in np.meshgrid(columns, rows))
     tangent = np.stack([x[column], y[row]], axis=1)
-    up, across = _tiled(*np.nonzero(weight > 0.0))
+    up, across = np.nonzero(weight > 0.0)
     q, light = np.stack([coordinate[across], coordinate[up]], axis=1), weight[up, across]
     opd, arrived, wavelength = node_paths(field, camera, tangent, q, options)
     moved = shift[row, column]
@@ -120,12 +118,6 @@ def spread_grid(
     )
 
 
-def _tiled(row: np.ndarray, column: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return rows and columns of pixels, ordered tile by tile."""
-    order = np.lexsort((column, row, column // TILE, row // TILE))
-    return row[order], column[order]
-
-
 def mixed(grids: tuple[SpreadGrid, ...], weights: np.ndarray) -> SpreadGrid:
     """Return the point spread functions of light of several wavelengths, with weights (n,) that sum to 1."""
     if len(grids) == 1:
@@ -154,39 +146,23 @@ def node_paths(
         depth = float((beyond * along(ways, pupil.normal)).max())
     else:
         depth = distance
-    position, aim = np.empty((*defocus.shape, 3)), np.empty((*defocus.shape, 3))
-
-    def look(part: slice) -> None:
-        toward = tangent[part, None, :] if far else tangent[part, None, :] - q / distance
-        aim[part] = camera.directions(*toward.reshape(-1, 2).T).reshape(*toward.shape[:2], 3)
-        position[part] = start
-
-    blocks = [slice(first, first + NODES_AT_ONCE) for first in range(0, len(tangent), NODES_AT_ONCE)]
-    in_threads(look, blocks)
+    toward = tangent[:, None, :] - (0.0 if far else q / distance) + np.zeros(q.shape)
+    aim = camera.directions(*toward.reshape(-1, 2).T)
+    position = np.broadcast_to(start, (*defocus.shape, 3)).reshape(-1, 3)
     plane = Plane(pupil.center + depth * pupil.normal, pupil.normal)
-    rays = RayBundle.of_units(position.reshape(-1, 3), aim.reshape(-1, 3))
+    rays = RayBundle.of_units(position, aim)
     traced = trace(field, rays, until=plane, outputs=("opd", "position", "direction"), **options)
     assert traced.opd is not None and traced.position is not None and traced.direction is not None  # requested
-    index, arrived = field.ambient_index, reached(traced.traced_status).reshape(defocus.shape)
-    opd, ends, ways = (
-        array.reshape(*defocus.shape, *array.shape[1:]) for array in (traced.opd, traced.position, traced.direction)
-    )
-    paths = np.empty(defocus.shape)
-
-    def follow(part: slice) -> None:
-        way = aim[part]
-        length = depth / along(way[:, :1] if far else way, pupil.normal)
-        beside = ends[part] - (start + length[..., None] * way)
-        if far:
-            beyond = -_dot(beside, way) / _dot(ways[part], way)
-        else:
-            ahead = _dot(beside, ways[part])
-            beyond = -ahead + 0.5 * (_dot(beside, beside) - ahead**2) / length
-        known = np.where(arrived[part], opd[part] + index * beyond, 0.0)
-        paths[part] = known + index * defocus[part]
-
-    in_threads(follow, blocks)
-    return paths, arrived.astype(np.float64), traced.wavelength
+    index, arrived = field.ambient_index, reached(traced.traced_status)
+    length = depth / along(aim, pupil.normal)
+    beside = traced.position - (position + length[:, None] * aim)
+    if far:
+        beyond = -_dot(beside, aim) / _dot(traced.direction, aim)
+    else:
+        ahead = _dot(beside, traced.direction)
+        beyond = -ahead + 0.5 * (_dot(beside, beside) - ahead**2) / length
+    paths = np.where(arrived, traced.opd + index * beyond, 0.0).reshape(defocus.shape) + index * defocus
+    return paths, arrived.astype(np.float64).reshape(defocus.shape), traced.wavelength
 
 
 def _dot(left: np.ndarray, right: np.ndarray) -> np.ndarray:

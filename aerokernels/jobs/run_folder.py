@@ -4,6 +4,7 @@ import json
 import math
 import tomllib
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -168,4 +169,6 @@ def _described(run: RunFolder) -> str:
     if run.label:
         return f"{run.path} ({label_text(run.label)})"
     mach = run.summary.get("mach")
-    return f"{run.path} (mach={mach:g})" if isinstance(mach, (int, float)) else str(run.path)
+    with suppress(OverflowError):
+        return f"{run.path} (mach={mach:g})" if isinstance(mach, (int, float)) else str(run.path)
+    return str(run.path)

@@ -61,7 +61,9 @@ def read_scene(place: str | Path) -> tuple[str, str, dict[str, Any]]:
         what = "is a folder" if os.path.isdir(path) else "there is no such scene file"
         raise SceneError(f"{name}: {what}; {hint}give a TOML file or a shipped scene: {', '.join(shipped_scenes())}")
     try:
-        return label, stem, tomllib.loads(read().decode("utf-8-sig"))  # Windows editors may write a byte-order mark
+        tables = tomllib.loads(read().decode("utf-8-sig"))  # Windows editors may write a byte-order mark
+        repr(tables)  # what no message can show is refused here
+        return label, stem, tables
     except OSError as fault:
         raise SceneError(f"{label}: cannot be read, {fault.strerror}: check the file and its permissions") from None
     except UnicodeDecodeError as fault:

@@ -13,7 +13,6 @@ import numpy as np
 from ..display.quantities import Quantity
 from ..inputs.wavelength import check_spectrum
 from .changes import of_map
-from .modes import centroid_weights
 from .point_spread import PointSpread, complex_amplitude, width_at_half
 from .transfer import autocorrelation, encircler, transfer_function
 
@@ -162,31 +161,14 @@ def _transfer(wave: Any, pixel: float) -> np.ndarray:
 
 def encircled_errors(wave: Any, angle: np.ndarray, center: np.ndarray | None) -> np.ndarray:
     """Return the errors of shares of the light within angles [rad] of a point [rad] or the centroid, of their shape."""
-    solved: dict[float, tuple[Callable, np.ndarray]] = {}
+    solved: dict[float, Callable] = {}
 
     def number(one: Any) -> np.ndarray:
         if one.pixel not in solved:
-            solved[one.pixel] = encircler(transfer_function(one).frequency, angle), centroid_weights(one)
-        shares, weights = solved[one.pixel]
-        return np.asarray(shares(_transfer(one, one.pixel), _centroid(one, weights) if center is None else center))
+            solved[one.pixel] = encircler(transfer_function(one).frequency, angle)
+        return np.asarray(solved[one.pixel](_transfer(one, one.pixel), one.centroid if center is None else center))
 
     return np.minimum(of_map(wave, number), 1.0)
-
-
-def _centroid(wave: Any, weights: np.ndarray) -> np.ndarray:
-    return np.asarray(np.sum(weights[:, wave.lit] * wave.opd[wave.lit], axis=1))
-
-
-def _centroid_errors(wave: Any) -> np.ndarray:
-    """Return the errors of the centroid along x and y [rad], shape (2,)."""
-    solved: dict[float, np.ndarray] = {}
-
-    def number(one: Any) -> np.ndarray:
-        if one.pixel not in solved:
-            solved[one.pixel] = centroid_weights(one)
-        return _centroid(one, solved[one.pixel])
-
-    return of_map(wave, number)
 
 
 def _width_error(wave: Any, middle: np.ndarray, half_width: float) -> float:
@@ -198,7 +180,7 @@ def _width_error(wave: Any, middle: np.ndarray, half_width: float) -> float:
 
 def image_quantities(wave: Any) -> dict[str, Quantity]:
     """Return "centroid_x", "centroid_y" and "fwhm" [rad] of the image of a `Wavefront` with their errors."""
-    (x, y), errors, spot = wave.centroid, _centroid_errors(wave), _spot(wave)
+    (x, y), errors, spot = wave.centroid, of_map(wave, lambda one: one.centroid), _spot(wave)
     width, error = (float("nan"), float("nan")) if spot is None else spot[2:]
     if spot is not None:
         error = float(np.hypot(_width_error(wave, *spot[:2]), error))

@@ -10,7 +10,7 @@ import numpy as np
 from ..display.shown import drawn_on, shown
 from ..zernike import zernike_modes
 from .changes import of_changes, of_map
-from .pixels import derivative_weights
+from .pixels import derivatives
 from .terms import weighted_mean
 from .transfer import autocorrelation
 
@@ -162,18 +162,13 @@ def centroid(wavefront: Any) -> np.ndarray:
     pupil; slopes are differences of neighbouring pixels. NaN where no pixel has a neighbour.
     """
     opd, share = wavefront.samples
-    flat = opd - weighted_mean(share, opd)
-    return np.array([np.sum(one[wavefront.lit] * flat) for one in centroid_weights(wavefront)])
-
-
-def centroid_weights(wavefront: Any) -> np.ndarray:
-    """Return the weight of each pixel's OPD in the centroid along x and y [1/m], shape (2, n, n)."""
-    lit, found = wavefront.lit, []
+    lit, flat, found = wavefront.lit, np.zeros(wavefront.opd.shape), []
+    flat[lit] = opd - weighted_mean(share, opd)
     for axis in (1, 0):
         beside = np.pad(lit, 1)
         beside = (np.roll(beside, 1, axis) | np.roll(beside, -1, axis))[1:-1, 1:-1]
         intensity = np.where(beside, np.asarray(wavefront.intensity), 0.0)
         total = intensity.sum()
-        slopes = derivative_weights(lit, intensity, np.zeros(lit.shape), axis)
-        found.append(slopes / (wavefront.pixel * total) if total > 0.0 else np.full(lit.shape, np.nan))
+        slope = np.sum(intensity * derivatives(flat, lit, axis)[0])
+        found.append(slope / (wavefront.pixel * total) if total > 0.0 else np.nan)
     return np.array(found)

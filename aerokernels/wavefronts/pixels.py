@@ -70,24 +70,3 @@ def derivatives(values: np.ndarray, lit: np.ndarray, axis: int) -> tuple[np.ndar
             bend += second * at
     inner = slice(REACH, -REACH)
     return slope[inner, inner], bend[inner, inner]
-
-
-def derivative_weights(lit: np.ndarray, first: np.ndarray, second: np.ndarray, axis: int) -> np.ndarray:
-    """Return the weights of the pixels in a sum of their derivatives along an axis, each times its moment.
-
-    Args:
-        lit: Mask of the pixels that have a sample, shape (ny, nx).
-        first: Factors of the first derivatives [pixels], of the same shape.
-        second: Twice the factors of the second derivatives.
-        axis: The axis.
-    """
-    lit, first, second = (np.pad(array, REACH) for array in (lit, first, second))
-    free, found = lit.copy(), np.zeros(lit.shape)
-    for stencil in STENCILS:
-        taken = free.copy()
-        for place in stencil:
-            taken &= np.roll(lit, -place, axis)
-        free &= ~taken
-        for place, (slope, bend) in stencil.items():
-            found += np.roll(np.where(taken, slope * first + 0.5 * bend * second, 0.0), place, axis)
-    return found[REACH:-REACH, REACH:-REACH]

@@ -1,13 +1,9 @@
 """A sensor's grey levels, seeds of a bench's two pictures, and what their datasets say."""
 
-import warnings
-
 import numpy as np
 import pytest
 
 from aerokernels import Camera, Disc, DotPattern, IndexField, Sensor, background_displacement, bos, look_map
-from aerokernels.flow import ciddor
-from aerokernels.flow.refractivity import SHORTEST_WAVELENGTH, gladstone_dale_constant
 
 
 def test_grey_levels_of_electrons():
@@ -69,17 +65,3 @@ def test_a_direction_that_does_not_look_through_the_flow_sees_nothing():
     np.testing.assert_array_equal(found.opd_rms.values.ravel()[1:], 0.0)
     np.testing.assert_array_equal(found.boresight.values.ravel()[1:], 0.0)
     assert (found.known.values.ravel()[1:] == 1.0).all() and (found.blocked == 0.0).all()
-
-
-def test_ends_of_ranges_belong_to_them():
-    """The shortest wavelength of the paper's constant; the state of moist air up to which its density is known."""
-    assert gladstone_dale_constant(SHORTEST_WAVELENGTH) > 0.0
-    with pytest.raises(ValueError, match="wavelength"):
-        gladstone_dale_constant(0.999 * SHORTEST_WAVELENGTH)
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        for temperature, pressure in ((233.0, 1e5), (373.3, 1e5), (300.0, 140e3)):
-            ciddor.moist_air_density(temperature, pressure)
-    for temperature, pressure in ((232.9, 1e5), (373.4, 1e5), (300.0, 140.1e3)):
-        with pytest.warns(UserWarning, match="extrapolated"):
-            ciddor.moist_air_density(temperature, pressure)

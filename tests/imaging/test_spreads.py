@@ -8,7 +8,7 @@ from aerokernels import (
     Disc,
 )
 from aerokernels.imaging.render import render
-from aerokernels.imaging.spreads import SpreadGrid, _cosines, pixel_spreads
+from aerokernels.imaging.spreads import SpreadGrid, pixel_spreads
 
 
 def test_a_picture_is_the_sum_that_its_formula_says():
@@ -63,8 +63,3 @@ def test_spreads_are_integrals_over_square_pixels():
         assert kernel[number] == pytest.approx(expected / expected.sum(), abs=1e-4 * kernel.max())
         whole = np.sum(np.abs(wave[number]) ** 2) / np.prod(scale) / step**2
         assert kept[number] == pytest.approx(expected.sum() / parts**2 / whole, rel=1e-4)
-
-
-def test_cosines_of_steep_rays():
-    """A tangent t has the cosine t / sqrt(1 + |t|^2): 3/13 and 4/13 at 3/12 and 4/12."""
-    assert np.allclose(_cosines(np.array([[0.25, 1.0 / 3.0]])), [[3.0 / 13.0, 4.0 / 13.0]], rtol=1e-15)

@@ -95,7 +95,7 @@ def test_a_run_looks_where_the_table_says():
     way = whole.fan.position[7, -1] - whole.fan.position[7, 0]
     assert way / np.linalg.norm(way) == pytest.approx(direction_of(*angles), abs=1e-4)
     # Sobol points and a square grid.
-    assert whole.strehl.opd_rms == pytest.approx(float(np.nanstd(whole.pupil.opd)), rel=0.03)
+    assert whole.strehl.opd_rms == pytest.approx(float(np.nanstd(whole.wavefront.opd)), rel=0.03)
 
 
 def test_a_pupil_that_looks_back_keeps_the_flow_behind_it():

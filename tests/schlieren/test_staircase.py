@@ -11,13 +11,11 @@ pictures without noise 30 had an error above 3, the greatest 280, before the sta
 """
 
 import math
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from aerokernels.benches import Picture, measure_shock_angle
-from aerokernels.benches.fronts import fit_curve, is_staircase, slope_error
 
 from .test_fronts import HORIZONTAL, PITCH, VERTICAL, WINDOW, area_below
 
@@ -64,42 +62,3 @@ def test_the_standard_error_covers_the_error(at_points, noise, smoothing):
         assert found.standard_error < math.radians(0.6)
     assert np.sqrt(np.mean(np.square(ratios))) < 1.27
     assert np.count_nonzero(np.array(ratios) > 3.0) <= COUNT // 60
-
-
-def test_only_pictures_sampled_at_points_are_staircases():
-    rng = np.random.default_rng(1)
-    place = 100.0 - (0.002 - 0.37 * HORIZONTAL) / PITCH
-    for at_points in (True, False):
-        lines = picture_of(np.random.default_rng(2), 0.37, at_points, 0.0).intensity[::-1].T
-        rows = slice(5, 100)
-        assert is_staircase(lines[rows], place[rows]) == at_points
-    assert not is_staircase(np.full((9, 40), 0.5), rng.uniform(5.0, 35.0, 9))
-
-
-def test_the_unseen_slope_of_a_staircase():
-    """90 columns at 1/2: nothing changes within 1 / 180. At 1/2 + 1/45 there are four teeth, a quarter of that."""
-    assert slope_error(0.5, 90) == pytest.approx(1.0 / 180.0 / math.sqrt(3.0))
-    assert slope_error(0.5 + 1.0 / 45.0, 90) == pytest.approx(1.0 / 720.0 / math.sqrt(3.0), rel=0.5)
-    assert slope_error(0.0, 90) == pytest.approx(1.0 / 90.0 / math.sqrt(3.0))
-    assert slope_error(0.5 * (math.sqrt(5.0) - 1.0), 90) < 1e-3  # the ratio that fractions come least near
-
-
-def test_the_steps_of_uneven_pixels_are_in_the_error():
-    """Pixels twice as wide as high: the slope in pixels counts, and its error is added to that of the scatter."""
-    pitch = 1e-4
-    horizontal, vertical = 2.0 * pitch * np.arange(60), pitch * np.arange(120)
-    front = 4e-3 + 0.26 * horizontal
-    picture = SimpleNamespace(
-        intensity=np.where(vertical[:, None] < front, 0.9, 0.5), horizontal=horizontal, vertical=vertical
-    )
-    found = measure_shock_angle(picture, (0.9e-3, 1.09e-2), axis=0.5e-3, smoothing=0.0)
-    along, up = found.points.T
-    assert len(along) == 50
-    curve, covariance, used = fit_curve(along - found.place, up - 0.5e-3, 1, 0.5 * pitch)
-    assert used.all() and curve[1] == pytest.approx(found.curve[1])
-    steps = 0.5 * slope_error(curve[1] / 0.5, 50)
-    assert steps > 0.0
-    blurred = measure_shock_angle(picture, (0.9e-3, 1.09e-2), axis=0.5e-3, smoothing=0.5)
-    width = 2.0 * abs(blurred.angle - found.angle)
-    expected = math.hypot(math.hypot(math.sqrt(covariance[1, 1]), steps) / (1.0 + curve[1] ** 2), width)
-    assert found.standard_error == pytest.approx(expected, rel=1e-9)

@@ -69,21 +69,22 @@ def test_the_error_of_few_samples_holds(seed):
         assert abs(told.value - exact.quantities[name].value) <= told.error, name
 
 
-@pytest.mark.parametrize("pixel_count", [8, 12, 33])
 @pytest.mark.parametrize(
-    "pupil", [Annulus(0.02, 0.016), Polygon([[0.0, 0.0], [0.02, 0.002], [0.006, 0.018]])], ids=["ring", "triangle"]
+    ("pupil", "pixel_count"),
+    [(Annulus(0.02, 0.016), 8), (Polygon([[0.0, 0.0], [0.02, 0.002], [0.006, 0.018]]), 12)],
+    ids=["ring", "triangle"],
 )
 def test_many_samples_make_a_map_of_few_pixels(pupil, pixel_count: int):
     """Samples all over the pupil, of a smooth wave; centres of pixels on its rim lie outside, farther than samples do.
 
-    Expected: the mean over 200,000 points of the pupil, to the reported error.
+    Expected: the mean over 131,072 points of the pupil, to the reported error.
     """
 
     def wave(flat: np.ndarray) -> np.ndarray:
         u, v = flat.T / 0.02
         return 4e-8 * (u + v * u - 0.5 * v**2)
 
-    samples, many = (pupil.flat_sample(count, "sobol", 1)[0] * pupil.reach for count in (4000, 1 << 17))
+    samples, many = (pupil.flat_sample(count, "sobol", 1)[0] * pupil.reach for count in (2000, 1 << 17))
     found = Wavefront.from_samples(samples, wave(samples), pupil, 633e-9, pixel_count=pixel_count)
     exact = abs(np.mean(np.exp(2j * np.pi / 633e-9 * wave(many)))) ** 2
     strehl = found.quantities["strehl"]

@@ -50,15 +50,6 @@ def test_airy_pattern_of_disc_and_annulus():
     assert np.abs(ring.intensity - ((airy(1.0) - 0.16 * airy(0.4)) / 0.84) ** 2).max() < 6e-4
 
 
-def test_rectangle_has_a_sinc_pattern_exactly():
-    """Pixels of a square pupil: the sum over n pixels is Dirichlet's kernel, (sin(n t) / (n sin t))^2 each way."""
-    angle = np.linspace(-3.0, 3.0, 13) * RESOLUTION
-    found = made(Rectangle(2 * RADIUS, 2 * RADIUS), count=64).psf(angle).intensity
-    t = np.pi * angle / RESOLUTION / 64
-    kernel = np.where(t == 0.0, 1.0, np.sin(64 * t) / (64 * np.sin(np.where(t == 0.0, 1.0, t)))) ** 2
-    assert np.abs(found - np.outer(kernel, kernel)).max() < 1e-12
-
-
 def test_parts_of_the_transform_are_the_whole():
     """The FFT, its middle by matrices, and given angles: the same to rounding."""
     wave = made(Disc(RADIUS), modes({2: 1e-7, 5: 5e-8, 8: 4e-8}), count=32)
@@ -294,30 +285,6 @@ def test_errors_cover_smooth_errors_of_the_opd():
 
 
 # --- traced ----------------------------------------------------------------------------------------------------------
-
-
-def test_structure_function_is_the_mean_over_all_pairs():
-    """Set-up: an uneven OPD over an uneven pupil of 6 x 6 pixels. Expected: ring by ring what 36 x 36 pairs give."""
-    random = np.random.default_rng(5)
-    wave = made(Mask(random.random((6, 6)), 1e-3), lambda x, y: 1e-7 * random.normal(size=x.shape), count=6)
-    found, (opd, share) = wave.structure_function(), wave.samples
-    places = np.argwhere(wave.lit)
-    far = np.hypot(*(places[:, None] - places[None]).T).T
-    weight, square = share[:, None] * share, (opd[:, None] - opd) ** 2
-    rings = [np.rint(far) == ring for ring in np.unique(np.rint(far))]
-    expected = np.array(
-        [
-            [
-                np.average(far[ring], weights=weight[ring]) * wave.pixel,
-                np.average(square[ring], weights=weight[ring]),
-                weight[ring].sum(),
-            ]
-            for ring in rings
-        ]
-    )
-    assert found.separation == pytest.approx(expected[:, 0], rel=1e-9)
-    assert found.value == pytest.approx(expected[:, 1], rel=1e-9, abs=1e-24)
-    assert found.pair_weight == pytest.approx(expected[:, 2], rel=1e-9)
 
 
 def test_a_wavefront_and_what_it_makes_can_be_pickled():

@@ -47,8 +47,7 @@ def test_the_error_of_two_steps_holds_what_they_make(waves):
     assert found.error / 4.0 < off <= found.error
 
 
-@pytest.mark.parametrize("window", [1.7, 2.2, 3.0])
-@pytest.mark.parametrize("count", [48, 65])
+@pytest.mark.parametrize(("window", "count"), [(1.7, 48), (2.2, 65), (3.0, 48)])
 def test_the_error_of_a_strehl_ratio_holds_the_edge_of_a_rectangle(count, window):
     """Edges that fall somewhere within pixels: maps of half as many pixels may be off by as much, by chance."""
     length, pupil = RADIUS**2 / WAVELENGTH / 150.0, Rectangle(2.0 * RADIUS, 1.3 * RADIUS)
