@@ -9,7 +9,7 @@ from typing import Literal, overload
 import numpy as np
 
 from aerokernels.flow.gas import FreeStream, tunnel_conditions
-from aerokernels.flow.reading.volumes.measuring_lines import VolumeResampling
+from aerokernels.flow.reading.volumes.reconstruction import VolumeResampling
 from aerokernels.flow.sampled_density import CellDensity, GridDensity
 from aerokernels.inputs.arguments import checked
 from aerokernels.medium import Body, QuadMesh, SolidBody

@@ -7,7 +7,7 @@ from aerokernels.flow.reading.contents import Contents, contents
 from aerokernels.flow.reading.dataset import ReadError
 from aerokernels.flow.reading.frame import Frame
 from aerokernels.flow.reading.read import Reader, read
-from aerokernels.flow.reading.volumes.measuring_lines import VolumeResampling
+from aerokernels.flow.reading.volumes.reconstruction import VolumeResampling
 from aerokernels.flow.reading.volumes.resampling import Resampling
 
 __all__ = ["Contents", "Frame", "ReadError", "Reader", "Resampling", "VolumeResampling", "contents", "read"]

@@ -17,8 +17,7 @@ from aerokernels.flow.reading.formats import FORMAT_OPTIONS, load
 from aerokernels.flow.reading.fractions import Fractions, choose_fractions
 from aerokernels.flow.reading.frame import Frame, direction_note, plane_normal
 from aerokernels.flow.reading.planes.one_cell_thick import flattened, wedge
-from aerokernels.flow.reading.planes.plane import Plane, plane_in_words, plane_mesh, wall_density
-from aerokernels.flow.reading.planes.walls import hole_body, wall_body
+from aerokernels.flow.reading.planes.plane import Plane, hole_body, plane_in_words, plane_mesh, wall_body, wall_density
 from aerokernels.flow.sampled_density import CellDensity, GridDensity, VertexDensity
 from aerokernels.inputs.checks import check_choice, check_positive, warn_caller
 from aerokernels.inputs.units import EXPONENTS, is_no_unit, quantity, unit_in_name, written_unit

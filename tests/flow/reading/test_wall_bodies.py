@@ -6,7 +6,7 @@ import writers
 
 from aerokernels import QuadMesh
 from aerokernels.flow.reading.dataset import HEXAHEDRON, Block, Cells, Patch, Polygons, ReadError
-from aerokernels.flow.reading.planes.walls import wall_body
+from aerokernels.flow.reading.planes.plane import wall_body
 
 
 def mesh(geometry: str = "planar", low: float = 0.0) -> QuadMesh:

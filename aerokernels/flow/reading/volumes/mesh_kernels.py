@@ -1,4 +1,4 @@
-"""Warp kernels for volumes on meshes, in float64: means at points, slopes in cells, values at the nodes of a grid.
+"""Warp kernels for volumes on meshes, in float64: weights of values at points and of slopes, densities at nodes.
 
 They run in chunks over host threads: Warp's CPU device runs a launch in one thread and releases the interpreter lock.
 """
@@ -18,63 +18,6 @@ Numbers = wp.array[wp.float64]
 Vectors = wp.array[wp.vec3d]
 Starts = wp.array[wp.int64]
 Indices = wp.array[wp.int32]
-# The function of a cell: value at the origin, slope, least and greatest value allowed, loaded in one access.
-Function = wp.types.vector(length=6, dtype=wp.float64)
-Functions = wp.array[Function]
-
-
-@wp.kernel(enable_backward=False)
-def mean_of_listed(first: int, start_in: Starts, column_in: Indices, value_in: Numbers, mean_out: Numbers):
-    """Compute the mean of the values that each row lists; 0 for an empty row."""
-    row = first + wp.tid()
-    k = start_in[row]
-    end = start_in[row + 1]
-    count = wp.float64(end - k)
-    total = wp.float64(0.0)
-    while k < end:
-        total += value_in[column_in[k]]
-        k += wp.int64(1)
-    mean_out[row] = total / wp.max(count, wp.float64(1.0))
-
-
-@wp.func
-def slope_and_range(
-    row: int, value: wp.float64, start_in: Starts, column_in: Indices, weight_in: Vectors, near_in: Numbers
-):
-    """Return the slope in a cell, a weighted sum of its row's values, and the range of these and its own value."""
-    low = value
-    high = value
-    slope = wp.vec3d(wp.float64(0.0), wp.float64(0.0), wp.float64(0.0))
-    k = start_in[row]
-    end = start_in[row + 1]
-    while k < end:
-        near = near_in[column_in[k]]
-        # The weights sum to zero: differences keep the digits of a nearly uniform density.
-        slope += (near - value) * weight_in[k]
-        low = wp.min(low, near)
-        high = wp.max(high, near)
-        k += wp.int64(1)
-    return slope, low, high
-
-
-@wp.kernel(enable_backward=False)
-def linear_functions(
-    first: int,
-    start_in: Starts,
-    column_in: Indices,
-    weight_in: Vectors,
-    near_in: Numbers,
-    value_in: Numbers,
-    middle_in: Vectors,
-    origin: wp.vec3d,
-    function_out: Functions,
-):
-    """Compute the linear function of each cell, and its range: see `slope_and_range`."""
-    cell = first + wp.tid()
-    value = value_in[cell]
-    slope, low, high = slope_and_range(cell, value, start_in, column_in, weight_in, near_in)
-    constant = value - wp.dot(middle_in[cell] - origin, slope)
-    function_out[cell] = Function(constant, slope[0], slope[1], slope[2], low, high)
 
 
 @wp.kernel(enable_backward=False)
@@ -98,7 +41,18 @@ def densities_at_nodes(
     """Evaluate each cell's linear function, clamped to its range, at the nodes in it; rows of nodes run along z."""
     held = first + wp.tid()
     value = value_in[cell_in[held]]
-    slope, low, high = slope_and_range(held, value, start_in, column_in, weight_in, near_in)
+    low = value
+    high = value
+    slope = wp.vec3d(wp.float64(0.0), wp.float64(0.0), wp.float64(0.0))
+    entry = start_in[held]
+    end = start_in[held + 1]
+    while entry < end:
+        near = near_in[column_in[entry]]
+        # The weights sum to zero: differences keep the digits of a nearly uniform density.
+        slope += (near - value) * weight_in[entry]
+        low = wp.min(low, near)
+        high = wp.max(high, near)
+        entry += wp.int64(1)
     constant = value - wp.dot(middle_in[held] - origin, slope)
     at = int(node_start_in[held])
     last = int(node_start_in[held + 1])
@@ -140,7 +94,192 @@ def _shared(argument):
         return wp.vec3d(*argument)
     if not isinstance(argument, np.ndarray):
         return argument
-    kind = {3: wp.vec3d, 6: Function}[argument.shape[1]] if argument.ndim == 2 else TYPES[argument.dtype]
+    kind = wp.vec3d if argument.ndim == 2 else TYPES[argument.dtype]
     if not len(argument):  # an empty array has no address
         return wp.zeros(1, dtype=kind, device="cpu")
     return wp.array(ptr=argument.ctypes.data, dtype=kind, shape=len(argument), device="cpu", copy=False)
+
+
+NEWTON_STEPS = wp.constant(40)
+STEEPEST = wp.constant(wp.float64(1e11))  # ratio of the squares of two widths, above which a set of points is flat
+AGREED = wp.constant(wp.float64(1e-13))
+CLOSE = wp.constant(wp.float64(1e-11))  # of the width of the cells around a point: distance of their weighted mean
+
+
+@wp.func
+def inverse_or_zero(square: wp.mat33d) -> wp.mat33d:
+    """Return the inverse of a symmetric matrix; zeros for a matrix of lower rank."""
+    trace = wp.trace(square)
+    found = wp.mat33d()
+    if trace > wp.float64(0.0):
+        scaled = square / trace
+        if wp.determinant(scaled) > wp.float64(0.0):
+            inverse = wp.inverse(scaled)
+            if wp.trace(inverse) < STEEPEST:
+                found = inverse / trace
+    return found
+
+
+@wp.kernel(enable_backward=False)
+def slope_weights(
+    first: int, start_in: Starts, column_in: Indices, point_in: Vectors, weight_out: Vectors, centre_out: Vectors
+):
+    """Compute the weights of each row's values in the least-squares slope, and the mean of the row's points."""
+    row = first + wp.tid()
+    begin = start_in[row]
+    end = start_in[row + 1]
+    if begin == end:
+        return
+    total = wp.vec3d()
+    k = begin
+    while k < end:
+        total += point_in[column_in[k]]
+        k += wp.int64(1)
+    centre = total / wp.float64(end - begin)
+    square = wp.mat33d()
+    k = begin
+    while k < end:
+        step = point_in[column_in[k]] - centre
+        square += wp.outer(step, step)
+        k += wp.int64(1)
+    inverse = inverse_or_zero(square)
+    # One correction step removes rounding errors in the slope of a linear function, which matter in flat cells.
+    found = wp.mat33d()
+    k = begin
+    while k < end:
+        step = point_in[column_in[k]] - centre
+        found += wp.outer(inverse * step, step)
+        k += wp.int64(1)
+    if wp.trace(inverse) > wp.float64(0.0):
+        inverse = wp.float64(2.0) * inverse - found * inverse
+    k = begin
+    while k < end:
+        weight_out[k] = inverse * (point_in[column_in[k]] - centre)
+        k += wp.int64(1)
+    centre_out[row] = centre
+
+
+@wp.kernel(enable_backward=False)
+def convex_weights(
+    first: int,
+    start_in: Starts,
+    column_in: Indices,
+    middle_in: Vectors,
+    point_in: Vectors,
+    weight_out: Numbers,
+    inside_out: Indices,
+):
+    r"""Compute weights >= 0 of the cells around each point that are exact for linear densities, where they exist.
+
+    They are closest to equal weights: 1 / n + lambda . d by least squares where none of these is negative, else
+    exp(lambda . d) / sum, with d from the point to the cells' centroids. Outside the convex hull of the centroids all
+    weights are equal.
+    """
+    row = first + wp.tid()
+    begin = start_in[row]
+    end = start_in[row + 1]
+    inside_out[row] = 0
+    if begin == end:
+        return
+    count = wp.float64(end - begin)
+    equal = wp.float64(1.0) / count
+    at = point_in[row]
+    total = wp.vec3d()
+    k = begin
+    while k < end:
+        total += middle_in[column_in[k]] - at
+        k += wp.int64(1)
+    mean = total * equal
+    square = wp.mat33d()
+    k = begin
+    while k < end:
+        step = middle_in[column_in[k]] - at - mean
+        square += wp.outer(step, step)
+        k += wp.int64(1)
+    inverse = inverse_or_zero(square)
+    rank = int(wp.trace(inverse) > wp.float64(0.0))
+    turn = inverse * mean
+    least = wp.float64(1.0)
+    missed = wp.vec3d()
+    k = begin
+    while k < end:
+        step = middle_in[column_in[k]] - at
+        weight = equal - wp.dot(turn, step - mean)
+        missed += weight * step
+        k += wp.int64(1)
+    turn += inverse * missed  # correct for rounding
+    k = begin
+    missed = wp.vec3d()
+    while k < end:
+        step = middle_in[column_in[k]] - at
+        weight = equal - wp.dot(turn, step - mean)
+        weight_out[k] = weight
+        least = wp.min(least, weight)
+        missed += weight * step
+        k += wp.int64(1)
+    exact = CLOSE * wp.sqrt(wp.trace(square))
+    if rank == 1 and least >= wp.float64(0.0) and wp.length(missed) <= exact:
+        inside_out[row] = 1
+        return
+    # Newton iteration for the minimum of log sum exp(lambda . d), which is finite only inside the centroids' hull.
+    agreed = int(0)
+    tilt = wp.vec3d()
+    steps = int(0)
+    while rank == 1 and agreed == 0 and steps < NEWTON_STEPS:
+        highest = wp.float64(-1.0e300)
+        k = begin
+        while k < end:
+            highest = wp.max(highest, wp.dot(tilt, middle_in[column_in[k]] - at))
+            k += wp.int64(1)
+        share = wp.float64(0.0)
+        slope = wp.vec3d()
+        bend = wp.mat33d()
+        k = begin
+        while k < end:
+            step = middle_in[column_in[k]] - at
+            weight = wp.exp(wp.dot(tilt, step) - highest)
+            share += weight
+            slope += weight * step
+            bend += weight * wp.outer(step, step)
+            k += wp.int64(1)
+        slope = slope / share
+        bend = bend / share - wp.outer(slope, slope)
+        turn = inverse_or_zero(bend) * slope
+        rest = wp.dot(turn, slope)
+        if rest <= wp.float64(0.0) and wp.length(slope) > wp.float64(0.0):
+            steps = NEWTON_STEPS
+        else:
+            length = wp.float64(1.0)
+            if rest > wp.float64(0.1):
+                length = wp.float64(1.0) / (wp.float64(1.0) + wp.sqrt(rest))
+            tilt -= length * turn
+            if rest < AGREED * AGREED:
+                agreed = int(1)
+        steps += 1
+    k = begin
+    share = wp.float64(0.0)
+    highest = wp.float64(-1.0e300)
+    while k < end:
+        highest = wp.max(highest, wp.dot(tilt, middle_in[column_in[k]] - at))
+        k += wp.int64(1)
+    k = begin
+    while k < end:
+        weight = equal
+        if agreed == 1:
+            weight = wp.exp(wp.dot(tilt, middle_in[column_in[k]] - at) - highest)
+        weight_out[k] = weight
+        share += weight
+        k += wp.int64(1)
+    missed = wp.vec3d()
+    k = begin
+    while k < end:
+        weight_out[k] = weight_out[k] / share
+        missed += weight_out[k] * (middle_in[column_in[k]] - at)
+        k += wp.int64(1)
+    if agreed == 1 and wp.length(missed) <= exact:
+        inside_out[row] = 1
+        return
+    k = begin
+    while k < end:
+        weight_out[k] = equal
+        k += wp.int64(1)

@@ -1,11 +1,9 @@
 """Densities of grid nodes that no single cell determines: nodes among several small cells, or in no cell."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from aerokernels.flow.reading.dataset import Block
-from aerokernels.flow.reading.volumes.point_values import LEAST_SHARE
+from aerokernels.flow.reading.volumes.point_values import LEAST_SHARE, lesser
 from aerokernels.flow.reading.volumes.solids import CellFacts, NodeGrid
 
 
@@ -72,17 +70,6 @@ def foremost(held: np.ndarray, shape) -> np.ndarray:
     return np.asarray(across * shape[2] + first + layer)
 
 
-@dataclass(frozen=True, eq=False)
-class _Layer:
-    """Nodes extrapolated from up to three known nodes in a row along an axis; -1 for an unknown one."""
-
-    node: np.ndarray
-    start: np.ndarray
-    one: np.ndarray
-    two: np.ndarray
-    three: np.ndarray
-
-
 class EmptyNodes:
     """Nodes in no cell, extrapolated layer by layer from the known nodes beside them; deeper ones are ambient.
 
@@ -94,7 +81,7 @@ class EmptyNodes:
         """Find the nodes, and the known nodes from which each is extrapolated."""
         known = held.copy()
         strides = (shape[1] * shape[2], shape[2], 1)
-        self._layers: list[_Layer] = []
+        self._layers: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []  # nodes, and rows of up to three known ones
         # Layers of nodes into which the density is extrapolated, in a body and beyond the mesh.
         for depth in range(8):
             empty = _beside(known, shape)
@@ -121,32 +108,25 @@ class EmptyNodes:
             changes = found[1] >= 0
             some = np.bincount(row, changes, len(empty)) > 0
             of_use = changes | ~some[row]  # drop single known nodes where two in a row are known in another direction
-            row, found = row[of_use], found[:, of_use]
-            order = np.argsort(row, kind="stable")
-            start = np.concatenate([[0], np.cumsum(np.bincount(row, minlength=len(empty)))])
-            self._layers.append(_Layer(empty, start, *(np.ascontiguousarray(each[order]) for each in found)))
+            self._layers.append((empty, row[of_use], found[:, of_use]))
             known[empty] = True
         self._deep = np.flatnonzero(~known)
 
     def fill(self, density: np.ndarray, ambient: float) -> None:
         """Set the densities of these nodes."""
-        from aerokernels.flow.reading.volumes.mesh_kernels import launch
-        from aerokernels.flow.reading.volumes.point_kernels import carry_on
-
         density[self._deep] = ambient
-        for own in self._layers:
-            launch(carry_on, len(own.node), own.node, own.start, own.one, own.two, own.three, LEAST_SHARE, density)
+        for node, row, near in self._layers:
+            one, two, three = density[near]
+            rise = np.where(near[1] >= 0, one - two, 0.0)
+            rise = np.where(near[2] >= 0, lesser(rise, two - three), rise)
+            total = np.bincount(row, np.maximum(one + rise, LEAST_SHARE * one), len(node))
+            density[node] = total / np.bincount(row, minlength=len(node))
 
 
 def _beside(known: np.ndarray, shape) -> np.ndarray:
     """Return the nodes that are not known and have a known node beside them."""
-    if known.all():
-        return np.empty(0, np.int32)
+    from scipy.ndimage import binary_dilation
+
     inside = known.reshape(shape)
-    near = np.zeros(shape, bool)
-    for axis in range(3):
-        moved, source = np.moveaxis(near, axis, 0), np.moveaxis(inside, axis, 0)
-        moved[1:] |= source[:-1]
-        moved[:-1] |= source[1:]
-    near &= ~inside
+    near = np.zeros(shape, bool) if inside.all() else binary_dilation(inside) & ~inside
     return np.flatnonzero(near).astype(np.int32)

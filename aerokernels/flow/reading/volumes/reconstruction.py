@@ -5,53 +5,46 @@ corners. The average over a cell remains that of the file; linear functions of p
 depend on the mesh alone are computed once; each set of densities then costs one pass over the cells.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
 from aerokernels.flow.reading.dataset import POLYHEDRON, Block, Faces
 from aerokernels.flow.reading.volumes.point_values import PointDeficits, PointValues, Rows
-from aerokernels.flow.reading.volumes.solids import CellFacts, corner_chunks, corner_counts
+from aerokernels.flow.reading.volumes.solids import CellFacts, NodeGrid, corner_chunks, corner_counts
 
 
 @dataclass(frozen=True, eq=False)
 class Linear:
     """A linear function in each cell.
 
-    Attributes:
-        value: Its average over the cell, shape (n,).
-        function: Value at the origin, slope, least and greatest value allowed, shape (n, 6).
-        deficit: What it lacks in a curved density: its deviation from the values at the corners of the cell, root mean
-            square with the sign of the mean. For values at points it is twice the deficit at the mean of the corners.
-        origin: The point from which places are measured [m].
+    `deficit` is what it lacks in a curved density: its deviation from the values at the corners of the cell, root mean
+    square with the sign of the mean. For values at points it is twice the deficit at the mean of the corners.
     """
 
-    value: np.ndarray
-    function: np.ndarray
+    value: np.ndarray  # its average over the cell, shape (n,)
+    constant: np.ndarray  # at `origin`, shape (n,)
+    slope: np.ndarray  # shape (n, 3)
+    low: np.ndarray  # least value allowed
+    high: np.ndarray  # greatest value allowed
     deficit: np.ndarray
-    origin: tuple[float, float, float]
 
-    def at(self, cell: np.ndarray, points: np.ndarray) -> np.ndarray:
-        """Return values at points (n, 3) inside cells (n,)."""
-        own = self.function[cell]
-        rise = np.einsum("nk,nk->n", points - np.array(self.origin), own[:, 1:4])
-        return np.clip(own[:, 0] + rise, own[:, 4], own[:, 5])
+    def at(self, cell: np.ndarray, places: np.ndarray) -> np.ndarray:
+        """Return values at places (n, 3), relative to the origin, inside cells (n,)."""
+        rise = np.einsum("nk,nk->n", places, self.slope[cell])
+        return np.clip(self.constant[cell] + rise, self.low[cell], self.high[cell])
 
     @classmethod
     def joined(cls, parts: list["Linear"]) -> "Linear":
         """Concatenate the cells of several blocks."""
-        if len(parts) == 1:
-            return parts[0]
-        names = ("value", "function", "deficit")
-        value, function, deficit = (np.concatenate([getattr(part, name) for part in parts]) for name in names)
-        return cls(value, function, deficit, parts[0].origin)
+        return cls(*(np.concatenate([getattr(part, entry.name) for part in parts]) for entry in fields(cls)))
 
 
 class Reconstruction:
     """The weights of the linear functions in the cells of a block, which depend on its mesh alone."""
 
     def __init__(self, block: Block, points: np.ndarray, where: str, facts: CellFacts):
-        """Compute the weights."""
+        """Compute the weights of a block with points in the optical frame [m] and values in cells or at points."""
         self.where = where
         self.count = block.cell_count if where == "cell" else len(points)
         self.rows = cell_corners(block)
@@ -95,25 +88,19 @@ class SomeCells:
         rows, entry = part.rows.select(cell)
         at_points = part.where == "point" and len(cell) > 0
         deficits = PointDeficits.of(part.rows, part.weight, part.centre, part.points, cell) if at_points else None
-        to_corner = part.points[rows.column] - np.repeat(part.middle[cell], np.diff(rows.start), axis=0)
+        to_corner = part.points[rows.column] - rows.spread(part.middle[cell])
         return cls(cell, rows, part.weight[entry], part.middle[cell], to_corner, deficits)
 
-    def linear(self, value: np.ndarray, near: np.ndarray, origin) -> Linear:
+    def linear(self, value: np.ndarray, near: np.ndarray, origin: np.ndarray) -> Linear:
         """Return their linear functions from the result of `Reconstruction.values`, relative to `origin` [m]."""
-        from aerokernels.flow.reading.volumes.mesh_kernels import launch, linear_functions
-
-        own, function, origin = value[self.cell], np.empty((len(self.cell), 6)), tuple(float(x) for x in origin)
-        launch(
-            linear_functions, len(own), self.rows.start, self.rows.column, self.weight, near, own, self.middle, origin,
-            function,
-        )  # fmt: skip
+        own, rows = value[self.cell], self.rows
+        slope, (low, high) = rows.slopes(self.weight, near, own), rows.ranges(near, own)
         if self.deficits is not None:
-            return Linear(own, function, self.deficits.deficit(near), origin)
-        count = np.diff(self.rows.start)
-        rise = np.einsum("nk,nk->n", self.to_corner, np.repeat(function[:, 1:4], count, axis=0))
-        return Linear(
-            own, function, self.rows.signed_rms(rise - (near[self.rows.column] - np.repeat(own, count))), origin
-        )
+            deficit = self.deficits.deficit(near)
+        else:
+            rise = np.einsum("nk,nk->n", self.to_corner, rows.spread(slope))
+            deficit = rows.signed_rms(rise - (near[rows.column] - rows.spread(own)))
+        return Linear(own, own - np.einsum("nk,nk->n", self.middle - origin, slope), slope, low, high, deficit)
 
 
 def cell_corners(block: Block) -> Rows:
@@ -123,7 +110,7 @@ def cell_corners(block: Block) -> Rows:
     if cells is not None and cells.faces is not None:
         has_faces = cells.types == POLYHEDRON
         of = _points_of_faces(cells.faces, block.cell_count, len(block.points))
-        count = np.where(has_faces, np.diff(of.start), count)
+        count = np.where(has_faces, of.width, count)
     start = np.zeros(block.cell_count + 1, np.int64)
     np.cumsum(count, out=start[1:])
     column = np.empty(start[-1], np.int32)
@@ -144,16 +131,14 @@ def _points_of_faces(faces: Faces, cell_count: int, point_count: int) -> Rows:
     inner, face_count = len(faces.neighbour), len(faces.owner)
     cell = np.concatenate([faces.owner, faces.neighbour])
     face = np.concatenate([np.arange(face_count), np.arange(inner)])
-    of = Rows.sorted(cell, face, cell_count)[0].matrix(face_count)
+    of = csr_array((np.ones(len(cell), bool), (cell, face)), shape=(cell_count, face_count))
     true = np.ones(len(faces.points), bool)
-    points = csr_array((true, faces.points.astype(np.int32), faces.start), shape=(face_count, point_count))
-    return Rows.of_matrix(of @ points)
+    return Rows.of_matrix(of @ csr_array((true, faces.points, faces.start), shape=(face_count, point_count)))
 
 
 def _fitted(rows: Rows, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return corner weights in the least-squares slope, shape (entry_count, 3), and the means of the corners."""
-    from aerokernels.flow.reading.volumes.mesh_kernels import launch
-    from aerokernels.flow.reading.volumes.point_kernels import slope_weights
+    from aerokernels.flow.reading.volumes.mesh_kernels import launch, slope_weights
 
     count = len(rows.start) - 1
     weight, centre = np.empty((len(rows.column), 3)), np.zeros((count, 3))
@@ -163,37 +148,29 @@ def _fitted(rows: Rows, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 @dataclass(frozen=True, eq=False)
 class CellNodes:
-    """The nodes inside the cells of a block, and the weights of the linear function of each of these cells.
+    """The nodes inside the cells of a block, and the weights of the linear function of each of these cells."""
 
-    Attributes:
-        cell: Numbers of the cells in their block, shape (n,).
-        nodes: The nodes inside each cell, ascending.
-        rows: The values from which the slope of each cell is computed.
-        weight: Weights of these values, shape (entry_count, 3).
-        middle: Centroids to which the averages belong, shape (n, 3).
-    """
-
-    cell: np.ndarray
-    nodes: Rows
-    rows: Rows
-    weight: np.ndarray
-    middle: np.ndarray
+    cell: np.ndarray  # numbers of the cells in their block, shape (n,)
+    nodes: Rows  # the nodes inside each cell, ascending
+    rows: Rows  # the values from which the slope of each cell is computed
+    weight: np.ndarray  # weights of these values, shape (entry_count, 3)
+    middle: np.ndarray  # centroids to which the averages belong, shape (n, 3)
 
     @classmethod
     def of(cls, part: Reconstruction, number: np.ndarray, first_cell: int, cell_count: int) -> "CellNodes":
         """Return the nodes of a block from `number`, the cell of each node or -1; its cells begin at `first_cell`."""
-        every = nodes_by_cell(number, first_cell, cell_count)
-        some = np.flatnonzero(np.diff(every.start))
+        own = (number >= first_cell) & (number < first_cell + cell_count)
+        start = np.zeros(len(number) + 1, np.int32)
+        np.cumsum(own, out=start[1:])
+        every = Rows(start, (number if own.all() else number[own]) - np.int32(first_cell)).transposed(cell_count)
+        some = np.flatnonzero(every.width)
         cell = some[np.argsort(every.column[every.start[some]], kind="stable")].astype(np.int32)
         nodes, _ = every.select(cell)
         rows, entry = part.rows.select(cell)
         return cls(cell, nodes, rows, part.weight[entry], part.middle[cell])
 
     def set_densities(self, value, near, origin, shape, spacing, density: np.ndarray) -> None:
-        """Set the densities of these nodes.
-
-        `value` is the average of every cell, `near` what `rows` lists by number, `density` (node_count,) is changed.
-        """
+        """Set the densities of these nodes from the average of every cell and what `rows` lists by number, `near`."""
         from aerokernels.flow.reading.volumes.mesh_kernels import densities_at_nodes, launch
 
         launch(
@@ -203,10 +180,147 @@ class CellNodes:
         )  # fmt: skip
 
 
-def nodes_by_cell(number: np.ndarray, first_cell: int, cell_count: int) -> Rows:
-    """Return the nodes of each cell, ascending, from the cell of each node; nodes of other blocks are left out."""
-    own = (number >= first_cell) & (number < first_cell + cell_count)
-    start = np.zeros(len(number) + 1, np.int32)
-    np.cumsum(own, out=start[1:])
-    column = (number if own.all() else number[own]) - np.int32(first_cell)
-    return Rows(start, column).transposed(cell_count)
+LINES = 12  # measuring lines along x and along y
+
+
+@dataclass(frozen=True)
+class VolumeResampling:
+    """The changes caused by resampling a mesh to a uniform grid, by cause.
+
+    Attributes:
+        spacing: Node spacing of the grid [m], one per axis.
+        density_rms: Root mean square change of the density between grid and cells [kg/m3], on lines along z.
+        density_max: Greatest change of the density found [kg/m3].
+        column_rms: Root mean square change of the integral of the density along those lines [kg/m2].
+        column_max: Greatest change of such an integral [kg/m2].
+        reconstruction_rms: Part of the columns that is due to the slopes inside cells: against constant cells [kg/m2].
+        outside_share: Share of the nodes that are in no cell: in a body, or beyond the mesh.
+        averaged_share: Share of the nodes with several cells around them, whose densities were averaged.
+        unresolved_rms: Root mean square deficit of the functions in the cells against the flow [kg/m3], estimated from
+            their differences at the corners of the cells; for densities at points from changes of slope between cells.
+        unresolved_column_rms: The part of the columns due to that deficit [kg/m2].
+        unresolved_column_max: Its greatest value on a line [kg/m2]: beside a shock along which the line runs.
+    """
+
+    spacing: tuple[float, float, float]
+    density_rms: float
+    density_max: float
+    column_rms: float
+    column_max: float
+    reconstruction_rms: float
+    outside_share: float
+    averaged_share: float
+    unresolved_rms: float = 0.0
+    unresolved_column_rms: float = 0.0
+    unresolved_column_max: float = 0.0
+
+    @property
+    def column_error(self) -> float:
+        """Error of the columns [kg/m2], of the grid and of the functions in the cells together.
+
+        Root mean square, or a third of the greatest error on a line where that is more.
+        """
+        grid = max(self.column_rms, self.column_max / 3.0)
+        return float(np.hypot(grid, max(self.unresolved_column_rms, self.unresolved_column_max / 3.0)))
+
+
+class MeasuringLines:
+    """Lines along z through a grid, sampled finer than the grid, and the cells that they cross."""
+
+    def __init__(self, low: np.ndarray, spacing: np.ndarray, shape):
+        """Place the lines in the grid."""
+        extent = spacing * (np.array(shape) - 1)
+        fine = max(2, min(4 * shape[2], 4096))
+        self.grid = NodeGrid(
+            low + extent * np.array([0.5 / LINES, 0.5 / LINES, 0.5 / fine]),
+            extent / np.array([LINES, LINES, fine]),
+            (LINES, LINES, fine),
+        )
+        self._low, self._spacing, self._shape = low, spacing, shape
+
+    def settle(self, parts: list[Reconstruction], firsts: list[int], cell_counts: list[int]) -> None:
+        """Store what is needed of the cells that the lines cross; `firsts` are the first numbers of blocks' cells."""
+        from scipy.sparse import csr_array
+
+        grid = self.grid
+        self._node = np.flatnonzero(grid.cell >= 0)
+        cells, self._of = np.unique(grid.cell[self._node], return_inverse=True)
+        self._order = sorted(range(len(parts)), key=lambda k: (firsts[k], cell_counts[k]))
+        self._parts = []
+        for k in self._order:
+            own = cells[(cells >= firsts[k]) & (cells < firsts[k] + cell_counts[k])]
+            self._parts.append(SomeCells.of(parts[k], own - firsts[k]))
+        self._at = grid.positions(self._node)
+        # The eight nodes around each place, and their weights in trilinear interpolation.
+        place = (self._at - self._low) / self._spacing
+        corner = np.clip(np.floor(place).astype(np.int64), 0, np.array(self._shape) - 2)
+        share = np.clip(place - corner, 0.0, 1.0)
+        sides = np.array(np.meshgrid(*[(0, 1)] * 3, indexing="ij")).reshape(3, 8).T
+        column = np.ravel_multi_index(tuple((corner[:, None] + sides).transpose(2, 0, 1)), self._shape)
+        weight = np.where(sides, share[:, None], 1.0 - share[:, None]).prod(axis=2)
+        start = 8 * np.arange(len(place) + 1)
+        size = (len(place), int(np.prod(self._shape)))
+        self._between = csr_array((weight.ravel(), column.ravel(), start), shape=size)
+        self._length = float(grid.spacing[2])
+
+    def measure(self, values, density: np.ndarray, outside_share: float, averaged_share: float) -> VolumeResampling:
+        """Return the changes of the grid's density against the cells' functions."""
+        shape, node = self.grid.shape, self._node
+        change, flat, deficit = (np.zeros(int(np.prod(shape))) for _ in range(3))
+        span = 0.0
+        if len(node):
+            each = zip(self._parts, [values[k] for k in self._order], strict=True)
+            linear = Linear.joined([part.linear(value, near, self._low) for part, (value, near) in each])
+            truth = linear.at(self._of, self._at - self._low)
+            change[node] = self._between @ density - truth
+            flat[node] = linear.value[self._of] - truth
+            deficit[node] = linear.deficit[self._of]
+            span = float(np.ptp(linear.value))
+        columns = [self._length * own.reshape(shape).sum(axis=2) for own in (change, flat)]
+        seen = change[node] if len(node) else change
+        met = max(int((self.grid.cell.reshape(shape) >= 0).any(axis=2).sum()), 1)  # lines that cross any cells
+        by_line = deficit.reshape(-1, shape[2])
+        likely, greatest = unresolved(by_line * self._length, by_line, self.grid.cell.reshape(by_line.shape), span)
+        rms = [float(np.sqrt(np.mean(seen**2))), *(float(np.sqrt(np.sum(own**2) / met)) for own in columns)]
+        return VolumeResampling(
+            tuple(float(s) for s in self._spacing),  # type: ignore[arg-type]
+            rms[0],
+            float(np.abs(change).max()),
+            rms[1],
+            float(np.abs(columns[0]).max()),
+            rms[2],
+            outside_share,
+            averaged_share,
+            float(np.sqrt(np.mean(deficit[node] ** 2))) if len(node) else 0.0,
+            float(np.sqrt(np.sum(likely**2) / met)),
+            float(greatest.max()),
+        )
+
+
+def unresolved(lines: np.ndarray, deficit: np.ndarray, cell: np.ndarray, span: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return the likely and the greatest error of each line [kg/m2] due to `deficit`, shape (line_count,) each.
+
+    Args:
+        lines: Contribution of `deficit` to each place of each line [kg/m2], shape (line_count, place_count).
+        deficit: Deficit of the function of the cell there [kg/m3], likewise.
+        cell: Numbers of the cells, likewise.
+        span: The range of the density [kg/m3].
+    """
+    # In a curved density the deficit of a linear function with the right average is up to h^2 / 12 times the second
+    # derivative on a line off the centroids of the cells; at the corners it is h^2 / 4, which is what is measured.
+    together = 1.0 / 3.0 * lines.sum(axis=1)
+    # Of the range of the density: cells with a greater deficit contain a shock, or are beside one.
+    shock = np.sign(lines) * (np.abs(deficit) > 0.02 * span)
+    other = np.ones(lines.shape, bool)
+    other[:, 1:] = cell[:, 1:] != cell[:, :-1]
+    # Consecutive cells of a shock along the line have alike deficits: their errors add up.
+    first = other.copy()
+    first[:, 1:] &= (shock[:, 1:] != shock[:, :-1]) | (shock[:, 1:] == 0)
+    begin = np.flatnonzero(first)
+    along = np.add.reduceat(other.ravel(), begin, dtype=np.int64) > 1
+    # The average leaves a shock's place in its cell open: the worst corner has twice the corners' rms.
+    squares = (2.0 * np.add.reduceat(lines.ravel(), begin)) ** 2
+    line = begin // lines.shape[1]
+    likely = together**2 + np.bincount(line, squares, len(lines))
+    # Where the line runs along or inside a shock, the squares in a row of cells increase by at most this factor, 2.
+    return np.sqrt(likely), np.sqrt(likely + np.bincount(line[along], 2.0 * squares[along], len(lines)))

@@ -30,40 +30,24 @@ CHUNK = 16_384  # cells processed together: fits in a core's cache
 
 @dataclass(frozen=True, eq=False)
 class Solids:
-    """Some cells of a block; the first axis of vectors is the component, and the last axis is the cell.
+    """Some cells of a block; the first axis of vectors is the component, and the last axis is the cell."""
 
-    Attributes:
-        cell: Their numbers in the block, shape (n,).
-        area: Outward area vectors of their faces [m2], shape (3, f, n).
-        centre: Centroids of their faces [m], shape (3, f, n).
-        low: Lowest corner of the box around each [m], shape (3, n).
-        high: Highest corner [m], shape (3, n).
-        volume: [m3], negative for cells that are inside out, shape (n,).
-        middle: Centroids [m], shape (3, n).
-    """
-
-    cell: np.ndarray
-    area: np.ndarray
-    centre: np.ndarray
-    low: np.ndarray
-    high: np.ndarray
-    volume: np.ndarray
-    middle: np.ndarray
+    cell: np.ndarray  # their numbers in the block, shape (n,)
+    area: np.ndarray  # outward area vectors of their faces [m2], shape (3, f, n)
+    centre: np.ndarray  # centroids of their faces [m], shape (3, f, n)
+    low: np.ndarray  # lowest corner of the box around each [m], shape (3, n)
+    high: np.ndarray  # highest corner [m], shape (3, n)
+    volume: np.ndarray  # [m3], negative for cells that are inside out, shape (n,)
+    middle: np.ndarray  # centroids [m], shape (3, n)
 
 
 @dataclass(frozen=True, eq=False)
 class Chunk:
-    """Some cells of one type, by their corners, before their geometry is computed.
+    """Some cells of one type, by their corners, before their geometry is computed."""
 
-    Attributes:
-        kind: VTK's number of the type.
-        cell: Their numbers in the block, shape (n,).
-        corners: Points of each, shape (k, n).
-    """
-
-    kind: int
-    cell: np.ndarray
-    corners: np.ndarray
+    kind: int  # VTK's number of the type
+    cell: np.ndarray  # their numbers in the block, shape (n,)
+    corners: np.ndarray  # points of each, shape (k, n)
 
     def solids(self, across: np.ndarray) -> Solids:
         """Compute faces, volumes and centroids from the coordinates of all points [m], shape (3, point_count)."""
@@ -90,21 +74,13 @@ class Chunk:
 
 @dataclass(frozen=True, eq=False)
 class _Polyhedra:
-    """Polyhedra with the geometry of their faces, and the faces of each cell.
+    """Polyhedra with the geometry of their faces, and the faces of each cell."""
 
-    Attributes:
-        face_area: Area vectors, out of the owner, shape (face_count, 3).
-        face_centre: Shape (face_count, 3).
-        face_box: Lowest and highest corner of each face, shape (face_count, 2, 3).
-        incident: Faces of the cells, sorted by cell; bits are inverted for faces that point inward.
-        start: First entry of each cell in `incident`, shape (cell_count + 1,).
-    """
-
-    face_area: np.ndarray
-    face_centre: np.ndarray
-    face_box: np.ndarray
-    incident: np.ndarray
-    start: np.ndarray
+    face_area: np.ndarray  # area vectors, out of the owner, shape (face_count, 3)
+    face_centre: np.ndarray  # shape (face_count, 3)
+    face_box: np.ndarray  # lowest and highest corner of each face, shape (face_count, 2, 3)
+    incident: np.ndarray  # faces of the cells, sorted by cell; bits are inverted for faces that point inward
+    start: np.ndarray  # first entry of each cell in `incident`, shape (cell_count + 1,)
 
 
 def corner_chunks(block: Block) -> Iterator[Chunk]:
@@ -133,10 +109,7 @@ def corner_counts(block: Block) -> np.ndarray:
 
 
 def solid_chunks(block: Block, across: np.ndarray) -> Iterator[Callable[[], Solids]]:
-    """Yield functions that compute the solid cells of a block, one for each chunk.
-
-    `across` are its points in the optical frame [m], shape (3, point_count).
-    """
+    """Yield functions that compute the solid cells of a block, with points (3, point_count) [m], one for each chunk."""
     for chunk in corner_chunks(block):
         yield partial(chunk.solids, across)
     cells = block.cells
@@ -239,21 +212,13 @@ ON_FACE = 1e-9  # of a cell's size: a node this close is on the face
 
 @dataclass(frozen=True, eq=False)
 class NodeGrid:
-    """A uniform grid of nodes, and the cell that contains each.
+    """A uniform grid of nodes, and the cell that contains each."""
 
-    Attributes:
-        low: The first node [m], shape (3,).
-        spacing: [m], shape (3,).
-        shape: Nodes along x, y, z.
-        cell: The cell of each node, -1 for none, shape (node_count,) with z fastest.
-        lock: Held while nodes are given their cells.
-    """
-
-    low: np.ndarray
-    spacing: np.ndarray
-    shape: tuple[int, int, int]
-    cell: np.ndarray = field(default_factory=lambda: np.empty(0, dtype=np.int32))
-    lock: Any = field(default_factory=Lock)
+    low: np.ndarray  # the first node [m], shape (3,)
+    spacing: np.ndarray  # [m], shape (3,)
+    shape: tuple[int, int, int]  # nodes along x, y, z
+    cell: np.ndarray = field(default_factory=lambda: np.empty(0, dtype=np.int32))  # -1 for none, z fastest
+    lock: Any = field(default_factory=Lock)  # held while nodes are given their cells
 
     def __post_init__(self):
         """Start with no cell for any node."""
@@ -268,15 +233,10 @@ class NodeGrid:
 
 @dataclass(eq=False)
 class CellFacts:
-    """Volumes and centroids of all cells of a block.
+    """Volumes and centroids of all cells of a block."""
 
-    Attributes:
-        volume: [m3], shape (cell_count,).
-        middle: Centroids [m], shape (cell_count, 3).
-    """
-
-    volume: np.ndarray
-    middle: np.ndarray
+    volume: np.ndarray  # [m3], shape (cell_count,)
+    middle: np.ndarray  # centroids [m], shape (cell_count, 3)
 
 
 def rasterise(block: Block, points: np.ndarray, grids: list[NodeGrid], first_cell: int) -> CellFacts:
