@@ -20,46 +20,30 @@ from aerokernels.flow.reading.dataset import (
     Cells,
     Dataset,
     Patch,
-)
+)  # fmt: skip
 
-LEAST_ANGLE = 1e-4
 ON_AXIS = 1e-6  # of the greatest radius
 ON_PLANE = 1e-3  # of the wedge's angle: single precision
-SOME_POINTS = 1000
 
 
 @dataclass(frozen=True, eq=False)
 class Layers:
-    """Two layers of points with cells between them.
+    """Two layers of points with cells between them; points on the axis of a wedge are in both."""
 
-    Attributes:
-        places: Where points are along the layers, shape (n, 2).
-        low: Which points are in the lower layer, shape (n,).
-        high: Which are in the upper one; points on the axis of a wedge are in both.
-    """
-
-    places: np.ndarray
-    low: np.ndarray
-    high: np.ndarray
+    places: np.ndarray  # where points are along the layers, shape (n, 2)
+    low: np.ndarray  # which points are in the lower layer, shape (n,)
+    high: np.ndarray  # which are in the upper one
 
 
 @dataclass(frozen=True, eq=False)
 class Wedge:
-    """A wedge that is one cell thick, about an axis through the origin.
+    """A wedge that is one cell thick, about an axis through the origin."""
 
-    Attributes:
-        axis: Number of the axis in the file: 0, 1 or 2.
-        ahead: Direction between its planes, of the two other coordinates, shape (2,).
-        low: Angle of one of its planes from it [rad].
-        high: Angle of the other one [rad].
-        radius: Greatest distance of its points from the axis.
-    """
-
-    axis: int
-    ahead: np.ndarray
-    low: float
-    high: float
-    radius: float
+    axis: int  # number of the axis in the file: 0, 1 or 2
+    ahead: np.ndarray  # direction between its planes, of the two other coordinates, shape (2,)
+    low: float  # angle of one of its planes from it [rad]
+    high: float  # angle of the other one [rad]
+    radius: float  # greatest distance of its points from the axis
 
     @property
     def angle(self) -> float:
@@ -82,11 +66,9 @@ class Wedge:
 
 def wedge(points: np.ndarray) -> Wedge | None:
     """Return the wedge of which points are the corners of the cells; None for other points."""
-    for axis in range(3):
-        some = points[:: max(len(points) // SOME_POINTS, 1)]
-        if _wedge(some, axis) is not None and (found := _wedge(points, axis)) is not None:
-            return found
-    return None
+    some = points[:: max(len(points) // 1000, 1)]
+    likely = [axis for axis in range(3) if _wedge(some, axis) is not None]
+    return next((found for axis in likely if (found := _wedge(points, axis)) is not None), None)
 
 
 def _wedge(points: np.ndarray, axis: int) -> Wedge | None:
@@ -101,8 +83,7 @@ def _wedge(points: np.ndarray, axis: int) -> Wedge | None:
     ahead = np.array([one.sum(), other.sum()])
     turn = _turn(one, other, ahead)
     low, high = float(turn.min()), float(turn.max())
-    # At most 20 degrees [rad].
-    if not LEAST_ANGLE < high - low <= 0.35:
+    if not 1e-4 < high - low <= 0.35:  # [rad], at most 20 degrees
         return None
     near = np.minimum(turn - low, high - turn) < ON_PLANE * (high - low)
     return Wedge(axis, ahead, low, high, radius) if near.all() else None
@@ -117,10 +98,10 @@ NEAR = 1e-7  # of the size: single precision
 ALIKE = 1e-6  # greatest relative difference between the values of the two layers
 # Corners of each face of a cell, in order around it. Cells at the axis of a wedge have lost corners.
 FACES = {
-    HEXAHEDRON: ((0, 1, 2, 3), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7)),
-    PRISM: ((0, 1, 2), (3, 4, 5), (0, 1, 4, 3), (1, 2, 5, 4), (2, 0, 3, 5)),
-    PYRAMID: ((0, 1, 2, 3), (0, 1, 4), (1, 2, 4), (2, 3, 4), (3, 0, 4)),
-    TETRAHEDRON: ((0, 1, 2), (0, 1, 3), (1, 2, 3), (2, 0, 3)),
+    HEXAHEDRON: [[0, 1, 2, 3], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]],
+    PRISM: [[0, 1, 2], [3, 4, 5], [0, 1, 4, 3], [1, 2, 5, 4], [2, 0, 3, 5]],
+    PYRAMID: [[0, 1, 2, 3], [0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]],
+    TETRAHEDRON: [[0, 1, 2], [0, 1, 3], [1, 2, 3], [2, 0, 3]],
 }
 
 
@@ -137,26 +118,20 @@ def flattened(dataset: Dataset, look: np.ndarray | None) -> Dataset | None:
     if len(across) == 1:
         if look is not None and abs(look[across[0]]) > NEAR:
             return None
-        layers = _Slab(across[0], float(points[:, across[0]].min()), size).layers
-        said = f"one cell thick along {'xyz'[across[0]]}: taken as planar"
-        return _in_plane(dataset, layers, size, said)
+        axis, least = across[0], float(points[:, across[0]].min())
+
+        def layers(points: np.ndarray) -> Layers:
+            low = points[:, axis] - least < NEAR * size
+            return Layers(np.delete(points, axis, axis=1), low, ~low)
+
+        return _in_plane(dataset, layers, size, f"one cell thick along {'xyz'[axis]}: taken as planar")
     if (found := wedge(points)) is None:
         return None
     said = f"a wedge of {np.degrees(found.angle):.3g} degrees about {'xyz'[found.axis]}: taken as a flow of revolution"
     plane = _in_plane(dataset, found.layers, size, said)
-    axis = (float(found.axis == 0), float(found.axis == 1), float(found.axis == 2))
-    return None if plane is None else replace(plane, geometry="axisymmetric", axis=axis)
-
-
-class _Slab:
-    """The two layers of points of a slab across one of the axes."""
-
-    def __init__(self, axis: int, least: float, size: float):
-        self.axis, self.least, self.size = axis, least, size
-
-    def layers(self, points: np.ndarray) -> Layers:
-        low = points[:, self.axis] - self.least < NEAR * self.size
-        return Layers(points[:, [k for k in range(3) if k != self.axis]], low, ~low)
+    return (
+        None if plane is None else replace(plane, geometry="axisymmetric", axis=tuple(np.eye(3)[found.axis].tolist()))
+    )
 
 
 def _in_plane(dataset: Dataset, layers: Callable[[np.ndarray], Layers], size: float, said: str) -> Dataset | None:
@@ -253,11 +228,10 @@ def _faces(cells: Cells, layers: Layers) -> Cells | None:
         points = cells.points[cells.start[own][:, None] + np.arange(count)]
         low, alone = layers.low[points], (layers.low & ~layers.high)[points]
         for face in faces:
-            around = list(face)
             others = [k for k in range(count) if k not in face]
-            fits = low[:, around].all(axis=1) & alone[:, around].any(axis=1) & ~alone[:, others].any(axis=1)
-            width[own[fits]] = len(around)
-            corners[own[fits], : len(around)] = points[fits][:, around]
+            fits = low[:, face].all(axis=1) & alone[:, face].any(axis=1) & ~alone[:, others].any(axis=1)
+            width[own[fits]] = len(face)
+            corners[own[fits], : len(face)] = points[fits][:, face]
     if (width == 0).any():
         return None
     start = np.concatenate([[0], np.cumsum(width)])

@@ -17,19 +17,12 @@ BOTH_SIDES = 1e-6  # of the plane's width: farther beyond the axis than rounding
 
 @dataclass(frozen=True, eq=False)
 class Plane:
-    """Position of a two-dimensional file in the optical frame.
+    """Position of a two-dimensional file in the optical frame."""
 
-    Attributes:
-        geometry: "planar" or "axisymmetric".
-        axes: x, y, z of the optical frame in the file's axes, as rows, shape (3, 3).
-        origin: The origin in the file's unit, shape (3,).
-        scale: The file's unit of length [m].
-    """
-
-    geometry: str
-    axes: np.ndarray
-    origin: np.ndarray
-    scale: float
+    geometry: str  # "planar" or "axisymmetric"
+    axes: np.ndarray  # x, y, z of the optical frame in the file's axes, as rows, shape (3, 3)
+    origin: np.ndarray  # the origin in the file's unit, shape (3,)
+    scale: float  # the file's unit of length [m]
 
     @classmethod
     def of(cls, reading) -> "Plane":

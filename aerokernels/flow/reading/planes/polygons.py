@@ -21,21 +21,18 @@ STRAIGHT = 1e-7  # sine of the turn at a corner; a smaller turn is a hanging nod
 
 @dataclass(frozen=True, eq=False)
 class Polygons:
-    """Polygons in a plane with a value for each cell or each point.
+    """Polygons in a plane with a value for each cell or each point."""
 
-    Attributes:
-        points: Coordinates [m], shape (point_count, 2).
-        start: First corner of each polygon, shape (cell_count + 1,).
-        corners: Points around each polygon, concatenated.
-        values: Shape (cell_count,) or (point_count,), or with a second axis: several values for each.
-        where: "cell" or "point".
-    """
+    points: np.ndarray  # coordinates [m], shape (point_count, 2)
+    start: np.ndarray  # first corner of each polygon, shape (cell_count + 1,)
+    corners: np.ndarray  # points around each polygon, concatenated
+    values: np.ndarray  # shape (cell_count,) or (point_count,), or with a second axis: several values for each
+    where: str  # "cell" or "point"
 
-    points: np.ndarray
-    start: np.ndarray
-    corners: np.ndarray
-    values: np.ndarray
-    where: str
+    @property
+    def cell(self) -> np.ndarray:
+        """Number of the polygon of each corner."""
+        return np.repeat(np.arange(len(self.width)), self.width)
 
     @property
     def width(self) -> np.ndarray:
@@ -73,10 +70,8 @@ class Polygons:
 def merged(parts: list[Polygons], closing: Sequence[bool] = ()) -> Polygons:
     """Merge the polygons of several blocks into one mesh: coincident points of different blocks become one.
 
-    Args:
-        parts: The polygons of each block.
-        closing: Which blocks may close on themselves, as a grid around an aerofoil does along its wake: their own
-            coincident points become one too, where values belong to cells. By default no block may.
+    `closing` blocks may close on themselves, as a grid around an aerofoil does along its wake: their own coincident
+    points become one too, where values belong to cells.
 
     Raises:
         ValueError: Values of the cells in one block and of the points in another.
@@ -155,13 +150,9 @@ def _means(polygons: Polygons, values: np.ndarray) -> np.ndarray:
 
 
 def _fans(polygons: Polygons) -> tuple[Polygons, np.ndarray]:
-    """Divide polygons with a straight or reflex corner into triangles around their middles.
+    """Divide polygons with a straight or reflex corner into triangles, and return the original polygon of each part.
 
-    Returns the polygons and the number of the original polygon of each. If a middle does not see the whole polygon, the
-    triangles are formed from one of its corners.
-
-    Raises:
-        ValueError: Polygons that are folded over themselves.
+    They meet in the polygon's middle, or in one of its corners if the middle does not see the whole of it.
     """
     poor = (np.minimum.reduceat(_turns(polygons), polygons.start[:-1]) <= STRAIGHT) & (polygons.width > 3)
     if not poor.any():
@@ -169,7 +160,7 @@ def _fans(polygons: Polygons) -> tuple[Polygons, np.ndarray]:
     apex = np.full(len(poor), -1)
     apex[poor] = len(polygons.points) + np.arange(int(poor.sum()))
     points = np.concatenate([polygons.points, _means(polygons, polygons.points)[poor]])
-    cell = np.repeat(np.arange(len(poor)), polygons.width)
+    cell = polygons.cell
     fan = np.flatnonzero(poor[cell])
     owner, one, other = cell[fan], polygons.corners[fan], polygons.corners[polygons.following()[fan]]
     for number in np.unique(owner[_twice_area(points[apex[owner]], points[one], points[other]) <= 0.0]):
@@ -188,11 +179,7 @@ def _fans(polygons: Polygons) -> tuple[Polygons, np.ndarray]:
 
 
 def _seeing_corner(polygons: Polygons, number: int) -> int:
-    """Return the point of a polygon's corner from which the whole polygon is visible.
-
-    Raises:
-        ValueError: There is none: the polygon crosses itself, or is too strongly bent.
-    """
+    """Return the point of a polygon's corner from which the whole polygon is visible, or refuse the polygon."""
     corners = polygons.corners[polygons.start[number] : polygons.start[number + 1]]
     place = polygons.points[corners]
     after = np.roll(place, -1, axis=0)
@@ -216,7 +203,7 @@ def _cut_from_the_middle(polygons: Polygons) -> Polygons:
     ends = np.sort(np.stack([polygons.corners, polygons.corners[following]], axis=1), axis=1)
     edge, at = np.unique(ends, axis=0, return_inverse=True)
     at = at.ravel() + count
-    cell = np.repeat(np.arange(len(polygons.width)), polygons.width)
+    cell = polygons.cell
     middle = count + len(edge) + cell
     before = np.empty(len(following), dtype=np.int64)
     before[following] = np.arange(len(following))
@@ -231,21 +218,18 @@ def _cut_from_the_middle(polygons: Polygons) -> Polygons:
 
 
 def oriented(polygons: Polygons) -> tuple[Polygons, str]:
-    """Return the polygons, all with the orientation of the majority, and a remark: empty if none was reversed.
-
-    Raises:
-        ValueError: Cells that are folded over their neighbours: how many, and the first of them.
-    """
+    """Return the polygons, all with the orientation of the majority, and a remark; refuse cells folded over others."""
     clockwise = signed_area(polygons) < 0.0
     fewer = clockwise if clockwise.mean() <= 0.5 else ~clockwise
     if not fewer.any():
         return polygons, ""
     found = turned(polygons, fewer)
-    _refuse_folded(found, fewer)
-    return (
-        found,
-        f"{int(fewer.sum())} of {len(fewer)} cells were listed the other way round than the rest: they were turned",
-    )
+    one, other = _on_one_side(found)
+    folded = fewer[one] != fewer[other]  # a reversed cell runs along an edge like one that was not reversed
+    if folded.any():
+        wrong = np.unique(np.where(fewer[one], one, other)[folded])
+        raise ValueError(f"{len(wrong)} of {len(fewer)} cells are folded over their neighbours, {_first(found, wrong)}")
+    return found, f"{fewer.sum()} of {len(fewer)} cells were listed the other way round than the rest: they were turned"
 
 
 def turned(polygons: Polygons, which: np.ndarray) -> Polygons:
@@ -266,11 +250,7 @@ def signed_area(polygons: Polygons) -> np.ndarray:
 
 
 def without_doubles(polygons: Polygons) -> tuple[Polygons, str]:
-    """Return polygons of one orientation without those that occur twice with the same values, and a remark.
-
-    Raises:
-        ValueError: Other cells on the same side of an edge: how many overlap, and the first of them.
-    """
+    """Return polygons of one orientation without those that occur twice, and a remark; refuse overlapping cells."""
     one, other = _on_one_side(polygons)
     if not len(one):
         return polygons, ""
@@ -290,7 +270,7 @@ def without_doubles(polygons: Polygons) -> tuple[Polygons, str]:
 def _on_one_side(polygons: Polygons) -> tuple[np.ndarray, np.ndarray]:
     """Return pairs of cells, the later one first, that run along an edge in the same direction."""
     begin, end = polygons.corners, polygons.corners[polygons.following()]
-    cell = np.repeat(np.arange(len(polygons.width)), polygons.width)[begin != end]
+    cell = polygons.cell[begin != end]
     key = (begin.astype(np.int64) * len(polygons.points) + end)[begin != end]
     order = np.argsort(key, kind="stable")
     same = key[order][1:] == key[order][:-1]
@@ -300,17 +280,6 @@ def _on_one_side(polygons: Polygons) -> tuple[np.ndarray, np.ndarray]:
 def _first(polygons: Polygons, wrong: np.ndarray) -> str:
     corners = polygons.points[polygons.corners[polygons.start[wrong[0]] : polygons.start[wrong[0] + 1]]]
     return f"the first is cell {wrong[0]} with corners {corners.tolist()}"
-
-
-def _refuse_folded(polygons: Polygons, turned: np.ndarray) -> None:
-    """Raise ValueError if a reversed cell runs along an edge in the same direction as a cell that was not reversed."""
-    one, other = _on_one_side(polygons)
-    folded = turned[one] != turned[other]
-    if folded.any():
-        wrong = np.unique(np.where(turned[one], one, other)[folded])
-        raise ValueError(
-            f"{len(wrong)} of {len(turned)} cells are folded over their neighbours, {_first(polygons, wrong)}"
-        )
 
 
 def logical_rectangle(cells: np.ndarray, vertex_count: int) -> tuple[np.ndarray, np.ndarray] | None:
