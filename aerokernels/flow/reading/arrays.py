@@ -118,11 +118,7 @@ def length_of(path, axes: Mapping[str, str]) -> tuple[float | None, list[float]]
 def ambient_attribute(path, stated, factor: float, values: np.ndarray) -> float | None:
     """Return the ambient density [kg/m3] of an array's attribute `ambient_density`, None if there is none.
 
-    Args:
-        path: The file, for messages.
-        stated: The attribute: a number of kg/m3, or a text with a unit.
-        factor: The unit of the array [kg/m3].
-        values: Densities of the array, in its own unit.
+    `stated` is the attribute, a number of kg/m3 or a text with a unit; `values` are the array's, in units of `factor`.
     """
     if stated is None:
         return None

@@ -68,19 +68,12 @@ class Reference:
 
 @dataclass(frozen=True)
 class DensityChoice:
-    """The arrays that the density comes from.
-
-    Attributes:
-        density: Name of the density array, or None if the density follows from pressure and temperature.
-        pressure: Name of the pressure array.
-        temperature: Name of the temperature array.
-        gas_constant: Gas constant [J/(kg K)].
-    """
+    """The arrays that the density comes from: its own, or without one those of pressure and temperature."""
 
     density: str | None = None
     pressure: str | None = None
     temperature: str | None = None
-    gas_constant: float = GAS_CONSTANT_AIR
+    gas_constant: float = GAS_CONSTANT_AIR  # [J/(kg K)]
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -99,20 +92,11 @@ class DensityChoice:
 def choose_density(path, dataset: Dataset, given, gas_constant: float | None) -> DensityChoice:
     """Choose the arrays that the density comes from, by their usual names or as a caller names them.
 
-    Args:
-        path: The file, for messages.
-        dataset: Its contents.
-        given: None, an array's name, or a mapping of "pressure", "temperature" and optionally "gas_constant".
-        gas_constant: [J/(kg K)]; None takes the file's own, or air's.
-
-    Raises:
-        TypeError: `given` is of another kind.
-        ReadError: No such array.
+    `given` and `gas_constant` are the options of `read`; None takes the file's own gas constant, or air's.
     """
     names = dataset.array_names()
-    own = check_positive(
-        gas_constant if gas_constant is not None else dataset.gas_constant or GAS_CONSTANT_AIR, "gas_constant"
-    )
+    own = dataset.gas_constant or GAS_CONSTANT_AIR if gas_constant is None else gas_constant
+    check_positive(own, "gas_constant")
     listed = ", ".join(names) if names else "none"
     held = dict.fromkeys(name for block in dataset.blocks for name in (*block.point_data, *block.cell_data))
     if some := [name for name in held if name not in names]:
@@ -139,7 +123,7 @@ def choose_density(path, dataset: Dataset, given, gas_constant: float | None) ->
             f"no array is known for the density, nor for pressure and temperature (there are: {listed})",
             "name it: density = 'NAME', or density = {pressure = 'NAME', temperature = 'NAME'}",
         )
-    return DensityChoice(None, pressure, temperature, check_positive(own, "gas_constant"))
+    return DensityChoice(None, pressure, temperature, float(own))
 
 
 def usual_name(path, dataset: Dataset, known: Sequence[str]) -> str | None:

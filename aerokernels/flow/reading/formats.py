@@ -26,23 +26,14 @@ from aerokernels.process.foreign_files import FileFault
 
 @dataclass(frozen=True)
 class Format:
-    """A file format and the module that reads it.
+    """A file format and the module that reads it."""
 
-    Attributes:
-        name: Name of the format in messages.
-        suffixes: File name suffixes, in lower case.
-        module: Module of `readers`.
-        fragile: Whether a damaged file may end the process that reads it.
-        library: Package that must be installed, or "".
-        options: The options of `flow.read` that are for this format, beside those of all formats.
-    """
-
-    name: str
-    suffixes: tuple[str, ...]
-    module: str
-    fragile: bool = False
-    library: str = ""
-    options: tuple[str, ...] = ()
+    name: str  # in messages
+    suffixes: tuple[str, ...]  # of file names, in lower case
+    module: str  # of `readers`
+    fragile: bool = False  # whether a damaged file may end the process that reads it
+    library: str = ""  # package that must be installed
+    options: tuple[str, ...] = ()  # the options of `flow.read` that are for this format, beside those of all formats
 
 
 FORMATS = (
@@ -135,18 +126,7 @@ def _su2_mesh_beside(path: Path, head: bytes) -> bool:
 
 
 def load(path: Path, time, options: Mapping[str, Any]) -> Dataset:
-    """Read the file or case at a path.
-
-    Args:
-        path: File or folder.
-        time: "latest" (None), "first" or a time [s].
-        options: Options of single formats (`FORMAT_OPTIONS`) by name; None counts as left out.
-
-    Raises:
-        TypeError: An option that no format has.
-        ReadError: A path that no reader accepts, a library that is not installed, a damaged file.
-        ValueError: An option of another format.
-    """
+    """Read the file or case at a path; `options` are those of single formats, and errors as in `read`."""
     if unknown := sorted(set(options) - set(FORMAT_OPTIONS)):
         raise TypeError(f"no format has an option {unknown[0]!r}: there are {', '.join(FORMAT_OPTIONS)}")
     time, options = checked_time(time), {name: value for name, value in options.items() if value is not None}
@@ -234,12 +214,8 @@ def checked_time(time) -> float | str | None:
 def files_behind(path: Path, options: Mapping[str, Any] | None = None, time: float | None = None) -> list[Path]:
     """Return the files that reading a path opens, in an order that does not depend on the file system.
 
-    A result that is kept for a path belongs to the contents of all of them.
-
-    Args:
-        path: File or folder. Of a path that cannot be read, itself and the files in it are returned.
-        options: Options of single formats, as in `load`.
-        time: The time that is read [s]; None returns the files of all times.
+    A result that is kept for a path belongs to the contents of all of them. `options` are as in `load`; the time None
+    returns the files of all times. Of a path that cannot be read, itself and the files in it are returned.
     """
     options = {name: value for name, value in (options or {}).items() if value is not None}
     try:

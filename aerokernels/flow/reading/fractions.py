@@ -21,17 +21,11 @@ BESIDE_THE_FORMULA = ("", "y", "mass", "massfraction", "massfractionof", "mf")
 
 @dataclass(frozen=True, eq=False)
 class Fractions:
-    """Mass fractions of the species in a file.
+    """Mass fractions of the species in a file."""
 
-    Attributes:
-        names: Chemical formulas.
-        blocks: Fractions in each block, each shape (species_count, value_count), at the places of the density.
-        said: Description of the arrays used.
-    """
-
-    names: tuple[str, ...]
-    blocks: list[np.ndarray]
-    said: str
+    names: tuple[str, ...]  # chemical formulas
+    blocks: list[np.ndarray]  # of each block, shape (species_count, value_count), at the places of the density
+    said: str  # description of the arrays used
 
     def composition(self, partial: np.ndarray, ambient: np.ndarray) -> Composition:
         """Return the composition of a field from partial densities."""
@@ -45,20 +39,9 @@ class Fractions:
 
 
 def choose_fractions(path, dataset: Dataset, densities, given) -> Fractions | None:
-    """Find the species of a file and their mass fractions.
+    """Find the species of a file and their mass fractions, at the places of the densities.
 
-    Args:
-        path: The file, for messages.
-        dataset: Its contents.
-        densities: Density of each block and where it is given, as in `Reading`.
-        given: None or False: a single gas. True: arrays named by formulas, such as N2, Y_O2, MassFractionCO2. Formulas
-            alone: those species. A mapping of formulas to names of arrays, with "basis" = "mole" for mole fractions.
-
-    Raises:
-        TypeError: `given` is of another kind.
-        ValueError: An unknown species or basis.
-        ReadError: No such array, an array at other places than the density, fractions below 0 or not finite, a sum that
-            is not 1.
+    `given` is the option `species` of `read`. Fractions below 0, not finite or of a sum other than 1 are refused.
     """
     if given is None or given is False:
         return None
@@ -119,15 +102,9 @@ def _share(path, block: Block, name: str, where: str) -> np.ndarray:
 def mass_fractions(
     path, shares: np.ndarray, where: str, arrays: Mapping[str, str], basis: str, blank: np.ndarray | None = None
 ) -> np.ndarray:
-    """Return mass fractions of sum 1. Blanked places, which nothing reads, get equal parts.
+    """Return mass fractions of sum 1; blanked places, which nothing reads, get equal parts.
 
-    Args:
-        path: The file, for messages.
-        shares: Fractions as they were read, shape (species_count, value_count).
-        where: The kind of place: a "cell", a "point" or a "node".
-        arrays: Name of each species' array.
-        basis: "mass" or "mole".
-        blank: Which of these places hold no flow, or None.
+    `shares` are those that were read, shape (species_count, value_count), each at a "cell", "point" or "node".
     """
     names, said = list(arrays), ", ".join(arrays.values())
     if blank is None or len(blank) != shares.shape[1]:

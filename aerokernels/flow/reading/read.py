@@ -74,32 +74,19 @@ def checked_options(options: ReadOptions, taker: str, *, without: Sequence[str] 
 
 @dataclass(frozen=True, eq=False)
 class Reading:
-    """A file that was read, with the choice of its density, its geometry and its frame.
-
-    Attributes:
-        path: The file or case.
-        dataset: Its contents.
-        options: What the caller asked for, as `checked_options` returns it.
-        densities: Density [kg/m3] of each block, float64 or the file's float32, and whether its values belong to
-            "cell"s or "point"s.
-        geometry: "planar", "axisymmetric" or "volume".
-        normal: Normal of the plane of a planar file, in the file's axes.
-        scale: The file's unit of length [m].
-        said: Description of the choices made, for the provenance.
-        choice: The arrays that the density comes from.
-        fractions: Mass fractions of the species, or None for a single gas.
-    """
+    """A file that was read, with the choice of its density, its geometry and its frame."""
 
     path: Path
     dataset: Dataset
-    options: ReadOptions
+    options: ReadOptions  # as `checked_options` returns them
+    # Density [kg/m3] of each block, float64 or the file's float32, and whether its values belong to "cell"s or "point"s
     densities: list[tuple[np.ndarray, str]]
-    geometry: str
-    normal: np.ndarray | None
-    scale: float
-    said: str
-    choice: DensityChoice
-    fractions: Fractions | None = None
+    geometry: str  # "planar", "axisymmetric" or "volume"
+    normal: np.ndarray | None  # of the plane of a planar file, in the file's axes
+    scale: float  # the file's unit of length [m]
+    said: str  # description of the choices made, for the provenance
+    choice: DensityChoice  # the arrays that the density comes from
+    fractions: Fractions | None = None  # mass fractions of the species, or None for a single gas
 
     @property
     def frame(self) -> Frame:

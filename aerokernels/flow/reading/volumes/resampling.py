@@ -84,7 +84,7 @@ class Resampling:
         if [where for _, where in reading.densities] != self._where or len(blocks) != len(self._meshes):
             return False
         return all(
-            len(one) == len(other) and all(_same(a, b) for a, b in zip(one, other, strict=True))
+            len(one) == len(other) and all(a is b or np.array_equal(a, b) for a, b in zip(one, other, strict=True))
             for one, other in zip(self._meshes, map(_mesh_of, blocks), strict=True)
         )
 
@@ -214,12 +214,6 @@ def _mesh_of(block: Block) -> tuple:
     faces = cells.faces
     more = () if faces is None else (faces.start, faces.points, faces.owner, faces.neighbour)
     return block.points, block.blank, cells.types, cells.start, cells.points, *more
-
-
-def _same(one, other) -> bool:
-    if isinstance(one, np.ndarray) and isinstance(other, np.ndarray):
-        return one is other or np.array_equal(one, other)
-    return one is other or (not isinstance(one, np.ndarray) and not isinstance(other, np.ndarray) and one == other)
 
 
 def _asked(reading) -> tuple:
