@@ -7,7 +7,6 @@ from aerokernels import RayBundle
 from aerokernels.device_arrays import pinned
 from aerokernels.device_arrays.array import DeviceArray, extremes_of, is_one_row, rows_begun, rows_where
 from aerokernels.device_arrays.foreign import host_array
-from aerokernels.device_arrays.pinned import pinned_memory
 from aerokernels.device_arrays.rays import checked_rays
 from aerokernels.tracing.engines import available_backends, engine_of
 
@@ -145,10 +144,10 @@ def test_pinned_memory_is_used_again_and_bounded(monkeypatch):
         made.append(size)
         return np.zeros(size, np.uint8)
 
-    size = pinned_memory.LEAST
-    monkeypatch.setattr(pinned_memory, "host_memory", lambda: 64.0 * size)
-    monkeypatch.setattr(pinned_memory, "KEPT", 8 * size)
-    memory = pinned_memory.PinnedMemory(empty)
+    size = pinned.LEAST
+    monkeypatch.setattr(pinned, "host_memory", lambda: 64.0 * size)
+    monkeypatch.setattr(pinned, "KEPT", 8 * size)
+    memory = pinned.PinnedMemory(empty)
     first = memory.take(size - 5)
     assert first.size == size  # whole pages
     memory.give_back(first)
@@ -161,7 +160,7 @@ def test_pinned_memory_is_used_again_and_bounded(monkeypatch):
     # Of 16 MB one is still lent, and no two fit beside seven twos.
     assert len(made) == before + 7 and sum(each is not None for each in held) == 7
     made.extend([0] * 20)
-    assert pinned_memory.PinnedMemory(empty).take(size) is None  # the driver has none
+    assert pinned.PinnedMemory(empty).take(size) is None  # the driver has none
 
 
 def test_opencl_lends_its_pinned_memory_again():

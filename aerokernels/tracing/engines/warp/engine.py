@@ -322,8 +322,10 @@ class Recorded:
 
 
 def _beside(buffer: wp.array, owner: Any) -> wp.array:
-    """Return a pinned host array for the numbers of a buffer of a GPU, as long as its owner lives."""
+    """Return a host array for the numbers of a buffer, as long as its owner lives; pinned if the buffer is on a GPU."""
     kind, size = buffer.dtype, buffer.size
+    if not buffer.device.is_cuda:
+        return wp.empty(size, dtype=kind, device="cpu")
     # Reuse pinned memory: to pin new memory would take longer than to trace a pupil.
     taken = pinned_memory().take(max(size * wp.types.type_size_in_bytes(kind), LEAST))
     if taken is None:
