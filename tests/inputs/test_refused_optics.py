@@ -119,31 +119,3 @@ def test_what_would_take_hours_or_end_in_pythons_words_is_refused(tmp_path):
         FLDI(1e-4, 1e-5).transfer(np.nan)
     with pytest.raises(ValueError, match="rays must be a whole number from 3 to 2048"):
         fldi_response(field, FLDI(1e-4, 1e-5), rays=10**9)
-
-
-@pytest.mark.parametrize("package", ["astropy", "hcipy", "poppy", "prysm"])
-def test_a_package_that_is_not_there_is_told_with_the_remedy(monkeypatch, tmp_path, package):
-    """Set-up: the package cannot be imported, as on a machine without the extra."""
-    place = Disc(0.01).flat_sample(300, "sobol", 0)[0] * 0.01
-    wave = Wavefront.from_samples(place, 1e-5 * place[:, 0], Disc(0.01), 1e-6, pixel_count=12)
-
-    def absent(name):
-        raise ModuleNotFoundError(f"No module named {package!r}", name=package)
-
-    monkeypatch.setattr("aerokernels.wavefronts.exports.import_module", absent)
-    write = {"astropy": lambda: wave.to_fits(tmp_path / "w.fits")}.get(package) or getattr(wave, f"to_{package}")
-    with pytest.raises(
-        ModuleNotFoundError, match=rf"{package} is not installed.*pip install 'aerokernels\[exchange\]'"
-    ):
-        write()
-    assert not list(tmp_path.iterdir())
-
-
-def test_one_pixel_and_light_beside_the_axis_have_no_slope_and_no_strehl_ratio():
-    """Neither divides by zero: their numbers, or the errors of these, are not known."""
-    alone = Wavefront([[0.0]], [[1.0]], 1e-3, 1e-6, budget=lambda: {"total": 1e-9})
-    assert alone.quantities["strehl"].value == 1.0 and math.isnan(alone.quantities["tilt_x"].error)
-    assert "Strehl ratio" in repr(alone)
-    odd = Wave(np.outer(np.ones(16), np.sign(np.arange(16) - 7.5)), 1e-3, 1e-6)
-    for wave in (odd, odd.propagate(0.1)):
-        assert math.isnan(wave.strehl()) and np.isnan(wave.psf([0.0, 1e-4]).intensity).all()

@@ -63,8 +63,10 @@ def test_sums_over_a_sheared_lattice_are_the_integrals(direction, monkeypatch: p
     np.testing.assert_allclose(lattice.on_device(draw, "cpu", 0.2), lattice(draw, 0.2), rtol=0.0, atol=1e-12)
 
 
-@pytest.mark.parametrize("direction", [(0, 0, 1), (0, 0.2, 1), (1, 0.1, 0.2), (0.1, -1, 0)])
-@pytest.mark.parametrize("geometry", ["volume", "axisymmetric"])
+@pytest.mark.parametrize(
+    ("geometry", "direction"),
+    [("volume", (0, 0, 1)), ("axisymmetric", (0, 0.2, 1)), ("volume", (1, 0.1, 0.2)), ("volume", (0.1, -1, 0))],
+)
 def test_averages_over_cells_are_made_values_at_the_nodes(geometry: str, direction):
     """Along an axis and at a slant; the integrals of `node_values` of all of the samples."""
     rng, along = np.random.default_rng(4), np.array(direction) / np.linalg.norm(direction)

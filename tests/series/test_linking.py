@@ -75,23 +75,6 @@ def test_maps_of_some_times_are_linked_with_the_snapshots_at_these_times():
         assert f"no snapshot at {time}" in statistics(part, series=series).attrs["skipped"]
 
 
-def test_the_constant_is_the_one_of_the_maps():
-    """Helium refracts less than air by its K at this wavelength: all three numbers do so in one proportion."""
-    series, options = moving(5), {"pixel_count": 8, "wavelength": WAVELENGTH}
-    pupil = Rectangle(0.012, 0.009, (1e-3, -1e-3, 2e-3))
-    air, helium = (
-        statistics(optical_series(series, pupil, composition=gas, **options), series=series)
-        for gas in (None, {"He": 1.0})
-    )
-    ratio = float(flow.refractivity_model(composition={"He": 1.0}).constant(WAVELENGTH)) / float(
-        flow.refractivity_model().constant(WAVELENGTH)
-    )
-    assert ratio < 0.9
-    for name in ("opd_rms_linking", "opd_rms_path"):
-        assert float(helium[name]) == pytest.approx(ratio * float(air[name]), rel=1e-9, abs=0.0)
-    assert float(helium.opd_rms_point) == pytest.approx(float(helium.opd_rms_path), rel=0.1, abs=0.0)
-
-
 def test_series_without_a_linking_equation_have_their_other_statistics():
     """Grids that move along with the flow, a mixture, a relation that is not linear: named in `skipped`."""
     series, pupil, options = moving(4), Rectangle(0.012, 0.009, (1e-3, -1e-3, 2e-3)), {"pixel_count": 4}

@@ -81,8 +81,7 @@ def test_an_array_of_another_library_comes_by_dlpack():
     assert np.array_equal(series.density(1), arrays()[1])
 
 
-@pytest.mark.parametrize("kind", ["nc", "zarr"])
-@pytest.mark.parametrize("axes", [("x", "y", "z"), ("y", "z"), ("r", "z")])
+@pytest.mark.parametrize(("kind", "axes"), [("nc", ("x", "y", "z")), ("zarr", ("y", "z")), ("nc", ("r", "z"))])
 def test_files_with_a_time_axis(kind: str, axes, tmp_path: Path):
     path = tmp_path / f"flow.{kind}"
     data = dataset("mm", axes, 1e3)
@@ -268,8 +267,10 @@ def test_files_with_falling_axes_and_of_the_classic_form(tmp_path: Path):
         assert np.array_equal(series.density(1), expected.density(1))
 
 
-@pytest.mark.parametrize("engine", ["scipy", "h5netcdf"])
-@pytest.mark.parametrize("lost", ["short", "gone", "other", "a folder"])
+@pytest.mark.parametrize(
+    ("engine", "lost"),
+    [("scipy", "short"), ("h5netcdf", "gone"), ("scipy", "other"), ("h5netcdf", "other"), ("scipy", "a folder")],
+)
 def test_a_file_that_changes_while_a_series_is_read_is_refused(
     tmp_path: Path, engine: str, lost: str, monkeypatch: pytest.MonkeyPatch
 ):

@@ -45,8 +45,9 @@ def exact(field: Fourier, found: xarray.Dataset, direction, time: float, remove)
     return remove_terms(opd, remove, start[:, :2], found.weight.values[lit])
 
 
-@pytest.mark.parametrize("direction", [(0.0, 0.0, 1.0), (0.15, 0.1, 1.0)])
-@pytest.mark.parametrize("remove", [("piston",), ("piston", "tilt")])
+@pytest.mark.parametrize(
+    ("direction", "remove"), [((0.0, 0.0, 1.0), ("piston",)), ((0.15, 0.1, 1.0), ("piston", "tilt"))]
+)
 def test_a_frozen_field_carried_past_a_pupil_gives_the_shifted_map(direction, remove):
     """Set-up: 12 modes of 60 rad/m on nodes 2.5 mm apart, carried at 300 m/s. Expected: the exact integral, shifted.
 
@@ -110,8 +111,10 @@ def test_a_moving_vortex(turned: float):
         assert abs(float(found.strehl[number]) - exact_ratio) < float(found.strehl_error[number]) < 0.02
 
 
-@pytest.mark.parametrize("interpolation", ["cubic", "linear"])
-@pytest.mark.parametrize("direction", [(0, 0, 1), (0.2, 0.1, -1), (1, 0.1, 0.2), (0.1, -1, 0)])
+@pytest.mark.parametrize(
+    ("interpolation", "direction"),
+    [("cubic", (0, 0, 1)), ("linear", (0.2, 0.1, -1)), ("cubic", (1, 0.1, 0.2)), ("linear", (0.1, -1, 0))],
+)
 def test_line_integrals_converge_at_the_order_of_the_interpolant(interpolation: str, direction):
     """Halving the spacing: errors fall by 2^4 or 2^2, less a quarter for not being in the limit."""
     along = np.array(direction) / np.linalg.norm(direction)
@@ -190,8 +193,7 @@ def test_the_tilt_of_the_bending_is_in_the_errors_of_boresight_and_rms():
     assert found.boresight_x_error < 4.0 * abs(found.boresight_x - traced.boresight_x)
 
 
-@pytest.mark.parametrize("interpolation", [None, "conserving"])
-@pytest.mark.parametrize("geometry", ["planar", "axisymmetric"])
+@pytest.mark.parametrize(("geometry", "interpolation"), [("planar", None), ("axisymmetric", "conserving")])
 def test_snapshots_on_a_mesh_are_straight_lines_too(geometry: str, interpolation: str | None):
     """Cell averages on a mesh of uneven cells, against every ray traced and a closed form."""
     from aerokernels import QuadMesh
@@ -348,8 +350,7 @@ def test_what_cannot_be_asked_for_is_refused():
         optical_series(broken, pupil)
 
 
-@pytest.mark.parametrize("method", ["auto", "linear"])
-@pytest.mark.parametrize("beside", [False, True])
+@pytest.mark.parametrize(("beside", "method"), [(False, "linear"), (True, "auto"), (True, "linear")])
 def test_what_no_ray_sees_is_said(beside: bool, method: str):
     """A pupil wider than the grid, or a grid that ends in disturbed air: said, and the share that counts is given.
 
@@ -367,7 +368,7 @@ def test_what_no_ray_sees_is_said(beside: bool, method: str):
     assert found.traced.all() == (beside and method == "auto")
 
 
-@pytest.mark.parametrize("degrees", [44.0, 46.0, 60.0])
+@pytest.mark.parametrize("degrees", [44.0, 60.0])
 def test_looks_through_the_broad_faces_of_a_slab_are_computed_at_every_angle(degrees: float):
     """Set-up: a layer of waves, at rest at all its faces, that every ray crosses from face z = 0 to face z = 40 mm.
 

@@ -76,20 +76,6 @@ def test_an_option_of_a_reader_is_not_ignored_where_nothing_is_read_by_it(tmp_pa
         flow.open_series(source, wavelength=1e-6, **needed)
 
 
-def test_a_missing_file_is_told_whatever_is_asked_of_it():
-    """It was said to have a time axis, and to take no frame."""
-    with pytest.raises(ValueError, match=r"nothing\.nc: no such file"):
-        flow.open_series("nothing.nc", frame="-x")
-
-
-def test_a_function_gets_options_of_any_name(tmp_path: Path):
-    def read(path: Path, wavelength: float) -> flow.GridDensity:
-        return fields()[int(1e6 * wavelength)]
-
-    source, needed = source_of("files", tmp_path)
-    assert flow.open_series(source, **needed, read=read, wavelength=1e-6)[2].density[0, 0] == 0.6
-
-
 def test_the_unit_of_length_and_the_geometry_of_a_file_with_a_time_axis():
     """Expected: coordinates in millimetres that state no unit, and the geometry that their axes have."""
     series = flow.open_series(dataset(1e3), ambient_density=0.5, length_unit="mm", geometry="axisymmetric")

@@ -23,8 +23,7 @@ def opened(seed: int, nodes: int, count: int = 1, strength=lambda k: 1.0) -> flo
     return flow.open_series(arrays, time=1e-5 * np.arange(count), ambient_density=1.0, **grid)
 
 
-@pytest.mark.parametrize("seed", range(4))
-@pytest.mark.parametrize("direction", [(0.0, 0.0, 1.0), (0.15, -0.1, 1.0)])
+@pytest.mark.parametrize(("seed", "direction"), [(0, (0.0, 0.0, 1.0)), (1, (0.15, -0.1, 1.0)), (2, (0.15, -0.1, 1.0))])
 def test_errors_cover_the_truth(seed: int, direction):
     """25 nodes a side and 48 pixels against 97 nodes and 144 pixels."""
     pupil = Disc(0.02, (0.0, 0.0, 0.0))
@@ -52,9 +51,8 @@ def test_each_snapshot_has_the_errors_of_the_nearest():
 
 
 @pytest.mark.parametrize(
-    "pupil", [Disc(0.01), Annulus(0.01, 0.004), Rectangle(0.02, 0.013)], ids=["disc", "ring", "bar"]
+    ("pupil", "count"), [(Disc(0.01), 23), (Annulus(0.01, 0.004), 16), (Rectangle(0.02, 0.013), 32)]
 )
-@pytest.mark.parametrize("count", [16, 23, 48])
 def test_pixels_tell_slopes_and_rms_of_a_smooth_map(pupil, count: int):
     """Coma, focus and tilt against the same on 16 times the pixels."""
 
@@ -69,14 +67,6 @@ def test_pixels_tell_slopes_and_rms_of_a_smooth_map(pupil, count: int):
     floor = np.array([1e-6, 1e-10, 1e-10, 1e-13, 1e-13, 1e-13])
     assert (np.abs(found - true) <= error + floor).all()
     assert (error < 100.0 * np.abs(found - true) + 100.0 * floor).all()
-
-
-@pytest.mark.parametrize(("pupil", "count"), [(Disc(0.01), 2), (Annulus(0.01, 0.009), 2)], ids=["disc", "ring"])
-def test_two_pixels_side_by_side_tell_nothing(pupil, count: int):
-    grid = pupil_grid(pupil, count)
-    reader = grid.reader(np.ones(len(grid.points), dtype=bool), ("piston",), WAVELENGTH)
-    flat = np.zeros(len(grid.points))
-    assert np.isnan(reader.sampling(flat, reader(flat))).all()
 
 
 def test_statistics_have_the_errors_of_their_maps():
