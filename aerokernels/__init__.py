@@ -18,7 +18,8 @@ _NAMES_IN = {
     "focus": ("StrehlEstimate", "strehl", "strehl_marechal"),
     "focus.estimate": ("estimate_strehl", "prepare_strehl"),
     "imaging": ("Camera", "DotPattern", "background_displacement", "bos", "image_through"),
-    "jobs.run": ("RunResult", "simulate"),
+    "jobs.run": ("simulate",),
+    "jobs.run_files": ("RunResult",),
     "jobs.sweeps.run": ("sweep",),
     "lidar": (
         "Detector",
@@ -149,7 +150,8 @@ if TYPE_CHECKING:
     from .focus import StrehlEstimate, strehl, strehl_marechal
     from .focus.estimate import estimate_strehl, prepare_strehl
     from .imaging import Camera, DotPattern, background_displacement, bos, image_through
-    from .jobs.run import RunResult, simulate
+    from .jobs.run import simulate
+    from .jobs.run_files import RunResult
     from .jobs.sweeps.run import sweep
     from .lidar import (
         Detector,

@@ -239,7 +239,7 @@ def blurred(irradiance: np.ndarray, source: str | Pupil, size: float, pitch: tup
 
     Args:
         irradiance: The picture, shape (ny, nx).
-        source: A shape as in source_shape.py, its first axis along the picture's horizontal; a slit has no width along
+        source: A shape as in a `Bench`, its first axis along the picture's horizontal; a slit has no width along
             the vertical.
         size: Width of the source's image along the horizontal [m]; negative if it is inverted.
         pitch: Spacing of the pixels along the horizontal and the vertical [m].

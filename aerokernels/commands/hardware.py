@@ -249,7 +249,8 @@ def board(
     """
     from aerokernels.hardware import DIALECT_NAMES, PROTOCOLS
     from aerokernels.hardware.echo_source import DEFAULT_SCENE, EchoSource
-    from aerokernels.hardware.simulator import FaultPlan, PseudoTerminal, SimulatedScope, run_board, run_scope
+    from aerokernels.hardware.pseudo_terminal import PseudoTerminal
+    from aerokernels.hardware.simulator import FaultPlan, SimulatedScope, run_board, run_scope
     from aerokernels.inputs.checks import check_choice
     from aerokernels.process.interrupt import interrupt_flag
 

@@ -45,7 +45,7 @@ class FLDIResponse:
         visibility: Contrast of the interference, 1 where all rays have the same phase; light whose counterpart is
             blocked by a body reduces it.
         mean_phase: Mean phase difference weighted by light [rad], linear in the field.
-        error: Error of the phase [rad]: the root sum of squares of the field's (field_error.py) and of the sampling of
+        error: Error of the phase [rad]: the root sum of squares of the field's and of the sampling of
             the beams, which is the change with half as many rays in both directions, the greater change with a half and
             a third of the layers along them, and the effect of the light beyond the outermost rays. NaN where the phase
             is NaN, and for a resampled field whose source was not kept.

@@ -72,7 +72,7 @@ def estimate_strehl(
         symmetry: "auto" uses radial quadrature instead of the disc if field, pupil and rays are symmetric about the z
             axis; "off" or False never does; True raises ValueError for a set-up that is not symmetric.
         bundle: "auto" traces as many rays as the wavefront needs for an error of 1e-5 (three standard errors), at the
-            points of shifted lattices, if those are fewer: see tracing/pupil/lattice_quadrature.py. "off" traces
+            points of shifted lattices, if those are fewer: see tracing/pupil/quadrature.py. "off" traces
             `ray_count`.
         allow_truncation: Whether more than a thousandth of the pupil may look through disturbed air that was cut off
             (see cuts.py), whose effect is error["truncation"], and more than half of it past the field's box. A warning

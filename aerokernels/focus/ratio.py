@@ -5,7 +5,7 @@ r"""Compute the Strehl ratio, exactly and by Marechal's approximation, and hold 
 
 `estimate_strehl` (estimate.py) launches scrambled Sobol points over the pupil in independent replicates, and traces and
 reduces them on the device; the spread of the replicates gives the standard error. A symmetric set-up is traced by
-radial quadrature, with far fewer rays (tracing/pupil/radial_quadrature.py).
+radial quadrature, with far fewer rays (tracing/pupil/quadrature.py).
 """
 
 import math

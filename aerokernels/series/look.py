@@ -325,7 +325,7 @@ def tell_errors(found: list[Look], looks: np.ndarray) -> np.ndarray:
         model[rows] = computed[nearest]
         along[rows] = axes[rows[few]][nearest]
     total = np.hypot(model, np.stack([one.sampling for one in found]))
-    for one, error in zip(found, total, strict=True):  # in the order of wavefront/pupil_numbers.py
+    for one, error in zip(found, total, strict=True):  # in the order of NUMBERS
         one.numbers |= {"strehl_error": float(error[0]), "opd_rms_error": float(error[2])}
     # Another direction's axes, as they lie across this one.
     normal = np.cross(axes[:, 0], axes[:, 1])

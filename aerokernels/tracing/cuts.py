@@ -12,6 +12,9 @@ the ray through the field plus this integral; what the missing air would turn th
 
 All other faces are ends of the flow, and nothing is lost there: those of a file, an array or a mesh, of a part that a
 user took of them, and of a field whose source was not kept.
+
+Where rays cross disturbed air at an end of the flow, the plan of a trace says so in a sentence, so that a face that was
+meant to lie in undisturbed air is seen.
 """
 
 import numpy as np

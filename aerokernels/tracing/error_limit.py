@@ -3,6 +3,11 @@
 The tolerance is the greatest OPD error allowed. In a field whose greatest OPD is no larger than the tolerance, an OPD
 of 0 would be within it, and the field would be ignored. The error is therefore also limited to a share of the greatest
 line integral of the field, however weak it is, and the result is accurate to that share.
+
+The support of a field is the part of its box outside which the air is so uniform that it need not be integrated.
+Ignoring that air may cost a share of the tolerance, by its optical path and by its deflection of rays: on a path of
+length L the potential outside is below share / L and, with a lever arm A (straight_lines.py), its slope is below share
+/ (L A).
 """
 
 import numpy as np

@@ -3,9 +3,9 @@
 A GPU does so for every volume, a CPU for grids of many float64 nodes and for those whose values change repeatedly.
 
 These are the spline's coefficients, the greatest of their fourth differences in blocks (step_bound.py), of the
-potential in blocks (unresolved.py) and of the coefficients in each plane across an axis (support.py): half of the work
-of preparing a known pupil for new values. The results are cached on the grid under the keys that NumPy's results would
-have, and are the same except for rounding.
+potential in blocks (unresolved.py) and of the coefficients in each plane across an axis (error_limit.py): half of the
+work of preparing a known pupil for new values. The results are cached on the grid under the keys that NumPy's results
+would have, and are the same except for rounding.
 """
 
 import math
@@ -218,7 +218,7 @@ def _fetched(engine: Engine, coefficients: Any, on_host: np.ndarray | None, shap
 
 
 def _peaks_of(over_first: np.ndarray, over_second: np.ndarray) -> list[np.ndarray]:
-    """Convert to the form of support.py: the greatest absolute coefficient in each plane across an axis."""
+    """Convert to the form of error_limit.py: the greatest absolute coefficient in each plane across an axis."""
     return [over_second.max(axis=1), over_first.max(axis=1), over_first.max(axis=0)]
 
 

@@ -3,6 +3,8 @@
 The box of a volume field has six faces, that of a planar field four (it has no ends in x), and that of an axisymmetric
 field is a cylinder: its side r = R and its two ends. A line p + t d touches the box over t_enter <= t <= t_leave. For a
 start inside the box there is no entry, and t_enter is 0.
+
+Bundles of which no ray meets the field are refused here, and lines that end on the field's body are found.
 """
 
 from collections.abc import Iterator

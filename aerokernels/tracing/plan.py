@@ -113,8 +113,8 @@ class TracePlan:
             unresolved.py; None where that is negligible.
         steepest: Greatest absolute components of a ray's unit vector for which the number of leapfrog samples holds;
             steeper rays are traced again. None where all directions are known.
-        lever_arms: How far the rays fly and at what angle they meet the stop, see lever_arms.py; None where it was not
-            needed.
+        lever_arms: How far the rays fly and at what angle they meet the stop, see straight_lines.py; None where it was
+            not needed.
         predicted_evaluations: Field evaluations of a ray across the box, predicted before any ray is traced.
         predicted_error: Predicted OPD error [waves]: the error of a pilot bundle, or the tolerance.
         bundle: How many rays were traced and how many interpolated; None where each was traced.

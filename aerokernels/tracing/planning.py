@@ -1,4 +1,12 @@
-"""Make the plan of a trace from the caller's choices. All decisions about a trace are made in this file.
+"""Make the plan of a trace from the caller's choices.
+
+All decisions about a trace are made in this file, but these:
+
+    bundle/run.py                whether a bundle is a map of two parameters, of which most rays are interpolated
+    leapfrog/sample_count.py     how many leapfrog samples a ray takes, by what pilot.py finds that they cost
+    pupil/job.py                 by which quadrature a pupil is answered, and whether a known plan is followed
+    launch.py                    in what order, and how many at a time, rays are moved
+    retrace.py                   which rays are traced again, and how
 
 "auto" takes leapfrog where a pilot of the rays shows that it is accurate enough and cheaper, and error control
 otherwise. Any other method is kept, however many rays there are. The backend is chosen in the fixed order of

@@ -13,6 +13,12 @@ step, and each block gets the greatest H for which this holds. Steps of up to ST
 four samples a step are then never further apart than a sample's support.
 
 With k_i = G_i^(1/4) along axis i, G along a direction u of a structure with one normal is (sum |u_i| k_i)^4.
+
+The field evaluations of a ray across the box under error control are predicted by
+
+    evaluations   OVERHEAD 3 int dl / (step bound there) + FIRST along the diagonal of the box
+
+with OVERHEAD and FIRST fitted to traces of five fields.
 """
 
 import math

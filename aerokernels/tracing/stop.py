@@ -1,4 +1,11 @@
-"""Stops of a trace: a plane, or a length of path. None means that a ray ends where it leaves the field's box."""
+"""Stops of a trace: a plane, or a length of path. None means that a ray ends where it leaves the field's box.
+
+A plane beyond a field is one behind which light has all of the field's box behind it. A planar field has no ends in x:
+light along the unit vector d crosses it in y and z, by p = |(d_y, d_z)| a metre. Its momentum along x is conserved, so
+that in y and z light moves as through a contrast m / p^2, which may turn it; for contrasts up to NEARLY_TRAPPED p^2
+that makes the way longer by less than the share ROOM (1 - p^2) that is added to it. Light nearer to the x axis may be
+guided along the field, and no plane is beyond it.
+"""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING

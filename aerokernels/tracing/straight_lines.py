@@ -1,4 +1,9 @@
-"""The straight lines of undisturbed rays through a part of a field, from their entry to their end."""
+"""The straight lines of undisturbed rays through a part of a field, from their entry to their end.
+
+Lever arms tell how an error of a ray's direction changes its optical path: where a ray meets its stop at an angle to
+the normal, the error is multiplied by the distance to the stop and by the tangent of that angle. Air that is left out
+of a trace must be judged by it as well, not by its own optical path alone (error_limit.py).
+"""
 
 from dataclasses import dataclass
 

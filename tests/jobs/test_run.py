@@ -7,8 +7,8 @@ import pytest
 
 from aerokernels.display.quantities import Quantity, combine
 from aerokernels.jobs import plots
-from aerokernels.jobs.run import STAGES, RunResult, ray_fan, scene_wavefront, simulate
-from aerokernels.jobs.run_files import scene_toml
+from aerokernels.jobs.run import STAGES, ray_fan, scene_wavefront, simulate
+from aerokernels.jobs.run_files import RunResult, scene_toml
 from aerokernels.prepare import prepare_field
 from aerokernels.rays import RayBundle
 from aerokernels.scene import Scene, shipped_scenes

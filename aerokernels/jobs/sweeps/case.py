@@ -17,7 +17,8 @@ from aerokernels import __version__
 from aerokernels.flow import DensityField
 from aerokernels.flow.series import on_known_geometry
 from aerokernels.focus import StrehlEstimate
-from aerokernels.jobs.run import RunResult, run_stages, scene_strehl
+from aerokernels.jobs.run import run_stages, scene_strehl
+from aerokernels.jobs.run_files import RunResult
 from aerokernels.jobs.store import to_json
 from aerokernels.medium import IndexField
 from aerokernels.prepare import Prepared, prepare_field, view_extent, view_radius

@@ -195,7 +195,7 @@ def _inherited(environment: Mapping[str, str]) -> Iterator[None]:
     working directory are data to them, not modules.
     """
     module = vars(sys.modules["__main__"])
-    hidden = {name: module.pop(name) for name in ("__file__", "__spec__") if name in module}
+    hidden: dict[str, Any] = {name: module.pop(name) for name in ("__file__", "__spec__") if name in module}
     module["__spec__"] = None
     set_here = {**environment, "PYTHONSAFEPATH": "1"}
     before = {name: os.environ.get(name) for name in set_here}

@@ -2,6 +2,15 @@
 
 Of a fine lattice only few lines are traced. The results of all of them are in one list, and a lattice has the row of
 each of its nodes in that list.
+
+Between nodes the results are bicubic Hermite patches on blocks of four by four cells. On a cell of side 1, with u in
+[0, 1] and v = 1 - u,
+
+    f(u) = (1 + 2 u) v^2 f0 + u v^2 f0' + u^2 (3 - 2 u) f1 - u^2 v f1'
+
+has an error of f''''/384, like a cubic spline, but its slopes use only two nodes to each side, so that a rough place
+affects only its neighbourhood. A slope is the derivative of the quartic through five nodes: those centred on its own
+node where they exist, otherwise the nearest five of the block.
 """
 
 from dataclasses import dataclass

@@ -1,4 +1,13 @@
-"""The patches of a family as kernels read them: from a ray's parameters to a block, and to one of its cells."""
+"""The patches of a family as kernels read them: from a ray's parameters to a block, and to one of its cells.
+
+Only deviations from the undisturbed line are interpolated, because only they are small and smooth:
+
+    CHANNELS    optical path difference [m]; direction less the line's (3); end point less the line's [m] (3);
+                arc length less the line's [m]
+
+each as a function of the family's parameters. The function is smooth only over lines that enter and leave the box
+through the same faces, if the face matters: because it ends the trace, or because the air at it is still disturbed.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields

@@ -6,6 +6,10 @@ The error of a line integral of the contrast m, interpolated between lines a dis
 
 with the greatest derivatives within the tube around the block's lines. Where s is below RESOLVED cells, a sampled field
 holds nothing that the lines do not show, and the residuals of refine.py are relied on instead.
+
+The greatest derivatives are tabulated for blocks of a few cells, and for blocks two, four ... times as wide: each table
+covers everything within one block's width of any place. Tubes near the field's body are found by sphere tracing along
+their centre lines, in steps as long as a table of distances allows (J. C. Hart, The Visual Computer 12 (1996) 527).
 """
 
 from dataclasses import dataclass

@@ -6,7 +6,7 @@ A component of frequency f [1/m] has along a unit vector u at most the frequency
 
 (cos(2 pi f sqrt(b^2 + t^2)) is an entire function of t of that type, so this holds off the axis too), and samples H
 apart do not resolve it from about phi = edge / H on. The field is even about its faces, as an axisymmetric field is
-about its axis; about faces that rays run along it is continued without a kink (beyond_faces.py).
+about its axis; about faces that rays run along it is continued without a kink.
 
 A cubic spline through nodes h apart, whose values oscillate at v cycles a cell, v below 1 / 2, contains the share B(v)
 of the oscillation at that frequency and the share B(v + m) at each image v + m,
@@ -15,6 +15,10 @@ of the oscillation at that frequency and the share B(v + m) at each image v + m,
 
 This is the spectrum that rays meet: it falls off fast beyond the frequencies that the nodes resolve, where H is below
 two cells.
+
+A transform takes values as even about each face. Where they have a slope there, that is a kink, whose high frequencies
+would count as structure. About faces that rays run along they are therefore continued oddly about the value at the
+face, and faded out over a few cells: the rays never meet what is behind.
 """
 
 import math

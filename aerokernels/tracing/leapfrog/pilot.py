@@ -1,4 +1,4 @@
-"""Trace a pilot's rays with several numbers of leapfrog samples, and scale all rays' error estimates accordingly."""
+"""Trace a pilot's rays with several numbers of leapfrog samples, scale rays' error estimates, and weigh the cost."""
 
 import math
 from collections.abc import Callable

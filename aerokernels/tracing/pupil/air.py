@@ -40,7 +40,7 @@ class PupilAir:
         is_outside: Whether the pupil's centre is outside the field, which is usually a mistake.
         rays: The sample of the pupil's rays.
         past: Share of the pupil's weight whose rays pass beside the field's box, while others meet it.
-        ends: A sentence on the disturbed ends of the flow that its rays cross, or empty, see flow_ends.py.
+        ends: A sentence on the disturbed ends of the flow that its rays cross, or empty, see cuts.py.
     """
 
     share: float

@@ -1,14 +1,14 @@
 """Follow a known pupil's plan through new values on the nodes of its grid, where the plan holds for them.
 
 A job for another field on the same nodes differs in little, so that what is launched for it is prepared once
-(values_in_turn.py). What the plan rests on is then examined for the field's own values:
+(ValuesInTurn). What the plan rests on is then examined for the field's own values:
 
 - the OPD error allowed to a ray is the same (error_limit.py);
-- the air outside the plan's support is as undisturbed as may be left out (support.py); the support is that of a
+- the air outside the plan's support is as undisturbed as may be left out (error_limit.py); the support is that of a
   stricter limit than the plan's, so that it also holds for slightly stronger fields;
 - structure between samples is bounded (leapfrog/between_samples.py); the number of samples suffices for somewhat
   stronger fields than the known one;
-- the pilot's error, and the scales that let each ray's own estimate cover it, suffice (leapfrog/pilot_levels.py).
+- the pilot's error, and the scales that let each ray's own estimate cover it, suffice (leapfrog/pilot.py).
 
 Where one of these does not hold, the field is planned as before, with the known number of samples as a guess. All
 fields asked of one job are compared with that job's field alone, so that no answer depends on the order of the calls.
@@ -53,7 +53,7 @@ STRICTER = 8.0
 WEAKER = 2.0
 # The scales of a ray's own error estimate are up to WIDER times those of the known field: small errors are mostly
 # rounding, and their scales differ from field to field. They hold for a field that needs scales up to GREATER times
-# greater, because they cover the pilot's error SAFETY times (pilot_levels.py). They do not matter where the pilot's
+# greater, because they cover the pilot's error SAFETY times (pilot.py). They do not matter where the pilot's
 # error is below the share NEGLIGIBLE of the limit.
 WIDER, GREATER, NEGLIGIBLE = 4.0, 1.5, 0.01
 # Bytes of memory for each node, and the share of a device's memory that it may take.

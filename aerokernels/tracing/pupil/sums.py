@@ -76,8 +76,8 @@ class PupilTask:
         replicates: Number of replicates.
         terms: Terms of the fitted surface from which phases are measured: "tilt", "focus", both, or none.
         by_radius: Whether rays are ordered by their distance from the pupil's centre alone, see `point_order`.
-        is_radial: Whether the rays lie along one radius of the pupil, for radial quadrature (radial_quadrature.py).
-        generator: Generator of the lattice of a replicate's rays (lattice_quadrature.py); 0 for Sobol points.
+        is_radial: Whether the rays lie along one radius of the pupil, for radial quadrature (quadrature.py).
+        generator: Generator of the lattice of a replicate's rays (quadrature.py); 0 for Sobol points.
     """
 
     field: IndexField

@@ -4,6 +4,10 @@ Along the axis that a ray follows most, every order of interpolation has nearly 
 next order changes the interpolation within the planes, so that a path's integral is a sum over the planes that it
 crosses, of a spline along two axes. The sum over every j-th plane less the sum over all, on which `jumps.py` builds, is
 made of the same values.
+
+Splines of the first, third and fifth order are sums of B-splines with not-a-knot ends, so that the next order differs
+at the faces as it does elsewhere. The coefficient of a node falls with the distance of the samples by 0.27 a node
+(third order) and 0.43 (fifth): only samples about the points are needed.
 """
 
 from collections.abc import Callable, Iterator, Sequence

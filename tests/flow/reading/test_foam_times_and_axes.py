@@ -52,17 +52,6 @@ def test_the_axis_of_a_wedge_with_a_side_in_a_coordinate_plane(tmp_path, shift):
     assert np.ptp(corners[..., 1]) == pytest.approx(np.ptp(x))
 
 
-@pytest.mark.parametrize("name", ["processors", "processors4"])
-def test_collated_fields_are_refused_as_such(tmp_path, name):
-    """A folder without the number of processors, as of some versions, was answered by "no fields at any time"."""
-    case = writers.foam_wedge(tmp_path / "case")
-    (case / "0.5").rename(case / "unread")
-    (case / name / "0.5").mkdir(parents=True)
-    (case / name / "0.5" / "rho").write_text("")
-    with pytest.raises(flow.ReadError, match="its fields are in the collated format, which is not read"):
-        flow.read(case)
-
-
 def test_a_field_that_is_code_is_refused_as_such(tmp_path):
     case = writers.foam_wedge(tmp_path / "case")
     head = writers.foam_header("volScalarField", "rho", False)

@@ -9,7 +9,6 @@ import pytest
 from aerokernels import flow
 from aerokernels.flow.reading.dataset import ReadError
 from aerokernels.flow.reading.formats import load
-from aerokernels.flow.reading.readers import foam_case
 
 POINTS = "0 0 1\n1 0 1\n0 1 1\n1 1 1\n"
 TECPLOT = f"TITLE = t\nVARIABLES = X, Y,\nrho\n# a comment\nZONE I=2, J=2, F=POINT\n{POINTS}"
@@ -140,28 +139,6 @@ def test_a_file_of_objects_says_that_they_are_not_unpickled(tmp_path):
     path.write_bytes(path.read_bytes()[:100])
     with pytest.raises(ReadError, match="it is not a complete NPZ file"):
         load(path, None, {})
-
-
-@pytest.mark.parametrize(
-    ("body", "told"),
-    [
-        ("internalField uniform 1.5;", ""),
-        ("internalField uniform one;", "the uniform value is not a number"),
-        ("internalField uniform (1 2 3);", "the uniform value is not a number"),
-        ("internalField nonuniform List<scalar> 2 (1 2);", "the field has 2 entries, the mesh 3 cells"),
-        ("boundaryField {}", "there is no internalField"),
-    ],
-)
-def test_openfoam_fields(tmp_path, body, told):
-    path = tmp_path / "rho"
-    head = "FoamFile { version 2.0; format ascii; class volScalarField; object rho; }\n"
-    path.write_text(f"{head}dimensions [1 -3 0 0 0 0 0];\n{body}\n")
-    if not told:
-        assert foam_case.read_field(path, 3).tolist() == [1.5, 1.5, 1.5]
-        path.write_text(head.replace("volScalarField", "surfaceScalarField") + body)
-        told = "a surfaceScalarField is not a field of cells"
-    with pytest.raises(ReadError, match=told):
-        foam_case.read_field(path, 3)
 
 
 @pytest.mark.parametrize(
