@@ -219,7 +219,7 @@ class IndexField(Derived):
         warn_of_index(values.min(initial=np.inf), values.max(initial=-np.inf))
         if walls is not None:
             if not isinstance(walls, (tuple, list)) or len(walls) != 2 or not all(map(are_numbers, walls)):
-                raise TypeError(f"walls must be a pair of arrays, points [m] and contrasts, got {shown(walls)}")
+                raise TypeError(f"walls must be a pair of arrays, points [m] and contrasts, got {type(walls).__name__}")
             points, own = (np.asarray(each, dtype=np.float64) for each in walls)
             if own.ndim != 1 or points.shape != (len(own), 2):
                 raise ValueError(f"walls need points of shape (n, 2) and n contrasts, got {points.shape}, {own.shape}")
