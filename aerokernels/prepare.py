@@ -19,8 +19,6 @@ Region = tuple[tuple[float, float], tuple[float, float]]
 # Margin around the rays: many times their displacement by refraction, and the range of the spline's boundary effects.
 MARGIN = 1e-3  # [m]
 MARGIN_NODES = 8
-# Rays of the beam are aimed within this many 1/e^2 radii.
-BEAM_SUPPORT = 3.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +78,8 @@ def view_extent(scene: Scene) -> tuple[float, float, float]:
     target = scene.target
     corner, depth = float(np.hypot(0.5 * target.width, 0.5 * target.height)), float(target.corners[:, 2].max())
     if target.limits == "paper":  # eq 11 limits the sum by the beam, not by the reflector
-        edge = scene.beam.radius * np.array([BEAM_SUPPORT, 1.0])
+        # Rays of the beam are aimed within this many 1/e^2 radii.
+        edge = scene.beam.radius * np.array([3.0, 1.0])
         corner, normal = float(np.hypot(*edge)), np.abs(target.orientation[:, 2])
         depth = float(edge @ normal[:2] / normal[2])
     # A target point is lit from a point of the exit pupil whose off-axis distance scales as the beam's radius.

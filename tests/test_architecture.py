@@ -197,7 +197,6 @@ def test_nothing_but_one_object_outlives_calls():
     found = {".".join(dotted(path)): outliving_calls(tree(path)) for path in MODULES}
     assert {name: kept for name, kept in found.items() if kept} == {
         "aerokernels.process.opened": ["OPENED = Opened()"],
-        "aerokernels.jobs.page": ["@cache _template"],
         "aerokernels.tracing.engines.opencl.program": ["@cache _made_header", "@lru_cache build_options"],
     }
 

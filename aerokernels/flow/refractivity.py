@@ -352,7 +352,7 @@ def refractivity_model(
     return _of_air(relation)
 
 
-def _of_air(relation: str, **moisture: float) -> RefractivityModel:
+def _of_air(relation: str, **moisture: Any) -> RefractivityModel:
     air = AIR.get(relation, AIR["paper"])
     form = relation if relation in RELATIONS else "gladstone-dale"
     return RefractivityModel(relation, form, air.uncertainty, air.range, air.source, **moisture)

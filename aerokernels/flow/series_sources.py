@@ -198,6 +198,7 @@ def _of_path(path: Path, given: _Arguments, clock: _Clock) -> Series:
         return _of_files(_matching(path), clock, reader)
     lists = import_module("aerokernels.flow.reading.readers.vtk_collections")
     case = import_module("aerokernels.flow.reading.readers.foam_case")
+    times: Any
     times, kind = None, "file"
     if path.suffix.lower() in lists.SUFFIXES and path.is_file():
         entries = lists.collection(path)
@@ -212,8 +213,8 @@ def _of_path(path: Path, given: _Arguments, clock: _Clock) -> Series:
         times = import_module("aerokernels.flow.reading.formats").times_in(path, given.for_files())
     if times is not None:
         return clock.replace_in(_at_times(path, np.array(times), given.reader(str(path)), {kind: path.name}))
-    data, own = opened(path)
-    return clock.replace_in(replace(_of_dataset(data, given, str(path), {"file": path.name}), **own))
+    data, attributes = opened(path)
+    return clock.replace_in(replace(_of_dataset(data, given, str(path), {"file": path.name}), **attributes))
 
 
 def _of_dataset(data: Any, given: _Arguments, name: str, identity: dict[str, Any]) -> Series:

@@ -111,7 +111,10 @@ class Species:
 def _gas(name, grams, form, coefficients, micrometres, virial, uncertainty, state, source) -> Species:
     """Return a species from numbers in the papers' units: g/mol, um, cm3/mol."""
     low, high = (float(f"{end}e-6") for end in micrometres)
-    return Species(name, grams * 1e-3, form, coefficients, (low, high), *state, virial * 1e-6, uncertainty, source)
+    temperature, pressure = state
+    return Species(
+        name, grams * 1e-3, form, coefficients, (low, high), temperature, pressure, virial * 1e-6, uncertainty, source
+    )
 
 
 # name, g/mol, form, its coefficients, um, cm3/mol, relative uncertainty, (K, Pa), paper

@@ -18,7 +18,6 @@ from aerokernels.hardware.store_file import StoreError
 from aerokernels.inputs.checks import check_path, listed
 
 ECHOES_AT_ONCE = 1024  # most echoes written at a time
-SAMPLES_AT_ONCE = 2**23  # most samples written at a time: one long curve makes every row as long
 # Counts from 0 V up to which single precision, and seven digits of a text, resolve a tenth of a count.
 SINGLE_COUNTS = 2**20
 
@@ -44,7 +43,8 @@ class _Extent:
     @property
     def at_once(self) -> int:
         """Echoes written at a time."""
-        return max(1, min(self.count, ECHOES_AT_ONCE, SAMPLES_AT_ONCE // max(self.sample_count, 1)))
+        # 2^23 samples are written at a time at most: one long curve makes every row as long.
+        return max(1, min(self.count, ECHOES_AT_ONCE, 2**23 // max(self.sample_count, 1)))
 
 
 def export(store: EchoStore, out: str | Path, label: Mapping[str, str] | None = None) -> int:

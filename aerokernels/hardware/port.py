@@ -139,10 +139,6 @@ def _known_ports() -> str:
     return ", ".join(names) or "(none is connected now; `aerokernels board --link PATH` makes a simulated one)"
 
 
-# Most chunks that wait in memory; beyond that reading pauses, and the port's own flow control takes over.
-_GREATEST_BACKLOG = 1024
-
-
 class PortReader:
     """Reads a port ahead of its user.
 
@@ -153,7 +149,8 @@ class PortReader:
     def __init__(self, port: "serial.SerialBase") -> None:
         """Start reading."""
         self._port = port
-        self._chunks: queue.Queue[tuple[bytes, int]] = queue.Queue(_GREATEST_BACKLOG)
+        # Most chunks that wait in memory; beyond that reading pauses, and the port's own flow control takes over.
+        self._chunks: queue.Queue[tuple[bytes, int]] = queue.Queue(1024)
         self._stopping = threading.Event()
         self._failure: Exception | None = None
         self._thread = threading.Thread(target=self._read, name="port reader", daemon=True)

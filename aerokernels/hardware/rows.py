@@ -81,7 +81,6 @@ READ_ECHOES = (
     "SELECT session, host_time_ns, label, sequence, device_time_us, sample_period_ps, first_sample_s, scale, offset, "
     "samples, flags, preamble, raw FROM echoes"
 )
-MOST_OPEN_GAPS = 64  # latest gaps into which a late frame may fit
 
 
 def create(connection: sqlite3.Connection) -> None:
@@ -210,7 +209,8 @@ class Sessions:
         """Go on from the last echo of an earlier recording; what is missing after it does not count."""
         self.last = last
         self.missing_count = 0
-        self._gaps: deque[tuple[Followed, Followed]] = deque(maxlen=MOST_OPEN_GAPS)
+        # The latest gaps into which a late frame may fit.
+        self._gaps: deque[tuple[Followed, Followed]] = deque(maxlen=64)
         self._has_echo = False  # whether this recording has an echo already
 
     def follow(self, sequence: int, device_time: int | None, crc: int, is_known: bool = False) -> int:

@@ -182,7 +182,6 @@ class BlockDecoder:
 
 _IDLE_TIME = 0.25  # [s] without a byte after which an unexpected response is regarded as complete
 
-_GREATEST_DRAIN_TIME = 5.0  # [s]
 
 _PROBE_TIME = 1.0  # [s] timeout of a question that the instrument may not know
 
@@ -331,7 +330,7 @@ class Oscilloscope:
 
     def _drain(self) -> None:
         """Read until the instrument is silent, so that the next answer belongs to the next question."""
-        until, last = time.monotonic() + _IDLE_TIME, time.monotonic() + _GREATEST_DRAIN_TIME
+        until, last = time.monotonic() + _IDLE_TIME, time.monotonic() + 5.0
         while time.monotonic() < min(until, last) and not self._stopped():
             chunk = read_available(self._port)
             if chunk:

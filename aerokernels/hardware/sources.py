@@ -21,7 +21,6 @@ if TYPE_CHECKING:
 Piece = EchoFrame | ScopeCurve | DamagedPiece
 
 _TRIGGER_STATES = "STOP|TD|WAIT|RUN|AUTO"
-_NEXT_QUESTION = 0.02  # [s] between two questions whether there is a new acquisition
 
 
 class EchoStream(Protocol):
@@ -168,7 +167,7 @@ class CurveStream:
     def _next_curve(self) -> list[tuple[Piece, int]]:
         count = self._acquisition()
         if (count is not None and count == self._last_count) or not self._is_complete():
-            time.sleep(_NEXT_QUESTION)
+            time.sleep(0.02)  # between two questions whether there is a new acquisition
             return []
         # Queried each time: the operator may change the scale, and on some instruments each trigger changes it. Queried
         # again after the curve: a scale that was changed in between belongs to the curve, or does not.

@@ -111,7 +111,9 @@ def _checking(function: Callable, name: str, described: Any, documented: Any) ->
 
 def has_options(function: Callable) -> bool:
     """Whether a function takes the entries of a TypedDict as keywords."""
-    return any(_is_shared(kind) for kind in getattr(function, "__annotations__", {}).values())
+    code = getattr(function, "__code__", None)  # most functions take no further keywords
+    takes_more = code is not None and code.co_flags & inspect.CO_VARKEYWORDS
+    return bool(takes_more) and any(_is_shared(kind) for kind in function.__annotations__.values())
 
 
 def _is_shared(annotation: Any) -> bool:
@@ -206,9 +208,8 @@ def units_in(text: str) -> dict[str, str]:
 
 def _taken(function: Callable, documented: Any) -> dict[str, Kinds]:
     """Return the kinds that each parameter accepts, if all of them are known."""
-    shared = [
-        typing.get_args(kind)[0] for kind in getattr(function, "__annotations__", {}).values() if _is_shared(kind)
-    ]
+    kinds = function.__annotations__.values() if has_options(function) else ()
+    shared = [typing.get_args(kind)[0] for kind in kinds if _is_shared(kind)]
     units = units_in("\n".join(filter(None, [one.__doc__ for one in (documented, function, *shared)])))
     found = {}
     for name, annotation in _annotations(function, documented).items():

@@ -41,10 +41,6 @@ ELEMENTARY_CHARGE = 1.602176634e-19  # [C], exact
 
 BOLTZMANN_CONSTANT = 1.380649e-23  # [J/K], exact
 
-FOLDS = 4  # aliased bands on either side; with two poles the next holds 1e-3 of the noise even at a rate of 1 / B
-
-GREATEST_BIT_COUNT = 24
-
 
 @checked
 def excess_noise_factor(gain: float, ionisation_ratio: float) -> float:
@@ -133,7 +129,7 @@ class Digitiser:
 
     def __post_init__(self):
         """Check the number of bits and the range."""
-        object.__setattr__(self, "bit_count", check_count(self.bit_count, "bit_count", 1, GREATEST_BIT_COUNT))
+        object.__setattr__(self, "bit_count", check_count(self.bit_count, "bit_count", 1, 24))
         if check_at_least(self.low, "low") >= check_at_least(self.high, "high"):
             raise ValueError(f"the digitiser's low {self.low:g} V must be below its high {self.high:g} V")
 
@@ -355,5 +351,6 @@ def sampled_noise_gain(frequency, period: float, bandwidth: float, response: str
         decay = math.exp(-2.0 * math.pi * bandwidth / rate)
         power = (1.0 - decay**2) / (1.0 + decay**2 - 2.0 * decay * np.cos(2.0 * np.pi * low / rate))
         return np.sqrt(math.pi * bandwidth / rate * power)
-    images = range(-FOLDS, FOLDS + 1)
+    # Aliased bands on either side; with two poles the next holds 1e-3 of the noise even at a rate of 1 / B.
+    images = range(-4, 5)
     return np.sqrt(sum(np.abs(low_pass_gain(low + fold * rate, bandwidth, response, order)) ** 2 for fold in images))

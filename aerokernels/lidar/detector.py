@@ -22,10 +22,6 @@ from aerokernels.process.opened import OPENED
 
 RESPONSES = ("first-order", "gaussian", "bessel", "butterworth")
 GREATEST_ORDER = 10
-# Greatest number of samples of padding: a gigabyte.
-GREATEST_PADDING = 1 << 27
-# Decay of the slowest pole's response by the end of the padding.
-_FORGOTTEN = 1e-16
 
 
 def _poles(response: str, order: int) -> np.ndarray:
@@ -78,7 +74,8 @@ def memory_time(bandwidth: float, response: str = "bessel", order: int = 4) -> f
     # The Gaussian's impulse response is 1e-16 of its peak after 1.6 / B.
     order = check_count(order, "order", 1, GREATEST_ORDER)
     slowest = 4.0 if response == "gaussian" else float(-_poles(response, order).real.max())
-    return -math.log(_FORGOTTEN) / (2.0 * math.pi * slowest * check_positive(bandwidth, "bandwidth", "Hz"))
+    # Decay of the slowest pole's response by the end of the padding.
+    return -math.log(1e-16) / (2.0 * math.pi * slowest * check_positive(bandwidth, "bandwidth", "Hz"))
 
 
 @checked
@@ -112,7 +109,8 @@ def detect(
     if bandwidth is None:
         return gain * watts
     memory = memory_time(bandwidth, response, order) / period
-    if not memory <= GREATEST_PADDING:
+    # Greatest number of samples of padding: a gigabyte.
+    if not memory <= 1 << 27:
         raise ValueError(
             f"a low-pass of {bandwidth:g} Hz takes {memory:.3g} sample periods of {period:g} s to decay: "
             "check the bandwidth (Hz) and the times (s)"

@@ -45,14 +45,7 @@ SUPPORT = 3.0  # [1/e^2 radii]
 LEAST_BAND = 8  # points across a band, however narrow
 
 
-GREATEST_POINT_COUNT = 1 << 22
-
-
 PANEL_NODES = 64  # greatest number of Gauss-Legendre points in one piece; computing n points takes a time of order n^3
-
-
-# Corners whose heights differ by less than this fraction of the whole count as level: no band is made between them.
-_SAME_CORNER = 1e-9
 
 
 @dataclass(frozen=True)
@@ -90,7 +83,7 @@ def target_points(setup: Setup, finer: float = 1.0) -> TargetPoints:
         outline = clip_polygon(seen_outline(setup), _rectangle(reach, reach))
     side = max(math.ceil(math.sqrt(laser.ray_count)), 20)  # points across the whole beam
     across, along = (math.ceil(finer * max(side, count)) for count in _resolving_counts(setup, outline))
-    if across * along > GREATEST_POINT_COUNT:
+    if across * along > 1 << 22:
         raise ValueError(
             f"the target is deep against the pulse: {across} x {along} points of the beam would be needed to sum up "
             "its echo; take a longer beam.pulse_tau, or a smaller target.tilt or beam.radius"
@@ -184,7 +177,9 @@ def polygon_points(outline: np.ndarray, across: int, along: int | None = None) -
     """
     rows = across if along is None else along
     levels = np.sort(outline[:, 1])
-    levels = levels[np.append(True, np.diff(levels) > _SAME_CORNER * (levels[-1] - levels[0]))]
+    # Corners whose heights differ by less than this fraction of the whole count as level: no band is made between
+    # them.
+    levels = levels[np.append(True, np.diff(levels) > 1e-9 * (levels[-1] - levels[0]))]
     column, column_weight = _gauss_points(across)
     points, areas = [], []
     for low, high in pairwise(levels):

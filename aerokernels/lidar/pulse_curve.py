@@ -218,7 +218,6 @@ def peak_height(samples: np.ndarray) -> float:
 
 # Samples across the pulse from which the spline through them is accurate to 1e-6 of the peak.
 ENOUGH_SAMPLES = 16
-GREATEST_FACTOR = 32
 ROUNDING = 1e-13
 # Positions at which a match is evaluated in one call, and the tolerated relative error of the polynomial through them.
 POINTS, SAME = 12, 1e-12
@@ -253,7 +252,7 @@ def _upsampling_factor(volts: np.ndarray) -> int:
     below = np.flatnonzero(volts < 0.5 * volts[top])
     first = int(below[below < top].max(initial=-1))
     last = int(below[below > top].min(initial=volts.size))
-    return min(GREATEST_FACTOR, math.ceil(ENOUGH_SAMPLES / max(last - first - 1, 1)))
+    return min(32, math.ceil(ENOUGH_SAMPLES / max(last - first - 1, 1)))
 
 
 def best_match(volts: np.ndarray, curve: Shape, period: float) -> tuple[float, float]:

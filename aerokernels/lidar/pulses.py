@@ -191,8 +191,6 @@ def as_pulse(pulse: PulseShape | float) -> PulseShape:
     return pulse if callable(pulse) else GaussianPulse(check_positive(pulse, "pulse_tau", "s"))
 
 
-# Pulses are summed over this many supports, so that a record cut at the support has no step at its ends.
-_REACH = 1.5
 # Greatest number of (time, point) pairs in memory at a time: 16 MiB of float64.
 _BLOCK = 1 << 21  # speed only
 # Greatest number of pulses that replace many, and the error of the replacement relative to the sum of the peaks.
@@ -269,7 +267,8 @@ def sum_of_pulses(time, delay, peak, pulse: PulseShape | float) -> np.ndarray:
         positive = bool((peaks >= 0.0).all())
         if isinstance(shape, GaussianPulse):
             delays, peaks = fewer_gaussians(delays, peaks, shape.tau)
-        near = np.flatnonzero((flat > first + _REACH * before) & (flat < last + _REACH * after))
+        # Pulses are summed over this many supports, so that a record cut at the support has no step at its ends.
+        near = np.flatnonzero((flat > first + 1.5 * before) & (flat < last + 1.5 * after))
         rows = max(1, _BLOCK // delays.size)  # speed only
         for start in range(0, near.size, rows):
             block = near[start : start + rows]

@@ -13,6 +13,7 @@ from aerokernels.derived import Derived
 from aerokernels.display.shown import shown
 from aerokernels.inputs.arguments import Numbers, checked
 from aerokernels.inputs.checks import check_choice, check_positive
+from aerokernels.inputs.kinds import are_numbers
 from aerokernels.inputs.wavelength import check_wavelength, field_wavelength
 from aerokernels.medium.averages.kept_averages import AveragesLacking, conserving_values, cut_and_kept
 from aerokernels.medium.averages.vertex_values import vertex_values
@@ -217,7 +218,12 @@ class IndexField(Derived):
         check_finite(values, "the contrast")
         warn_of_index(values.min(initial=np.inf), values.max(initial=-np.inf))
         if walls is not None:
-            walls = np.asarray(walls[0], dtype=np.float64), np.asarray(walls[1], dtype=np.float64)
+            if not isinstance(walls, (tuple, list)) or len(walls) != 2 or not all(map(are_numbers, walls)):
+                raise TypeError(f"walls must be a pair of arrays, points [m] and contrasts, got {type(walls).__name__}")
+            points, own = (np.asarray(each, dtype=np.float64) for each in walls)
+            if own.ndim != 1 or points.shape != (len(own), 2):
+                raise ValueError(f"walls need points of shape (n, 2) and n contrasts, got {points.shape}, {own.shape}")
+            walls = points, own
             check_finite(np.column_stack(walls), "the walls")
         at_vertices, in_cells = mesh.array_shapes
         averages = None

@@ -205,7 +205,7 @@ def _make_points(where: QuadMesh | UniformGrid, body, low, high, step, count) ->
 
     def point_set(points: np.ndarray, kept: np.ndarray) -> _PointSet:
         rows = np.flatnonzero(kept)
-        places = where.places(points[rows]) if is_mesh else None
+        places = where.places(points[rows]) if isinstance(where, QuadMesh) else None
         return _PointSet(len(points), rows, points[rows], places)
 
     def within(points: np.ndarray) -> _PointSet:

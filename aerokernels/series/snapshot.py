@@ -24,7 +24,8 @@ from ..flow.gas import GREATEST_DENSITY, LEAST_DENSITY
 from ..medium import IndexField, QuadMesh
 from ..medium.refined import has_seam
 from ..rays import Pupil, RayBundle
-from ..tracing.engines.choice import choose_backend, cuda_driver_loads
+from ..tracing.engines.choice import choose_backend
+from ..tracing.engines.info import cuda_driver_loads
 from ..tracing.pupil.air import PupilAir, pupil_air
 from ..tracing.trace import trace
 from ..tracing.variants.causes import Variants, few_rows, sample_size

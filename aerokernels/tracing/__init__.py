@@ -1,6 +1,7 @@
 """Trace rays through a field: plan, trace, result and status. The backends are in engines/."""
 
-from .engines.choice import BackendInfo, available_backends
+from .engines.choice import available_backends
+from .engines.info import BackendInfo
 from .plan import TraceOptions
 from .result import TraceResult
 from .status import RayStatus

@@ -38,7 +38,7 @@ BLOCK = 4
 BLOCK_COUNT_LIMIT = 300_000
 # Above 1, since the formula's own constant is far below C on smooth fields (it is exact to degree four) and errors of
 # steps differ in sign; chosen so that tolerances still held on smooth fields and shocks (trials are in
-# docs/lab/tracing.md).
+# docs/decisions.md).
 SHARE = 12.0
 # Kinks may all deflect to one side: their errors add up.
 KINK_SHARE = 0.05

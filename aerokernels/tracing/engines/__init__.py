@@ -6,7 +6,8 @@ implement the interface.
 
 from importlib import import_module
 
-from .choice import BackendInfo, available_backends, choose_backend
+from .choice import available_backends, choose_backend
+from .info import BackendInfo
 from .interface import OUTPUT_TYPES, Engine, Prepared
 
 __all__ = ["OUTPUT_TYPES", "BackendInfo", "Engine", "Prepared", "available_backends", "choose_backend", "engine_of"]

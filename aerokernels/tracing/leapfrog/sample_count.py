@@ -302,7 +302,7 @@ class _Fitting:
     @cached_property
     def structure(self) -> MissedStructure:
         """The structure that the rays may miss between samples."""
-        # On a GPU error control of a few rays takes longer than fewer samples of all save: docs/lab/performance.md.
+        # On a GPU error control of a few rays takes longer than fewer samples of all save: docs/decisions.md.
         leaves_steepest = not engine_of(self.plan.backend, self.plan.device).is_gpu
         arms = self.plan.lever_arms
         return MissedStructure(self.field, self.some, self.until, self.limit, arms, self.pilot, leaves_steepest)

@@ -7,7 +7,8 @@ import pytest
 
 from aerokernels.tracing import available_backends
 from aerokernels.tracing.engines import choice
-from aerokernels.tracing.engines.choice import VARIABLES, BackendInfo, choose_backend, preferred
+from aerokernels.tracing.engines.choice import VARIABLES, choose_backend, preferred
+from aerokernels.tracing.engines.info import BackendInfo
 
 from ..opencl_stands import bare_pyopencl, before_path, driver, need_opencl, run_python, vendors
 
