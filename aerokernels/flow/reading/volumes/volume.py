@@ -81,8 +81,10 @@ def _on_uniform_grid(reading, density: np.ndarray, low, step, measured) -> GridD
 def cells_blanked(block: Block) -> Block:
     """Return the block with blanked points converted to blanked cells: cells with a blanked corner."""
     blank = block.blank
-    if blank is None or not blank.any() or len(blank) == block.cell_count:
+    if blank is None or len(blank) == block.cell_count:
         return block
+    if not blank.any():
+        return replace(block, blank=None)
     hidden = np.zeros(block.cell_count, bool)
     for chunk in corner_chunks(block):
         hidden[chunk.cell] = blank[chunk.corners].any(axis=0)
