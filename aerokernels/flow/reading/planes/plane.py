@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aerokernels.flow.reading.dataset import FLAT, Block, Dataset, ReadError, wall_patches
+from aerokernels.flow.reading.dataset import FLAT, QUAD, Block, Cells, Dataset, ReadError, wall_patches
 from aerokernels.flow.reading.density import density_of, in_si
 from aerokernels.flow.reading.frame import Frame
 from aerokernels.flow.reading.planes.polygons import Polygons, joined, merged, quad_mesh
@@ -93,33 +93,19 @@ def _check_half_plane(path, dataset: Dataset, axis: np.ndarray, normal: np.ndarr
 def block_polygons(path, block: Block, plane: Plane, values: np.ndarray, where: str) -> Polygons:
     """Return the cells of a block as polygons in the plane, without blanked cells."""
     points = plane.local(block.points)
-    if block.shape is not None:
-        corners = _structured(path, block)
-        start = 4 * np.arange(len(corners) + 1)
-        corners = corners.ravel()
-    elif block.cells is not None and len(block.cells):
-        keep = np.isin(block.cells.types, FLAT)
-        if not keep.any():
-            raise ReadError(
-                path, f"block {block.name!r} has no triangles, quadrilaterals or polygons", "give a flow's mesh"
-            )
-        start, corners = block.cells.start, block.cells.points
-        if not keep.all():  # such as lines of the boundary
-            width = np.diff(start)
-            corners = corners[np.repeat(keep, width)]
-            start = np.concatenate([[0], np.cumsum(width[keep])])
-            values = values[keep] if where == "cell" else values
-    else:
-        raise ReadError(
-            path, f"block {block.name!r} has points and no cells", "give a file with cells, or a grid's shape"
-        )
-    polygons = Polygons(points, start, corners, values, where)
+    cells = block.cells if block.shape is None else Cells.of_one_type(QUAD, _structured(path, block))
+    if cells is None or not len(cells):
+        what = f"block {block.name!r} has points and no cells"
+        raise ReadError(path, what, "give a file with cells, or a grid's shape")
+    keep = np.isin(cells.types, FLAT)  # without lines of the boundary, say
+    if not keep.any():
+        what = f"block {block.name!r} has no triangles, quadrilaterals or polygons"
+        raise ReadError(path, what, "give a flow's mesh")
+    polygons = Polygons(points, cells.start, cells.points, values, where)
     if block.blank is not None and block.blank.any():
-        blank = block.blank
-        if len(blank) == len(block.points):
-            blank = np.maximum.reduceat(blank[polygons.corners], polygons.start[:-1])
-        return polygons.kept(~blank)
-    return polygons.used()  # without mid-edge nodes of quadratic cells, say
+        at_points = len(block.blank) == len(block.points)
+        keep &= ~(np.maximum.reduceat(block.blank[cells.points], cells.start[:-1]) if at_points else block.blank)
+    return polygons.used() if keep.all() else polygons.kept(keep)  # without mid-edge nodes of quadratic cells, say
 
 
 def structured_mesh(block: Block, plane: Plane) -> QuadMesh | None:
