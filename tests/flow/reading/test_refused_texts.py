@@ -25,16 +25,12 @@ ARRAYS = {"x": np.arange(3.0), "y": np.arange(2.0), "rho": np.ones((3, 2))}
     [
         ("VARIABLES", "VARIABELS", "it has no VARIABLES or no ZONE"),
         ("0 1 1\n", "0 1 one\n", "'one|contains something that is not a number"),
-        ("0 1 1\n", "hello\n", "'hello' is among the numbers of zone 1"),
         ("0 1 1\n", "", r"zone 1 announces 12 numbers and has 9"),
-        ("I=2", "I=two", "zone 1 has the count 'two'"),
         ("I=2", "I=0", "zone 1 has the count '0'"),
         ("F=POINT", "ZONETYPE=FEBLOB", r"zone 1 is of type FEBLOB; known are|zone 1 is of type FEBLOB"),
         ("F=POINT", "F=POINT, VARSHARELIST=([1]=1)", "zone 1 shares data with zone 1, which is not before it"),
-        ("F=POINT", "F=POINT, VARLOCATION=([3]=CELLCENTERED)", "values in cells without BLOCK packing"),
         ("F=POINT", "F=BLOCK, VARLOCATION=([4]=CELLCENTERED)", "VARLOCATION names variable 4 of 3"),
         ("F=POINT", "F=BLOCK, VARLOCATION=([3-99999999999]=CELLCENTERED)", "VARLOCATION names variable 9+ of 3"),
-        ("F=POINT", "F=BLOCK, VARLOCATION=([-]=CELLCENTERED)", "VARLOCATION"),
         ("X, Y", "A, B", "no coordinates are known"),
         ("X, Y", "\0, Y", "it contains zero bytes"),
     ],
@@ -71,15 +67,12 @@ def test_tecplot_elements_and_times(tmp_path):
     ("old", "new", "told"),
     [
         ("NDIME= 2", "NDIME= 4", "line 1: 4 dimensions"),
-        ("NDIME= 2", "NDIME= é", "it is not a text"),
         ("NELEM= 1", "NELEM= one", "line 2: a count must be a whole number, got 'one'"),
         ("NELEM= 1", "NELEM= 99", "line 2: NELEM= 99, but only 10 lines follow"),
         ("9 0 1 3 2 0", "170 0 1 3 2 0", "element 170 is of high order"),
-        ("9 0 1 3 2 0", "9 0 1", "not an element of SU2: '9 0 1'"),
         ("9 0 1 3 2 0", "9 0 1 3 4 0", "elements refer to points beyond the 4"),
         ("0 1\n1 1", "0 one\n1 1", "a point needs 2 coordinates, got '0 one'"),
         ("3 0 1\n", "3 0 7\n", "marker w refers to points beyond the 4"),
-        ("NPOIN= 4", "NPOIN= 0", "it has no points or no elements|elements refer"),
     ],
 )
 def test_su2(tmp_path, old, new, told):
@@ -114,12 +107,9 @@ def test_su2_restarts_that_do_not_belong_to_the_mesh(tmp_path):
     ("changes", "variables", "told"),
     [
         ({"x": None, "y": None}, {}, r"no coordinates are known \(there are: rho\)"),
-        ({"y": None}, {}, r"only x is known, of two coordinates at least \(there are: x, rho\)"),
-        ({}, {"x": "width"}, "there is no array 'width': take one of x, y, rho|there is no array 'width'"),
         ({}, {"phi": "x"}, "variables: 'phi' is not a coordinate"),
         ({"x": np.ones((3, 2))}, {}, "coordinates have shapes"),
         ({"rho": np.ones((4, 4))}, {}, r"no array has a sample for each of the \(3, 2\) places"),
-        ({"rho": np.array([None, 1], dtype=object)}, {}, "no array has a sample for each"),
     ],
 )
 def test_arrays_by_name(tmp_path, changes, variables, told):
@@ -154,9 +144,3 @@ def test_foreign_files_are_refused_with_what_to_do(tmp_path, name, head, message
     (tmp_path / name).write_bytes(head)
     with pytest.raises(ReadError, match=message):
         flow.read(tmp_path / name)
-
-
-def test_a_message_lists_the_first_names_only(tmp_path):
-    np.savez(tmp_path / "a.npz", **{f"array{k}": np.ones(3) for k in range(300)})
-    with pytest.raises(ReadError, match=r"array18, array19 and 280 more\): call them x, y, z"):
-        flow.read(tmp_path / "a.npz")

@@ -67,20 +67,15 @@ def test_times_of_a_list(tmp_path, listed):
     ("entries", "told"),
     [
         ([{"timestep": 0, "file": "data/9.vts"}], r"it lists data/9\.vts, which is not there \(1 of 1 files are"),
-        ([{"timestep": 0, "file": 400 * "x" + ".vts"}], "which is not there"),
         (
             [{"timestep": 0, "file": "../secret.vts"}],
             r"'\.\./secret\.vts', which is outside of its own .*move them together",
         ),
-        ([{"timestep": 0, "file": "data/../../x.vts"}], "outside of its own folder"),
         ([{"timestep": 0, "file": "/etc/x.vts"}], "outside of its own folder"),
-        ([{"timestep": 0, "file": "b.pvd"}], "'b.pvd', which is not a VTK file"),
         ([{"timestep": 0, "file": ""}], "which is not a VTK file"),
         ([{"timestep": 0, "file": "data/0.vts"}] * 2, "it lists data/0.vts twice at the time 0: leave one"),
         ([{"timestep": 0, "part": 1, "file": f"data/{k}.vts"} for k in (0, 1)], "part .*1.* twice at the time 0"),
         ([{"timestep": "inf", "file": "data/0.vts"}], "data/0.vts at a time that is not a number"),
-        ([{"timestep": "soon", "file": "data/0.vts"}], "not a list of data sets .*soon"),
-        ([{"timestep": 0}], "one of them names no file"),
         ([], "it lists no data sets"),
     ],
 )

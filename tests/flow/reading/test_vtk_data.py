@@ -81,25 +81,6 @@ def test_a_surface_of_polygons_and_its_texts(tmp_path):
         DensityField.from_pyvista(data)
 
 
-@pytest.mark.parametrize("where", ["cells", "points"])
-def test_hidden_cells_and_points_are_holes(where):
-    """Cells that another piece has, and points that are blanked, are no flow: the field is what is around them."""
-    data = vtk_writers.vtk_grid(cells=where == "cells")
-    attributes = data.GetCellData() if where == "cells" else data.GetPointData()
-    ghosts = np.zeros((writers.NJ - 1, writers.NI - 1) if where == "cells" else (writers.NJ, writers.NI), np.uint8)
-    ghosts[2:5, 3:6] = 32 if where == "cells" else 2
-    attributes.AddArray(marked := numpy_to_vtk(ghosts.ravel(), deep=True))
-    marked.SetName("vtkGhostType")
-    x, y = writers.grid()
-    inside = np.array([y[3:5, 4:6].mean(), -x[3:5, 4:6].mean()])
-    open_field = DensityField.from_pyvista(vtk_writers.vtk_grid(cells=where == "cells"))
-    holed = DensityField.from_pyvista(data)
-    assert open_field.body is None and holed.body is not None
-    assert len(holed.mesh.cells) < len(open_field.mesh.cells)
-    low, high = holed.body.profile.min(axis=0), holed.body.profile.max(axis=0)
-    assert (low < inside).all() and (inside < high).all()
-
-
 @pytest.mark.parametrize("cells", [False, True], ids=["points", "cells"])
 def test_an_even_grid_in_single_precision_is_kept(tmp_path, cells):
     """Set-up: a rectilinear grid whose coordinates are float32, offset by five times its size. It was resampled.

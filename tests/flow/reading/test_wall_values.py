@@ -69,13 +69,9 @@ def test_pressure_of_zero_gradient_and_a_given_temperature(tmp_path):
     "conditions",
     [
         b"",
-        b"body { type zeroGradient; }",
         b"body { type codedFixedValue; code #{ operator==(1.0); #}; }",
-        b"body { type fixedValue; value $wall; }",
         b"body { type fixedValue; value nonuniform List<scalar> 2(1 2); }",
         b"body { type fixedValue; value uniform -4; }",
-        b'#include "elsewhere"',
-        b"body { type fixedValue",
         b'"(" { type fixedValue; value uniform 3; }',
         b'"(b|b)(o|o)(d|d)(y|y)(b|o)*!" { type fixedValue; value uniform 3; }',
     ],

@@ -4,10 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aerokernels.flow.reading.dataset import FLAT, Block, Dataset, ReadError, wall_patches
+from aerokernels.flow.reading.dataset import FLAT, QUAD, Block, Cells, Dataset, ReadError, wall_patches
 from aerokernels.flow.reading.density import density_of, in_si
 from aerokernels.flow.reading.frame import Frame
-from aerokernels.flow.reading.planes.polygons import Polygons, merged, quad_mesh
+from aerokernels.flow.reading.planes.polygons import Polygons, joined, merged, quad_mesh
 from aerokernels.flow.sampled_density import WallDensity
 from aerokernels.medium import Body, QuadMesh
 
@@ -93,33 +93,19 @@ def _check_half_plane(path, dataset: Dataset, axis: np.ndarray, normal: np.ndarr
 def block_polygons(path, block: Block, plane: Plane, values: np.ndarray, where: str) -> Polygons:
     """Return the cells of a block as polygons in the plane, without blanked cells."""
     points = plane.local(block.points)
-    if block.shape is not None:
-        corners = _structured(path, block)
-        start = 4 * np.arange(len(corners) + 1)
-        corners = corners.ravel()
-    elif block.cells is not None and len(block.cells):
-        keep = np.isin(block.cells.types, FLAT)
-        if not keep.any():
-            raise ReadError(
-                path, f"block {block.name!r} has no triangles, quadrilaterals or polygons", "give a flow's mesh"
-            )
-        start, corners = block.cells.start, block.cells.points
-        if not keep.all():  # such as lines of the boundary
-            width = np.diff(start)
-            corners = corners[np.repeat(keep, width)]
-            start = np.concatenate([[0], np.cumsum(width[keep])])
-            values = values[keep] if where == "cell" else values
-    else:
-        raise ReadError(
-            path, f"block {block.name!r} has points and no cells", "give a file with cells, or a grid's shape"
-        )
-    polygons = Polygons(points, start, corners, values, where)
+    cells = block.cells if block.shape is None else Cells.of_one_type(QUAD, _structured(path, block))
+    if cells is None or not len(cells):
+        what = f"block {block.name!r} has points and no cells"
+        raise ReadError(path, what, "give a file with cells, or a grid's shape")
+    keep = np.isin(cells.types, FLAT)  # without lines of the boundary, say
+    if not keep.any():
+        what = f"block {block.name!r} has no triangles, quadrilaterals or polygons"
+        raise ReadError(path, what, "give a flow's mesh")
+    polygons = Polygons(points, cells.start, cells.points, values, where)
     if block.blank is not None and block.blank.any():
-        blank = block.blank
-        if len(blank) == len(block.points):
-            blank = np.maximum.reduceat(blank[polygons.corners], polygons.start[:-1])
-        return polygons.kept(~blank)
-    return polygons.used()  # without mid-edge nodes of quadratic cells, say
+        at_points = len(block.blank) == len(block.points)
+        keep &= ~(np.maximum.reduceat(block.blank[cells.points], cells.start[:-1]) if at_points else block.blank)
+    return polygons.used() if keep.all() else polygons.kept(keep)  # without mid-edge nodes of quadratic cells, say
 
 
 def structured_mesh(block: Block, plane: Plane) -> QuadMesh | None:
@@ -173,9 +159,8 @@ SAME = 1e-5  # of a cell's density: the resolution of a file with six digits
 def wall_density(reading, plane: Plane) -> WallDensity | None:
     """Return the solver's densities at points of the walls; None if no wall has others than those of its cells.
 
-    A wall counts if its values are known and differ from those of its cells: a wall of a given temperature. An edge's
-    value belongs to its middle. At a corner between two edges the value is interpolated linearly between their middles;
-    at the end of a wall it is extrapolated from the last edge.
+    An edge's value belongs to its middle. At a corner between two edges the value is interpolated linearly between
+    their middles; at the end of a wall it is extrapolated from the last edge.
     """
     path, dataset, choice = reading.path, reading.dataset, reading.choice
 
@@ -207,9 +192,7 @@ def wall_density(reading, plane: Plane) -> WallDensity | None:
 def _at_corners(edges: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the points where edges (n, 2, 2) end, and the values there, from those of the edges' middles."""
     ends = edges.reshape(-1, 2)
-    near = 1e-9 * max(float(np.ptp(ends, axis=0).max()), 1e-300)
-    _, first, point = np.unique(np.round(ends / near).astype(np.int64), axis=0, return_index=True, return_inverse=True)
-    point = point.ravel()
+    first, point = joined(ends, 1e-9 * max(float(np.ptp(ends, axis=0).max()), 1e-300))
     length = np.repeat(np.linalg.norm(edges[:, 1] - edges[:, 0], axis=1), 2)
     weight = 1.0 / length
     total = np.bincount(point, weight)
@@ -225,15 +208,10 @@ CLOSE = 1e-9  # of the field's size: closer points are the same
 
 
 def wall_body(edges: np.ndarray, mesh: QuadMesh) -> Body | None:
-    """Return the body that the walls bound, or None if they bound nothing.
+    """Return the body that walls bound by their edges (edge_count, 2, 2) [m], or None if they bound nothing.
 
     A closed wall is the body's outline. A wall that ends on the edge of the field is closed behind it: on the axis of
-    symmetry, or along the side of the field behind the wall.
-
-    `edges` are both ends of each edge of the walls [m], shape (edge_count, 2, 2).
-
-    Raises:
-        ValueError: Walls that branch, and outlines that `Body` rejects.
+    symmetry, or along the side of the field behind the wall. ValueError: walls that branch, what `Body` rejects.
     """
     size = float(max(np.ptp(mesh.vertices, axis=0).max(), 1e-300))
     outlines = []
@@ -265,21 +243,15 @@ def hole_body(mesh: QuadMesh) -> Body | None:
 
 def _without_seams(edges: np.ndarray, near: float) -> np.ndarray:
     """Return edges without those that occur twice, as along the seam of a grid that closes on itself."""
-    place = np.round(edges / near).astype(np.int64).reshape(len(edges), 2, 2)
-    swap = (place[:, 0, 0] > place[:, 1, 0]) | ((place[:, 0, 0] == place[:, 1, 0]) & (place[:, 0, 1] > place[:, 1, 1]))
-    place[swap] = place[swap][:, ::-1]
-    _, same, count = np.unique(place.reshape(len(edges), 4), axis=0, return_inverse=True, return_counts=True)
+    pairs = np.sort(joined(edges.reshape(-1, 2), near)[1].reshape(-1, 2), axis=1)
+    _, same, count = np.unique(pairs, axis=0, return_inverse=True, return_counts=True)
     return np.asarray(edges[count[same.ravel()] == 1])
 
 
 def chains(edges: np.ndarray, near: float) -> list[np.ndarray]:
-    """Join edges end to end: return the points of each chain, shape (k, 2); a closed chain ends where it begins.
-
-    Raises:
-        ValueError: More than two edges that end at one point.
-    """
+    """Join edges end to end: return the points of each chain, shape (k, 2); a closed chain ends where it begins."""
     ends = edges.reshape(-1, 2)
-    _, first, point = np.unique(np.round(ends / near).astype(np.int64), axis=0, return_index=True, return_inverse=True)
+    first, point = joined(ends, near)
     places, pairs = ends[first], point.reshape(-1, 2)
     pairs = np.unique(np.sort(pairs[pairs[:, 0] != pairs[:, 1]], axis=1), axis=0)
     touching: dict[int, list[int]] = {}

@@ -67,6 +67,13 @@ class Polygons:
         return following
 
 
+def joined(points: np.ndarray, near: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return the first of the points in each place, rounded to `near`, and the number of the place of each point."""
+    place = np.round(points / near).astype(np.int64)
+    _, first, number = np.unique(place, axis=0, return_index=True, return_inverse=True)
+    return first, number.ravel()
+
+
 def merged(parts: list[Polygons], closing: Sequence[bool] = ()) -> Polygons:
     """Merge the polygons of several blocks into one mesh: coincident points of different blocks become one.
 

@@ -16,10 +16,7 @@ class SmallCells:
         volume = np.abs(np.concatenate([own.volume for own in facts]))
         index = np.round((middle - grid.low) / grid.spacing)
         inside = (volume > 0.0) & np.all((index >= 0) & (index < grid.shape), axis=1)
-        blank = [
-            b.blank if b.blank is not None and len(b.blank) == b.cell_count else np.zeros(b.cell_count, bool)
-            for b in blocks
-        ]
+        blank = [np.zeros(b.cell_count, bool) if b.blank is None else b.blank for b in blocks]
         inside &= ~np.concatenate(blank)
         cell = np.flatnonzero(inside)
         node = np.ravel_multi_index(tuple(index[cell].astype(np.int64).T), grid.shape)

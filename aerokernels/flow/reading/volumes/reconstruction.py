@@ -55,8 +55,7 @@ class Reconstruction:
         if where == "point":
             self._corners = self.rows
         else:
-            blank = block.blank if block.blank is not None and len(block.blank) == block.cell_count else None
-            self._of_points = PointValues.of(self.rows, self.middle, points, blank)
+            self._of_points = PointValues.of(self.rows, self.middle, points, block.blank)
 
     def forget_slopes(self) -> None:
         """Free the weights of the slopes: `values` does not need them."""

@@ -236,17 +236,17 @@ def choose_grid(path, blocks, moved, spacing, region):
     """
     low = np.min([points.min(axis=0) for points in moved], axis=0)
     high = np.max([points.max(axis=0) for points in moved], axis=0)
+    whole = high - low
     if region is not None:
-        first, last = _metres(
-            region, "region must be the lowest and the highest corner [m], three numbers each", (2, 3)
-        )
+        form = "region must be the lowest and the highest corner [m], three numbers each"
+        first, last = _metres(region, form, (2, 3))
         if not (np.maximum(first, low) < np.minimum(last, high)).all():
             raise ValueError(f"region {region!r} is outside the flow of {path}, {low.tolist()} to {high.tolist()} m")
         low, high = np.maximum(first, low), np.minimum(last, high)
     extent = high - low
     if spacing is None:
         cells = max(sum(block.cell_count for block in blocks), 1)
-        size = float((np.prod([np.ptp(np.concatenate(moved)[:, k]) for k in range(3)]) / cells) ** (1.0 / 3.0))
+        size = float((np.prod(whole) / cells) ** (1.0 / 3.0))
         step = max(size, float((extent.prod() / DEFAULT_NODES) ** (1.0 / 3.0)))
         # An axis along which the mesh is thinner still gets LEAST_NODES nodes; the other axes get fewer in return.
         thin = extent < step * (LEAST_NODES - 1)

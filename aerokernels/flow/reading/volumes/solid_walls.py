@@ -10,6 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from aerokernels.flow.reading.dataset import Block, Polygons, ReadError, wall_patches
+from aerokernels.flow.reading.planes.polygons import joined
 from aerokernels.flow.reading.volumes.solids import FACES, NodeGrid, corner_chunks
 from aerokernels.medium import SolidBody
 
@@ -49,10 +50,9 @@ def boundary_polygons(block: Block, points: np.ndarray) -> Polygons:
         first, start = len(faces.neighbour), faces.start
         return Polygons(points[faces.points[start[first] :]], start[first:] - start[first])
     label = np.random.default_rng(7).integers(1, 2**63, len(points), dtype=np.uint64)
-    blank = block.blank if block.blank is not None and len(block.blank) == block.cell_count else None
 
     def faces_of(chunk) -> tuple[np.ndarray, np.ndarray]:
-        corners = chunk.corners if blank is None else chunk.corners[:, ~blank[chunk.cell]]
+        corners = chunk.corners if block.blank is None else chunk.corners[:, ~block.blank[chunk.cell]]
         four = corners[np.array(FACES[chunk.kind])]  # (f, 4, n)
         own = label[four]
         triangle = four[:, 2] == four[:, 3]
@@ -77,10 +77,8 @@ def _triangles(parts: list[Polygons], near: float) -> tuple[np.ndarray, np.ndarr
     """Return vertices [m] and triangles of polygons, joined where they meet; faces listed twice are left out."""
     points = np.concatenate([part.points for part in parts])
     width = np.concatenate([np.diff(part.start) for part in parts])
-    _, first, vertex = np.unique(
-        np.round(points / near).astype(np.int64), axis=0, return_index=True, return_inverse=True
-    )
-    vertices, vertex = points[first], vertex.ravel()
+    first, vertex = joined(points, near)
+    vertices = points[first]
     face = np.repeat(np.arange(len(width)), width)
     # A face is identified by its corners in any order; a face that occurs twice has the flow on both sides.
     label = np.random.default_rng(8).integers(1, 2**63, len(vertices), dtype=np.uint64)

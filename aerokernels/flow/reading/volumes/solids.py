@@ -6,7 +6,6 @@ rasterised into uniform grids of nodes on all cores, in bounded memory.
 """
 
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from functools import partial
 from threading import Lock
@@ -16,6 +15,7 @@ import numpy as np
 
 from aerokernels.flow.reading.dataset import CORNERS, HEXAHEDRON, POLYHEDRON, PRISM, PYRAMID, TETRAHEDRON, Block
 from aerokernels.process.machine import core_count
+from aerokernels.process.threads import in_turn
 
 # Faces by their corners, counter-clockwise seen from outside; a triangle repeats its last corner.
 FACES = {
@@ -243,7 +243,6 @@ def rasterise(block: Block, points: np.ndarray, grids: list[NodeGrid], first_cel
     """Rasterise the solid cells of a block into grids, where their numbers begin with `first_cell`."""
     count = block.cell_count
     facts = CellFacts(np.zeros(count), np.zeros((count, 3)))
-    blank = block.blank if block.blank is not None and len(block.blank) == count else None
     across = np.ascontiguousarray(points.T)
 
     def work(made: Callable[[], Solids]) -> None:
@@ -251,17 +250,10 @@ def rasterise(block: Block, points: np.ndarray, grids: list[NodeGrid], first_cel
         facts.volume[solids.cell] = solids.volume
         facts.middle[solids.cell] = solids.middle.T
         for grid in grids:
-            _rasterise_some(solids, grid, first_cell, blank)
+            _rasterise_some(solids, grid, first_cell, block.blank)
 
-    threads = core_count()
-    with ThreadPoolExecutor(threads) as pool:
-        waiting = []
-        for made in solid_chunks(block, across):
-            waiting.append(pool.submit(work, made))
-            if len(waiting) >= 2 * threads:  # bound the memory of chunks in progress
-                waiting.pop(0).result()
-        for last in waiting:
-            last.result()
+    for _ in in_turn(work, solid_chunks(block, across), core_count()):
+        pass
     return facts
 
 

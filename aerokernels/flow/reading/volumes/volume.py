@@ -81,8 +81,10 @@ def _on_uniform_grid(reading, density: np.ndarray, low, step, measured) -> GridD
 def cells_blanked(block: Block) -> Block:
     """Return the block with blanked points converted to blanked cells: cells with a blanked corner."""
     blank = block.blank
-    if blank is None or not blank.any() or len(blank) == block.cell_count:
+    if blank is None or len(blank) == block.cell_count:
         return block
+    if not blank.any():
+        return replace(block, blank=None)
     hidden = np.zeros(block.cell_count, bool)
     for chunk in corner_chunks(block):
         hidden[chunk.cell] = blank[chunk.corners].any(axis=0)
@@ -263,12 +265,10 @@ def estimated_error(average: np.ndarray, smooth: np.ndarray, step: np.ndarray) -
 
     `average` [kg/m3] and `smooth` cells, beside no captured shock, are [x, y, z]; `step` is the cells' size [m].
     """
-    i, j = (_some(n) for n in average.shape[:2])
+    i, j = (np.unique(((np.arange(LINES) + 0.5) / LINES * n).astype(np.int64)) for n in average.shape[:2])
     # [row in x, its side, row in y, its side, z]; cells beyond the edge are extrapolated linearly from the last two
-    near = _with_sides(_with_sides(average, i, 0), j, 2)
-    near = np.concatenate(
-        [2.0 * near[..., :1] - near[..., 1:2], near, 2.0 * near[..., -1:] - near[..., -2:-1]], axis=-1
-    )
+    padded = np.pad(average, 1, mode="reflect", reflect_type="odd")
+    near = padded[i[:, None, None, None] + np.arange(3)[:, None, None], j[:, None] + np.arange(3)]
     deficit = _deficits(near)
     free = smooth[i][:, j]
     change = np.zeros(deficit.shape)
@@ -285,23 +285,6 @@ def estimated_error(average: np.ndarray, smooth: np.ndarray, step: np.ndarray) -
         float(np.sqrt(np.mean(likely**2))),
         float(greatest.max()),
     )
-
-
-def _some(count: int) -> np.ndarray:
-    """Return the numbers of some rows, evenly spaced among `count`."""
-    return np.unique(((np.arange(LINES) + 0.5) / LINES * count).astype(np.int64))
-
-
-def _with_sides(values: np.ndarray, index: np.ndarray, axis: int) -> np.ndarray:
-    """Return some entries along an axis with those before and after each, on a new axis behind it."""
-    last = values.shape[axis] - 1
-    own = np.take(values, index, axis)
-    inward = np.take(values, np.where(index == 0, 1, index - 1), axis)
-    onward = np.take(values, np.where(index == last, last - 1, index + 1), axis)
-    shape = [-1 if k == axis else 1 for k in range(values.ndim)]
-    before = np.where((index == 0).reshape(shape), 2.0 * own - onward, inward)
-    after = np.where((index == last).reshape(shape), 2.0 * own - inward, onward)
-    return np.stack([before, own, after], axis=axis + 1)
 
 
 def _deficits(near: np.ndarray) -> np.ndarray:
