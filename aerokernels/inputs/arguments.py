@@ -138,7 +138,7 @@ def _signature(function: Callable) -> inspect.Signature:
 def _accepted(value: Any, parameter: str, taken: Kinds | None, name: str) -> Any:
     """Return an argument as the function gets it; raises TypeError or ValueError with a message for a wrong one."""
     is_plain = type(value) in (int, float, str, bool, type(None))  # of no library of arrays, as most arguments
-    if not is_plain:
+    if not is_plain and type(value) is not np.ndarray:
         value = on_host(value)
         refuse_masked(value, parameter)
     if taken is None:

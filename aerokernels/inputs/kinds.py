@@ -30,12 +30,10 @@ class Kinds:
         # A unit in the description of a function is the one of its argument.
         self.unit = "" if Callable in self.members else unit
         self.are_numbers = float in self.members or int in self.members
-
-    @property
-    def has_classes(self) -> bool:
-        """Whether the parameter accepts objects of classes, or tuples."""
-        return any(isinstance(kind, tuple) for kind in self.members) or any(
-            isinstance(kind, type) and kind not in _NOUNS and kind not in (float, int) for kind in self.members
+        # Whether it accepts objects of classes, or tuples.
+        self.has_classes = any(
+            isinstance(kind, tuple) or (isinstance(kind, type) and kind not in (*_NOUNS, float, int))
+            for kind in self.members
         )
 
     def plain(self, value: Any, parameter: str, owner: str) -> Any:
