@@ -4,7 +4,7 @@
 #include "pupil_shape.h"
 #include "sobol.h"
 
-// The substitution p(t) of aerokernels/tracing/pupil/lattice_quadrature.py.
+// The substitution p(t) of aerokernels/tracing/tasks/quadrature.py.
 static inline double periodic_place(double t)
 {
     return t * t * t * (10.0 + t * (6.0 * t - 15.0));
@@ -27,7 +27,7 @@ static inline double periodic_weight(double t)
 // point order_in[r % per_replicate] of replicate r / per_replicate, an order in which neighbours in the launch are
 // neighbours on the pupil. generator: 0 for Sobol points; else the generator of a lattice of per_replicate points,
 // which is made periodic along the axes whose bits are set in `smoothed`, with the weights weight_out (ray_count): see
-// aerokernels/tracing/pupil/lattice_quadrature.py. Rays from first_ray up to ray_count: position_out [m] and
+// aerokernels/tracing/tasks/quadrature.py. Rays from first_ray up to ray_count: position_out [m] and
 // direction_out (ray_count, 3), packed; pupil_out (ray_count), coordinates across the look direction in units of its reach.
 __kernel void launch_pupil(
     const double3 center,

@@ -5,6 +5,8 @@ from functools import cached_property
 
 import numpy as np
 
+from aerokernels.tracing.tasks.sums import fit_moments, rms_about
+
 from ..display.quantities import ErrorBudget, combine, unknown
 from ..medium import IndexField
 from ..pupils import transverse_axes
@@ -13,7 +15,6 @@ from ..rays import RayBundle
 from ..tracing import Plane
 from ..tracing.cuts import lost
 from ..tracing.plan import TracePlan
-from ..tracing.pupil.sums import fit_moments, rms_about
 from ..tracing.status import reached
 from ..tracing.trace import rerun
 from ..tracing.variants.causes import Variants, errors, sample_size, variants
@@ -75,7 +76,7 @@ class StrehlErrors:
     Attributes:
         rays: Some of the pupil's rays and their changes.
         standard_error: Standard error of the Strehl ratio over the replicates.
-        moments: Sums of the replicates, shape (replicate_count, at least 10), see tracing/pupil/sums.py.
+        moments: Sums of the replicates, shape (replicate_count, at least 10), see tracing/tasks/sums.py.
         remove: Terms removed from the wavefront.
     """
 

@@ -9,6 +9,7 @@ from typing import Unpack
 import numpy as np
 
 from aerokernels.inputs.checks import warn_caller
+from aerokernels.tracing.tasks.sums import fit_moments
 
 from ..inputs.arguments import Numbers, checked
 from ..inputs.checks import check_count
@@ -20,7 +21,6 @@ from ..tracing.engines import engine_of
 from ..tracing.plan import TraceOptions, TracePlan, complete
 from ..tracing.pupil.job import REPLICATES, PupilJob, PupilRequest
 from ..tracing.pupil.new_values import next_job
-from ..tracing.pupil.sums import fit_moments
 from ..tracing.retrace import report_rejected
 from ..wavefronts import check_terms
 from .budget import StrehlErrors, StrehlVariants

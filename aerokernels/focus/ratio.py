@@ -16,6 +16,8 @@ from typing import Any
 
 import numpy as np
 
+from aerokernels.tracing.tasks.sums import rms_about
+
 from ..display.quantities import ErrorBudget, Quantity, Verdict, judge, listed, main_cause
 from ..display.shown import shown
 from ..inputs.arguments import Numbers, checked
@@ -23,7 +25,6 @@ from ..inputs.wavelength import check_wavelength
 from ..medium import IndexField
 from ..process.clock import clocked, stage
 from ..tracing.lines import box_size, greatest_contrast
-from ..tracing.pupil.sums import rms_about
 from ..wavefronts import (
     check_metres,
     check_terms,

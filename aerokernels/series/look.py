@@ -22,6 +22,7 @@ import numpy as np
 
 from aerokernels import __version__
 from aerokernels.inputs.checks import warn_caller
+from aerokernels.tracing.tasks.quadrature import asymmetry
 
 from ..flow import DensityField, Series
 from ..focus.estimate import PreparedStrehl
@@ -34,7 +35,6 @@ from ..pupils import direction_of
 from ..rays import RayBundle
 from ..tracing.cuts import flow_ends
 from ..tracing.lines import NoRayMeetsField
-from ..tracing.pupil.quadrature import asymmetry
 from ..wavefronts.terms import NUMBERS
 
 if TYPE_CHECKING:

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from aerokernels.medium.grid import GridPlaces
+from aerokernels.tracing.tasks.unresolved import potential_by_blocks
 
 from ..derived import Cached, cached_on
 from ..medium.grid import FETCH, UniformGrid
@@ -23,7 +24,6 @@ from ..medium.spline import pivots
 from .engines import Engine
 from .engines.interface import PROGRAMS
 from .error_limit import potential_peaks
-from .leapfrog.unresolved import potential_by_blocks
 from .step_bound import block_size, roughness_of_blocks
 
 # Grids of fewer nodes are as fast on the host: volumes, and those of two axes, for which a CPU makes the spline.

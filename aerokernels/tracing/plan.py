@@ -3,7 +3,8 @@
 from dataclasses import asdict, dataclass, field
 from typing import TypedDict
 
-from .leapfrog.unresolved import Sampling
+from aerokernels.tracing.tasks.unresolved import Sampling
+
 from .straight_lines import LeverArms
 
 # Methods that a caller may request.

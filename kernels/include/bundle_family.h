@@ -1,5 +1,5 @@
 // Whether a ray belongs to a family of two parameters, and its undisturbed line through the box. See
-// aerokernels/tracing/bundle/family.py and nodes.py.
+// aerokernels/tracing/tasks/family.py.
 #ifndef BUNDLE_FAMILY_H
 #define BUNDLE_FAMILY_H
 

@@ -1,5 +1,5 @@
 // A volume's potential from the polynomials of cubes of cells, for each ray of a packet (see
-// aerokernels/tracing/leapfrog/cube_polynomials.py): CUBE_ROW contiguous numbers per cube.
+// aerokernels/tracing/tasks/cube_polynomials.py): CUBE_ROW contiguous numbers per cube.
 #ifndef CUBES_H
 #define CUBES_H
 

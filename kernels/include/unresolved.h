@@ -1,5 +1,5 @@
 // A bound of the error from features between a ray's leapfrog samples: a table summed along its path, and one looked up
-// at its ends (see aerokernels/tracing/leapfrog/unresolved.py).
+// at its ends (see aerokernels/tracing/tasks/unresolved.py).
 #ifndef UNRESOLVED_H
 #define UNRESOLVED_H
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from aerokernels import Annulus, Disc, IndexField, Mask, Rectangle, estimate_strehl, prepare_strehl
-from aerokernels.tracing.pupil.quadrature import lattice_points, lattice_sizes
+from aerokernels.tracing.tasks.quadrature import lattice_points, lattice_sizes
 
 WAVE = 905e-9
 ASKED = 1 << 17

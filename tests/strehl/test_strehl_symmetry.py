@@ -9,8 +9,8 @@ import aerokernels
 from aerokernels import Body, Disc, IndexField, Plane, RayBundle, available_backends, flow, trace
 from aerokernels.tracing.engines.reference import pupil as reference_pupil
 from aerokernels.tracing.pupil import run as pupil_run
-from aerokernels.tracing.pupil.quadrature import RADIAL_RAYS, radial_points
-from aerokernels.tracing.pupil.sums import PupilTask
+from aerokernels.tracing.tasks.quadrature import RADIAL_RAYS, radial_points
+from aerokernels.tracing.tasks.sums import PupilTask
 
 # The lens of this page ends at the faces of its box: what lies beyond is known to be ambient.
 estimate_strehl = partial(aerokernels.estimate_strehl, allow_truncation=True)

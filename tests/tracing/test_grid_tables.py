@@ -9,8 +9,8 @@ from aerokernels.tracing import grid_tables
 from aerokernels.tracing.engines import engine_of
 from aerokernels.tracing.engines.interface import GRID_TABLES
 from aerokernels.tracing.error_limit import potential_peaks
-from aerokernels.tracing.leapfrog.unresolved import potential_by_blocks
 from aerokernels.tracing.step_bound import roughness_of_blocks
+from aerokernels.tracing.tasks.unresolved import potential_by_blocks
 
 from .backends import ENGINES, on
 

@@ -17,8 +17,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from aerokernels.tracing.tasks.bundle_table import CHANNELS, Traced
+
 from ..blocks import greatest_around
-from .table import CHANNELS, Traced
 
 # Blocks along the shorter and along the longer axis of the coarsest lattice: at least, and at most.
 FEWEST, MOST = 2, 8

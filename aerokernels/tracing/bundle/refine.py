@@ -21,9 +21,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from .family import Family
+from aerokernels.tracing.tasks.bundle_table import BundleTable, FaceClasses, Tracer, map_of, trace_lines
+from aerokernels.tracing.tasks.family import Family
+
 from .lattice import Lattice
-from .table import BundleTable, FaceClasses, Tracer, map_of, trace_lines
 from .tubes import RESOLVED, Clearance, Tubes
 
 # Levels that are always divided: 33 x 33 lines on a square.

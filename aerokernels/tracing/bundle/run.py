@@ -6,6 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from aerokernels.tracing.tasks.bundle_table import CHANNELS, TRACED, BundleTable, FaceClasses, channels_of
+from aerokernels.tracing.tasks.family import Family, counted_parameters, find_family
+
 from ...derived import cached_on
 from ...device_arrays import DeviceArray, on_host, rows_begun
 from ...medium import IndexField
@@ -21,9 +24,7 @@ from ..plan import BundleCounts, TracePlan
 from ..planning import make_plan, plan_bundle
 from ..status import NOT_DELIVERED
 from ..straight_lines import lever_arms_of
-from .family import Family, counted_parameters, find_family
 from .refine import Limits, Refinement
-from .table import CHANNELS, TRACED, BundleTable, FaceClasses, channels_of
 from .tubes import Clearance, Tubes
 
 # Smaller bundles are traced ray by ray.

@@ -16,13 +16,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from aerokernels.tracing.tasks.bundle_table import undisturbed_length
+from aerokernels.tracing.tasks.family import Family
+
 from ...medium import IndexField
 from ...medium.grid import UniformGrid, local_coordinates
 from ..blocks import greatest_around
 from ..lines import box_span
 from ..step_bound import roughness_of_blocks
-from .family import Family
-from .table import undisturbed_length
 
 # Distance between lines, in cells, below which they resolve everything that a grid holds.
 RESOLVED = 0.75

@@ -9,11 +9,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from aerokernels.tracing.tasks.unresolved import lookup_table, missed_at_ends
+
 from ...derived import Derived
 from ...medium import IndexField
 from ...medium.grid import UniformGrid
 from ..error_limit import error_limit, left_out, support_box
-from ..leapfrog.unresolved import lookup_table, missed_at_ends
 from ..plan import TracePlan
 from ..result import output_mask
 from ..scheme import LAXEST, MESH_STEP_LIMIT, STEP_LIMIT

@@ -13,13 +13,14 @@ from typing import Any
 
 import numpy as np
 
+from aerokernels.tracing.engines.bundle_frame import kernel_arrays, kernel_numbers
+from aerokernels.tracing.tasks.bundle_table import BundleTable
+from aerokernels.tracing.tasks.cube_polynomials import cube_polynomials
+
 from ...derived import cached_on, key_of
 from ...medium import IndexField
 from ...medium.grid import UniformGrid
 from ...process.clock import stage
-from ..bundle.frame import kernel_arrays, kernel_numbers
-from ..bundle.table import BundleTable
-from ..leapfrog.cube_polynomials import cube_polynomials
 from ..plan import TracePlan
 from .field_data import FieldData, array_of, field_data, plan_members, step_bound_tables, stop_kind, trace_members
 from .layout import REAL_TYPES, STRUCTS, Value, arrays_of

@@ -5,12 +5,13 @@ from copy import copy
 
 import numpy as np
 
+from aerokernels.tracing.tasks.unresolved import Sampling
+
 from ...medium import IndexField
 from ...rays import RayBundle
 from ..error_limit import path_exceeds, support_box
 from ..straight_lines import LeverArms, lines_through
 from .missed_on_lines import disturbed_ends, greatest_error, missed_along
-from .unresolved import Sampling
 
 # Up to this factor more samples are taken in preference to computing the sharper bound of a field of two axes, and of a
 # volume, for which that takes ten times as long.

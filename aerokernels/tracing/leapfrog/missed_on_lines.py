@@ -4,14 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...derived import cached_on
-from ...medium import IndexField
-from ...medium.grid import UniformGrid, local_coordinates
-from ..blocks import greatest_of_neighbors
-from ..scheme import LOOKUP_STRIDE, MISSED_SLOPE
-from ..step_bound import block_size
-from ..straight_lines import Lines, local_range
-from .unresolved import (
+from aerokernels.tracing.tasks.unresolved import (
     EVERYWHERE,
     Sampling,
     along_axes,
@@ -22,6 +15,14 @@ from .unresolved import (
     potential_by_blocks,
     with_neighbors,
 )
+
+from ...derived import cached_on
+from ...medium import IndexField
+from ...medium.grid import UniformGrid, local_coordinates
+from ..blocks import greatest_of_neighbors
+from ..scheme import LOOKUP_STRIDE, MISSED_SLOPE
+from ..step_bound import block_size
+from ..straight_lines import Lines, local_range
 
 # Ends of rays count where the potential over the length of a block exceeds this share of the tolerance.
 ENDS_SHARE = 0.02

@@ -14,6 +14,9 @@ from typing import Any
 
 import numpy as np
 
+from aerokernels.tracing.tasks.cube_polynomials import approximate_deviation, may_have_cubes
+from aerokernels.tracing.tasks.unresolved import Sampling
+
 from ...derived import cached_on
 from ...device_arrays import extremes_of, is_one_row
 from ...medium import IndexField
@@ -26,9 +29,7 @@ from ..plan import TracePlan
 from ..stop import ArcLength
 from ..straight_lines import LeverArms, lever_arms_of, outermost, outermost_rays
 from .between_samples import MARGIN, SPREAD_RAYS, MissedStructure, multiple_of_three
-from .cube_polynomials import approximate_deviation, may_have_cubes
 from .pilot import LEAST_RAYS, Level, SampleCost, error_scales, greatest_bend, level_pair, levels_of
-from .unresolved import Sampling
 
 # Greatest distance of samples in cells. Structure between the samples is bounded from the field as well.
 WIDEST = 7.0

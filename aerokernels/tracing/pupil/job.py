@@ -8,6 +8,20 @@ from typing import Any
 
 import numpy as np
 
+from aerokernels.tracing.tasks.quadrature import (
+    ACCEPTED,
+    ENOUGH,
+    LATTICES,
+    RADIAL_RAYS,
+    SETTLED,
+    choose_radial,
+    fewer_rays,
+    lattice_sizes,
+    may_still_settle,
+    radial_bundle,
+)
+from aerokernels.tracing.tasks.sums import PupilTask
+
 from ...derived import cached_on
 from ...medium import IndexField
 from ...medium.grid import UniformGrid
@@ -20,20 +34,7 @@ from ..plan import TracePlan
 from ..planning import check_choices, plan_rays
 from ..stop import Plane, plane_beyond
 from .air import SAMPLE_RAYS, PupilAir, pupil_air
-from .quadrature import (
-    ACCEPTED,
-    ENOUGH,
-    LATTICES,
-    RADIAL_RAYS,
-    SETTLED,
-    choose_radial,
-    fewer_rays,
-    lattice_sizes,
-    may_still_settle,
-    radial_bundle,
-)
 from .run import PupilRun
-from .sums import PupilTask
 
 REPLICATES = 16
 # The seed of the points that decide which lattice is taken.

@@ -25,6 +25,9 @@ from typing import Any
 
 import numpy as np
 
+from aerokernels.tracing.tasks.sums import PupilSums, PupilTask
+from aerokernels.tracing.tasks.unresolved import potential_by_blocks
+
 from ...medium import IndexField
 from ...medium.grid import FETCH, UniformGrid
 from ...rays import RayBundle
@@ -36,14 +39,12 @@ from ..launch import RepeatedTrials, Trials
 from ..leapfrog.between_samples import MissedStructure
 from ..leapfrog.pilot import GREATEST_BEND, GREATEST_SHARE, SAFETY, pair_numbers, pair_of
 from ..leapfrog.sample_count import PILOT_OUTPUTS, judged_pair, leapfrog_reason, least_samples
-from ..leapfrog.unresolved import potential_by_blocks
 from ..plan import TracePlan
 from ..step_bound import roughness_of_blocks
 from ..straight_lines import LeverArms
 from .air import pupil_air
 from .job import PupilJob
 from .run import PupilRun
-from .sums import PupilSums, PupilTask
 
 # The plan is made for fields that are stronger by this factor.
 STRONGER = 1.5

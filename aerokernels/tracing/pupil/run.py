@@ -8,18 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from ...derived import cached_on
-from ...medium import IndexField
-from ...process.clock import stage
-from ...pupils import across_look
-from ...rays import Pupil, RayBundle
-from ..engines import OUTPUT_TYPES, Engine, engine_of
-from ..engines.device_memory import memory_of
-from ..launch import RAY_BYTES
-from ..retrace import retrace_rejected
-from ..status import RayStatus
-from .quadrature import lattice_order, radial_points, smoothed_axes
-from .sums import (
+from aerokernels.tracing.tasks.quadrature import lattice_order, radial_points, smoothed_axes
+from aerokernels.tracing.tasks.sums import (
     MOMENT_COUNT,
     PUPIL_OUTPUTS,
     SUM_COUNT,
@@ -35,6 +25,17 @@ from .sums import (
     point_order,
     radial_rays,
 )
+
+from ...derived import cached_on
+from ...medium import IndexField
+from ...process.clock import stage
+from ...pupils import across_look
+from ...rays import Pupil, RayBundle
+from ..engines import OUTPUT_TYPES, Engine, engine_of
+from ..engines.device_memory import memory_of
+from ..launch import RAY_BYTES
+from ..retrace import retrace_rejected
+from ..status import RayStatus
 
 # Bytes of a ray that stay on the device for the second sum: pupil coordinates, OPD and status.
 KEPT_BYTES = 16 + 8 + 4

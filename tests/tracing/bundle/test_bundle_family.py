@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from aerokernels import ArcLength, IndexField, Plane, RayBundle, trace
-from aerokernels.tracing.bundle.family import Family, find_family
 from aerokernels.tracing.bundle.tubes import Tubes
+from aerokernels.tracing.tasks.family import Family, find_family
 
 H = 1e-3 / 16
 FAR = Plane((0.0, 0.0, 4e-3), (0.0, 0.0, 1.0))

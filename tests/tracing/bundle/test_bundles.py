@@ -8,7 +8,7 @@ import pytest
 
 from aerokernels import ArcLength, Body, Disc, IndexField, Plane, RayBundle, trace
 from aerokernels.tracing import RayStatus
-from aerokernels.tracing.bundle.family import SAMPLE, some_rows
+from aerokernels.tracing.tasks.family import SAMPLE, some_rows
 
 from ..backends import ENGINES, WAVE, on
 

@@ -15,9 +15,9 @@ from aerokernels.tracing import Plane, RayStatus, trace
 from aerokernels.tracing.leapfrog.pilot import LEAST_RAYS
 from aerokernels.tracing.plan import TracePlan
 from aerokernels.tracing.pupil.run import PupilRun
-from aerokernels.tracing.pupil.sums import PupilTask
 from aerokernels.tracing.retrace import ToleranceWarning
 from aerokernels.tracing.straight_lines import lever_arms_of
+from aerokernels.tracing.tasks.sums import PupilTask
 from tests.random_fields import uniform_field
 
 from ..backends import ENGINES, WAVE, on

@@ -6,11 +6,11 @@ import pytest
 from aerokernels import Annulus, Disc, Mask, Polygon, estimate_strehl
 from aerokernels.medium import IndexField
 from aerokernels.pupils.square_map import RING, SquareMap
-from aerokernels.tracing.pupil.quadrature import LATTICES, lattice_points, smoothed_axes
 from aerokernels.tracing.pupil.run import check_memory
-from aerokernels.tracing.pupil.sums import MOMENT_COUNT, SUM_COUNT
 from aerokernels.tracing.scheme import GROUP, REDUCTION_WIDTH
 from aerokernels.tracing.status import RayStatus
+from aerokernels.tracing.tasks.quadrature import LATTICES, lattice_points, smoothed_axes
+from aerokernels.tracing.tasks.sums import MOMENT_COUNT, SUM_COUNT
 
 from ..opencl_stands import need_opencl
 

@@ -6,8 +6,8 @@ import pytest
 from aerokernels import IndexField, Plane, RayBundle, trace
 from aerokernels.benchmark.scenes import bundle_scene
 from aerokernels.medium.spline import weights
-from aerokernels.tracing.leapfrog.cube_polynomials import OFTEN, POWERS, WHOLE, cube_polynomials
 from aerokernels.tracing.scheme import CUBE_SIDE
+from aerokernels.tracing.tasks.cube_polynomials import OFTEN, POWERS, WHOLE, cube_polynomials
 
 from ..backends import WAVE
 

@@ -5,9 +5,9 @@ import pytest
 from scipy.interpolate import NdBSpline, make_interp_spline
 
 from aerokernels.medium.grid import UniformGrid
-from aerokernels.tracing.leapfrog import unresolved
-from aerokernels.tracing.leapfrog.high_pass import high_pass
 from aerokernels.tracing.step_bound import potential_at_nodes
+from aerokernels.tracing.tasks import unresolved
+from aerokernels.tracing.tasks.high_pass import high_pass
 
 # Share of the change in a cell, for air that is linear across the rays; values even about the faces leave 0.22.
 LINEAR = 0.025

@@ -18,7 +18,7 @@ from aerokernels.tracing.launch import launch
 from aerokernels.tracing.leapfrog.pilot import LEAST_RAYS
 from aerokernels.tracing.plan import TracePlan
 from aerokernels.tracing.pupil.run import PupilRun
-from aerokernels.tracing.pupil.sums import PupilTask
+from aerokernels.tracing.tasks.sums import PupilTask
 from tests.random_fields import uniform_field
 
 from ..backends import ENGINES, WAVE, on

@@ -10,10 +10,10 @@ import pytest
 
 from aerokernels import Disc, IndexField, Plane, RayBundle, prepare_strehl, trace
 from aerokernels.tracing.error_limit import support_box
-from aerokernels.tracing.leapfrog.unresolved import potential_by_blocks
 from aerokernels.tracing.pupil import new_values
 from aerokernels.tracing.pupil.run import PupilRun
 from aerokernels.tracing.step_bound import roughness_of_blocks
+from aerokernels.tracing.tasks.unresolved import potential_by_blocks
 
 from ..backends import OPENCL, on
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from aerokernels import Disc, IndexField, estimate_strehl, prepare_strehl
-from aerokernels.tracing.pupil.quadrature import ENOUGH
+from aerokernels.tracing.tasks.quadrature import ENOUGH
 
 from ..backends import ENGINES, on
 

@@ -7,13 +7,13 @@ import pytest
 
 from aerokernels.pupils import Disc
 from aerokernels.tracing import Plane
-from aerokernels.tracing.pupil import sums as pupil_fit
-from aerokernels.tracing.pupil.sums import MOMENT_COUNT, PupilTask
+from aerokernels.tracing.tasks import sums as pupil_fit
+from aerokernels.tracing.tasks.sums import MOMENT_COUNT, PupilTask
 from tests.random_fields import uniform_field
 
 
 def moments(x, y, w) -> np.ndarray:
-    """Sums in the order of pupil/sums.py."""
+    """Sums in the order of tasks/sums.py."""
     q = x * x + y * y
     return np.array([np.sum(one) for one in (1 + 0 * x, x, y, w, x * x, x * y, y * y, x * w, y * w, w * w, 0 * x, 0 * x,
                                              x * q, y * q, q * q, q * w)])  # fmt: skip

@@ -9,12 +9,12 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from aerokernels.medium.bodies.crossings import LEAST_SIDE
+from aerokernels.tracing.tasks.sums import MOMENT_COUNT, SUM_COUNT
 
 from ....medium.bodies.crossings import PARALLEL
 from ....medium.grid import AXIS_CORE
 from ....pupils import square_map
 from ... import scheme, tableau
-from ...pupil.sums import MOMENT_COUNT, SUM_COUNT
 from ...result import OUTPUT_BITS
 from ...status import RayStatus
 from ...step_bound import CONE_SINES, CONES

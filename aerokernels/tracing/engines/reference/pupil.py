@@ -2,10 +2,19 @@
 
 import numpy as np
 
+from aerokernels.tracing.tasks.quadrature import lattice_points, smoothed_axes
+from aerokernels.tracing.tasks.sums import (
+    MOMENT_COUNT,
+    PUPIL_OUTPUTS,
+    PupilSums,
+    PupilTask,
+    fit_surface,
+    moments_in_metres,
+    radial_rays,
+)
+
 from ....pupils import across_look
 from ....rays import RayBundle
-from ...pupil.quadrature import lattice_points, smoothed_axes
-from ...pupil.sums import MOMENT_COUNT, PUPIL_OUTPUTS, PupilSums, PupilTask, fit_surface, moments_in_metres, radial_rays
 from ...status import reached
 from ...trace import run_plan
 

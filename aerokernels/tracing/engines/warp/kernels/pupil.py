@@ -7,8 +7,9 @@ areas of the unit square map to equal shares of the pupil (device_arrays/kernels
 
 import warp as wp
 
+from aerokernels.tracing.tasks.sums import MOMENT_COUNT, SUM_COUNT
+
 from .....device_arrays.kernels import place_on_pupil
-from ....pupil.sums import MOMENT_COUNT, SUM_COUNT
 from ....scheme import GROUP, HASHES, REDUCTION_WIDTH
 from ....status import RayStatus
 
@@ -125,7 +126,7 @@ def second_axis(index: wp.uint32):
 
 @wp.func
 def periodic_place(t: wp.float64):
-    """The substitution p(t) of lattice_quadrature.py."""
+    """The substitution p(t) of tasks/quadrature.py."""
     return t * t * t * (wp.float64(10.0) + t * (wp.float64(6.0) * t - wp.float64(15.0)))
 
 
@@ -165,7 +166,7 @@ def launch_pupil(
     pupils.across_look.
 
     Ray r of a replicate is point order_in[r] of the replicate: neighbours in the launch are then neighbours on the
-    pupil. With a generator the points are those of a lattice, with weights: see lattice_quadrature.py.
+    pupil. With a generator the points are those of a lattice, with weights: see tasks/quadrature.py.
     """
     ray = wp.tid() + first_ray
     replicate = ray // per_replicate

@@ -1,7 +1,7 @@
 """Device functions about the field's support, the part of the box in which the air is not uniform, and paths out of it.
 
 Outside the support a ray is a straight line, whose intersection with the faces of the box is computed exactly. Within
-it the error from features between samples is looked up in a table (tracing/leapfrog/unresolved.py).
+it the error from features between samples is looked up in a table (tracing/tasks/unresolved.py).
 """
 
 from types import SimpleNamespace

@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from ...medium import IndexField
-from ...rays import Pupil
-from ..plan import TracePlan
-from ..scheme import GROUP, REDUCTION_WIDTH
-from ..stop import Plane
-from .quadrature import radial_points
+from aerokernels.medium import IndexField
+from aerokernels.rays import Pupil
+from aerokernels.tracing.plan import TracePlan
+from aerokernels.tracing.scheme import GROUP, REDUCTION_WIDTH
+from aerokernels.tracing.stop import Plane
+from aerokernels.tracing.tasks.quadrature import radial_points
 
 # Per replicate: count, x, y, W, xx, xy, yy, xW, yW, WW over the rays that arrived, then the greatest step error and
 # the field evaluations of all rays, and over those that arrived xq, yq, qq and qW with q = xx + yy.

@@ -35,13 +35,13 @@ from functools import reduce
 
 import numpy as np
 
-from ...derived import cached_on
-from ...medium import IndexField
-from ...medium.grid import UniformGrid
-from ..blocks import block_maxima, block_means, by_slabs, greatest_around
-from ..scheme import MISSED_SLOPE
-from ..step_bound import block_size, potential_at_nodes, roughness_of_blocks
-from .high_pass import high_pass
+from aerokernels.derived import cached_on
+from aerokernels.medium import IndexField
+from aerokernels.medium.grid import UniformGrid
+from aerokernels.tracing.blocks import block_maxima, block_means, by_slabs, greatest_around
+from aerokernels.tracing.scheme import MISSED_SLOPE
+from aerokernels.tracing.step_bound import block_size, potential_at_nodes, roughness_of_blocks
+from aerokernels.tracing.tasks.high_pass import high_pass
 
 # Frequencies along a ray, times H, from which on components are passed: along the ray, and at its ends, where half of
 # the share that is passed (high_pass.py) is then 9.9 x^3 for small x.

@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from ..engines.layout import OPTIONS
-from ..result import output_mask
-from ..stop import ArcLength, Plane
-from .family import LEAST_COSINE, Family
-from .table import FAR, BundleTable
+from aerokernels.tracing.engines.layout import OPTIONS
+from aerokernels.tracing.result import output_mask
+from aerokernels.tracing.stop import ArcLength, Plane
+from aerokernels.tracing.tasks.bundle_table import FAR, BundleTable
+from aerokernels.tracing.tasks.family import LEAST_COSINE, Family
 
 
 def _numbered(option: str) -> dict[str, int]:

@@ -16,13 +16,13 @@ from typing import Any
 
 import numpy as np
 
-from ...derived import Derived
-from ...medium import IndexField
-from ...rays import RayBundle
-from ..lines import FACES, SIDE, BoxSpan, box_span
-from ..status import RayStatus
-from ..stop import stop_distance
-from .family import CLOSE, Family
+from aerokernels.derived import Derived
+from aerokernels.medium import IndexField
+from aerokernels.rays import RayBundle
+from aerokernels.tracing.lines import FACES, SIDE, BoxSpan, box_span
+from aerokernels.tracing.status import RayStatus
+from aerokernels.tracing.stop import stop_distance
+from aerokernels.tracing.tasks.family import CLOSE, Family
 
 # Numbers in the header of a block: parameters of its first node (2), cells per unit of each parameter (2), the class of
 # its lines (nodes.FaceClasses), and the greatest step error [m], step count and evaluation count of its lines.

@@ -17,15 +17,12 @@ from itertools import product
 import numpy as np
 from numpy.polynomial import Legendre, Polynomial, legendre
 
-from aerokernels.medium.grid import GridPlaces
-from aerokernels.process.threads import product_on_one_core
-
-from ...derived import cached_on
-from ...medium.grid import UniformGrid
-from ...medium.spline import SUPPORT, weights
-from ...process.threads import in_threads
-from ..scheme import CUBE_ROW, CUBE_SIDE
-from ..straight_lines import Lines
+from aerokernels.derived import cached_on
+from aerokernels.medium.grid import GridPlaces, UniformGrid
+from aerokernels.medium.spline import SUPPORT, weights
+from aerokernels.process.threads import in_threads, product_on_one_core
+from aerokernels.tracing.scheme import CUBE_ROW, CUBE_SIDE
+from aerokernels.tracing.straight_lines import Lines
 
 DEGREE = 3
 # Powers of the three coordinates of each coefficient, in the kernels' order: the third degree last, each group ordered

@@ -25,12 +25,10 @@ import math
 
 import numpy as np
 
-from aerokernels.medium.grid import GridPlaces
-
-from ...derived import cached_on
-from ...medium.grid import UniformGrid
-from ...process.threads import in_threads, own_cores, slabs
-from ..step_bound import potential_at_nodes
+from aerokernels.derived import cached_on
+from aerokernels.medium.grid import GridPlaces, UniformGrid
+from aerokernels.process.threads import in_threads, own_cores, slabs
+from aerokernels.tracing.step_bound import potential_at_nodes
 
 # The share of a component that is passed at phi H = x is 1 - exp(-(x / edge)^24): for edge = 0.92 it is 0.03 at
 # x = 0.8 and 0.99 at x = 0.98.

@@ -26,10 +26,10 @@ that each of the field's cells is met.
 
 import numpy as np
 
-from ...medium import IndexField
-from ...pupils import SquareMap
-from ...pupils.square_map import RING
-from ...rays import Pupil, RayBundle
+from aerokernels.medium import IndexField
+from aerokernels.pupils import SquareMap
+from aerokernels.pupils.square_map import RING
+from aerokernels.rays import Pupil, RayBundle
 
 # Rays of a replicate: on the shipped fields their sampling error is below that of a million rays over the disc.
 RADIAL_RAYS = 512

@@ -14,10 +14,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...medium import IndexField
-from ...medium.grid import UniformGrid
-from ...rays import RayBundle, transverse_axes
-from ..stop import ArcLength
+from aerokernels.medium import IndexField
+from aerokernels.medium.grid import UniformGrid
+from aerokernels.rays import RayBundle, transverse_axes
+from aerokernels.tracing.stop import ArcLength
 
 # Lines, and planes of starts, that differ by less than this fraction of a cell count as one: the rest is rounding.
 CLOSE = 1e-6
