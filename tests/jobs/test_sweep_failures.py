@@ -53,6 +53,8 @@ def test_cases_that_failed_are_tried_again_where_that_is_asked_for(tmp_path):
     assert len((out / records.CASES_FILE).read_text().splitlines()) == 4
 
 
+# Python's tracker of semaphores dies with them, which its finalizer reports.
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning", "ignore:resource_tracker")
 def test_workers_that_die_as_they_start(monkeypatch):
     monkeypatch.setenv("PYTHONHASHSEED", "none")
     with pytest.raises(RuntimeError, match="worker processes die as they start"):

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from aerokernels.flow import CellDensity
 from aerokernels.flow.sampled_density import WallDensity
 from aerokernels.jobs.run import scene_strehl
+from aerokernels.lidar.parts import Setup
 from aerokernels.lidar.paths import target_points
 from aerokernels.medium import QuadMesh
 from aerokernels.prepare import prepare_field, ray_region, view_radius
@@ -123,7 +124,7 @@ def test_the_papers_limits_light_the_flow_whatever_the_reflectors_size():
     )
     for z in (-0.008, 0.0, 0.004):
         assert view_radius(small, z) == view_radius(wide, z)
-    points = target_points(small)
+    points = target_points(Setup.of_scene(small))
     at_front = points.start + (0.012 / 0.1) * (points.aim - points.start)
     assert np.hypot(at_front[:, 0], at_front[:, 1]).max() <= view_radius(small, 0.004)
 
