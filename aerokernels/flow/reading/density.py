@@ -24,13 +24,7 @@ TEMPERATURE_NAMES = ("temperature", "statictemperature", "t", "temp")
 NOT_FLOW = "where there is no flow, say so by an array iblank that is 0 there; elsewhere repair the file"
 GAUGE = "if the pressure is relative to an operating pressure, give it: reference = {operating_pressure = ...}; "
 REMEDIES = {"not finite": NOT_FLOW, "not positive": NOT_FLOW}
-REFERENCES = {
-    "density": "density",
-    "pressure": "pressure",
-    "temperature": "temperature",
-    "length": "length",
-    "operating_pressure": "pressure",
-}
+REFERENCES = ("density", "pressure", "temperature", "length", "operating_pressure")
 
 
 @dataclass(frozen=True)
@@ -62,7 +56,10 @@ class Reference:
             given = {"density": given}
         if unknown := set(given) - set(REFERENCES):
             raise ValueError(f"reference: {sorted(unknown)[0]!r} is not known: choose of {', '.join(REFERENCES)}")
-        values = {name: check_positive(quantity(v, REFERENCES[name]), f"reference {name}") for name, v in given.items()}
+        values = {
+            name: check_positive(quantity(value, name.removeprefix("operating_")), f"reference {name}")
+            for name, value in given.items()
+        }
         return cls(**values, given=frozenset(values))
 
 

@@ -133,11 +133,8 @@ class Frame:
         for name, row in (("z", axes[2]), ("y", axes[1])):
             k = int(np.argmax(np.abs(row)))
             exact = abs(abs(row[k]) - 1.0) < 1e-12
-            named.append(
-                f"{name} along {'-' if row[k] < 0 else '+'}{'xyz'[k]}"
-                if exact
-                else f"{name} along {np.round(row, 6).tolist()}"
-            )
+            along = f"{'-' if row[k] < 0 else '+'}{'xyz'[k]}" if exact else np.round(row, 6).tolist()
+            named.append(f"{name} along {along}")
         origin = "" if not any(self.origin) else f", origin at {list(self.origin)}"
         return ", ".join(named) + " of the file" + origin
 
@@ -151,12 +148,13 @@ def direction(value, name: str) -> np.ndarray:
                 f"frame: {name} {value!r} is not an axis: give one of +x, -x, +y, -y, +z, -z, or three numbers"
             )
         return sign * np.eye(3)[AXES[axis.strip().lower()]]
+    told = f"frame: {name} must be an axis such as '-x' or three numbers, got {value!r}"
     try:
         vector = np.asarray(value, dtype=np.float64)
     except (TypeError, ValueError):
-        raise TypeError(f"frame: {name} must be an axis such as '-x' or three numbers, got {value!r}") from None
+        raise TypeError(told) from None
     if vector.shape != (3,) or not np.isfinite(vector).all() or not vector.any():
-        raise ValueError(f"frame: {name} must be an axis such as '-x' or three numbers, got {value!r}")
+        raise ValueError(told)
     return _unit(vector)
 
 

@@ -54,15 +54,13 @@ def densities_at_nodes(
         high = wp.max(high, near)
         entry += wp.int64(1)
     constant = value - wp.dot(middle_in[held] - origin, slope)
-    at = int(node_start_in[held])
-    last = int(node_start_in[held + 1])
     half = wp.float64(0.5)
     per_row = wp.float64(1.0) / wp.float64(row_count)
     per_column = wp.float64(1.0) / wp.float64(column_count)
     sx = spacing[0] * slope[0]
     sy = spacing[1] * slope[1]
     sz = spacing[2] * slope[2]
-    while at < last:
+    for at in range(int(node_start_in[held]), int(node_start_in[held + 1])):
         node = node_in[at]
         # Integer quotients by faster products: the added half is far above their rounding.
         row = int((wp.float64(node) + half) * per_row)
@@ -71,7 +69,6 @@ def densities_at_nodes(
         k = node - row * row_count
         here = constant + wp.float64(i) * sx + wp.float64(j) * sy + wp.float64(k) * sz
         density_out[node] = wp.min(wp.max(here, low), high)
-        at += 1
 
 
 def launch(kernel, count: int, *arguments) -> None:
@@ -130,32 +127,29 @@ def slope_weights(
     end = start_in[row + 1]
     if begin == end:
         return
+    count = int(end - begin)
     total = wp.vec3d()
-    k = begin
-    while k < end:
+    for n in range(count):
+        k = begin + wp.int64(n)
         total += point_in[column_in[k]]
-        k += wp.int64(1)
-    centre = total / wp.float64(end - begin)
+    centre = total / wp.float64(count)
     square = wp.mat33d()
-    k = begin
-    while k < end:
+    for n in range(count):
+        k = begin + wp.int64(n)
         step = point_in[column_in[k]] - centre
         square += wp.outer(step, step)
-        k += wp.int64(1)
     inverse = inverse_or_zero(square)
     # One correction step removes rounding errors in the slope of a linear function, which matter in flat cells.
     found = wp.mat33d()
-    k = begin
-    while k < end:
+    for n in range(count):
+        k = begin + wp.int64(n)
         step = point_in[column_in[k]] - centre
         found += wp.outer(inverse * step, step)
-        k += wp.int64(1)
     if wp.trace(inverse) > wp.float64(0.0):
         inverse = wp.float64(2.0) * inverse - found * inverse
-    k = begin
-    while k < end:
+    for n in range(count):
+        k = begin + wp.int64(n)
         weight_out[k] = inverse * (point_in[column_in[k]] - centre)
-        k += wp.int64(1)
     centre_out[row] = centre
 
 
@@ -181,42 +175,38 @@ def convex_weights(
     inside_out[row] = 0
     if begin == end:
         return
-    count = wp.float64(end - begin)
-    equal = wp.float64(1.0) / count
+    count = int(end - begin)
+    equal = wp.float64(1.0) / wp.float64(count)
     at = point_in[row]
     total = wp.vec3d()
-    k = begin
-    while k < end:
+    for n in range(count):
+        k = begin + wp.int64(n)
         total += middle_in[column_in[k]] - at
-        k += wp.int64(1)
     mean = total * equal
     square = wp.mat33d()
-    k = begin
-    while k < end:
+    for n in range(count):
+        k = begin + wp.int64(n)
         step = middle_in[column_in[k]] - at - mean
         square += wp.outer(step, step)
-        k += wp.int64(1)
     inverse = inverse_or_zero(square)
     rank = int(wp.trace(inverse) > wp.float64(0.0))
     turn = inverse * mean
     least = wp.float64(1.0)
     missed = wp.vec3d()
-    k = begin
-    while k < end:
+    for n in range(count):
+        k = begin + wp.int64(n)
         step = middle_in[column_in[k]] - at
         weight = equal - wp.dot(turn, step - mean)
         missed += weight * step
-        k += wp.int64(1)
     turn += inverse * missed  # correct for rounding
-    k = begin
     missed = wp.vec3d()
-    while k < end:
+    for n in range(count):
+        k = begin + wp.int64(n)
         step = middle_in[column_in[k]] - at
         weight = equal - wp.dot(turn, step - mean)
         weight_out[k] = weight
         least = wp.min(least, weight)
         missed += weight * step
-        k += wp.int64(1)
     exact = CLOSE * wp.sqrt(wp.trace(square))
     if rank == 1 and least >= wp.float64(0.0) and wp.length(missed) <= exact:
         inside_out[row] = 1
@@ -227,21 +217,19 @@ def convex_weights(
     steps = int(0)
     while rank == 1 and agreed == 0 and steps < NEWTON_STEPS:
         highest = wp.float64(-1.0e300)
-        k = begin
-        while k < end:
+        for n in range(count):
+            k = begin + wp.int64(n)
             highest = wp.max(highest, wp.dot(tilt, middle_in[column_in[k]] - at))
-            k += wp.int64(1)
         share = wp.float64(0.0)
         slope = wp.vec3d()
         bend = wp.mat33d()
-        k = begin
-        while k < end:
+        for n in range(count):
+            k = begin + wp.int64(n)
             step = middle_in[column_in[k]] - at
             weight = wp.exp(wp.dot(tilt, step) - highest)
             share += weight
             slope += weight * step
             bend += weight * wp.outer(step, step)
-            k += wp.int64(1)
         slope = slope / share
         bend = bend / share - wp.outer(slope, slope)
         turn = inverse_or_zero(bend) * slope
@@ -256,30 +244,26 @@ def convex_weights(
             if rest < AGREED * AGREED:
                 agreed = int(1)
         steps += 1
-    k = begin
     share = wp.float64(0.0)
     highest = wp.float64(-1.0e300)
-    while k < end:
+    for n in range(count):
+        k = begin + wp.int64(n)
         highest = wp.max(highest, wp.dot(tilt, middle_in[column_in[k]] - at))
-        k += wp.int64(1)
-    k = begin
-    while k < end:
+    for n in range(count):
+        k = begin + wp.int64(n)
         weight = equal
         if agreed == 1:
             weight = wp.exp(wp.dot(tilt, middle_in[column_in[k]] - at) - highest)
         weight_out[k] = weight
         share += weight
-        k += wp.int64(1)
     missed = wp.vec3d()
-    k = begin
-    while k < end:
+    for n in range(count):
+        k = begin + wp.int64(n)
         weight_out[k] = weight_out[k] / share
         missed += weight_out[k] * (middle_in[column_in[k]] - at)
-        k += wp.int64(1)
     if agreed == 1 and wp.length(missed) <= exact:
         inside_out[row] = 1
         return
-    k = begin
-    while k < end:
+    for n in range(count):
+        k = begin + wp.int64(n)
         weight_out[k] = equal
-        k += wp.int64(1)
