@@ -1,7 +1,7 @@
 """The Warp kernel that interpolates rays of a two-parameter family between traced rays.
 
-It uses the table of tasks/bundle_table.py, one lookup per ray. tests/tracing/bundle/bundle_delivery.py has the same formulas
-in NumPy.
+It uses the table of tasks/bundle_table.py, one lookup per ray. tests/tracing/bundle/bundle_delivery.py has the same
+formulas in NumPy.
 """
 
 import warp as wp
