@@ -76,8 +76,22 @@ def pytest_collect_directory(path: Path, parent: pytest.Collector) -> pytest.Col
     return kind.from_parent(parent, path=path)
 
 
+# Warp's tracer on a processor has the bits of the generated OpenCL one (test_generated_kernels.py), and takes long to
+# compile: the other tests of tracing take it with --all, but for the transfers and calls that are its own.
+OF_WARP = ("test_on_device", "test_repeated_work", "test_rejected_rays", "test_device_memory", "test_trace_interface")
+
+
+def is_slow(item: pytest.Item) -> bool:
+    """Whether a test waits for `scripts/test --all`."""
+    is_warps = "warp-cpu" in item.name and "tests/tracing/" in item.nodeid
+    return item.get_closest_marker("slow") is not None or (is_warps and item.path.stem not in OF_WARP)
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Longest files first, the others by their names; each as a whole."""
+    """Longest files first, the others by their names; each as a whole. Slow tests are left out without --all."""
+    if "AEROKERNELS_SLOW" not in os.environ:
+        for item in filter(is_slow, items):
+            item.add_marker(pytest.mark.skip(reason="slow: scripts/test --all"))
     rank = {name: place for place, name in enumerate(LONGEST)}
     files = [item.nodeid.split("::")[0] for item in items]
     order = sorted(range(len(items)), key=lambda number: (rank.get(files[number], len(rank)), files[number]))

@@ -10,6 +10,8 @@ import pytest
 
 from aerokernels.jobs.store import staged_folder
 
+pytestmark = pytest.mark.slow
+
 unix = pytest.mark.skipif(sys.platform == "win32", reason="no such signals and limits there")
 
 

@@ -81,7 +81,7 @@ def test_no_folder_grows():
 
 @pytest.mark.parametrize(
     ("body", "limits"),
-    [(COLD_STREHL, (110, 9_500, 1_800)), (COLD_RUN, (215, 56_000, 18_500))],
+    [(COLD_STREHL, (112, 10_000, 2_300)), (COLD_RUN, (218, 60_000, 19_500))],
     ids=["estimate_strehl", "simulate"],
 )
 def test_the_path_of_an_answer_grows_no_longer(body, limits):

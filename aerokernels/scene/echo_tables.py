@@ -80,7 +80,7 @@ class BeamTable(Table):
     exit_radius: Length = key(
         "2 mm",
         "1/e^2 radius of the beam at the aperture. Not in the paper: a laser diode's collimating lens is a "
-        "few millimetres wide.",
+        "few millimeters wide.",
     )
     radius: Length = key(
         "30 mm",

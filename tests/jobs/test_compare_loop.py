@@ -15,6 +15,8 @@ from aerokernels.jobs.run import simulate
 from aerokernels.jobs.store import RESULT_FILE, SUMMARY_FILE, staged_folder, write_result, write_summary
 from aerokernels.scene import Scene
 
+pytestmark = pytest.mark.slow
+
 SCENES = {"0": "wind-tunnel-static", "2": "wind-tunnel-mach2", "3": "wind-tunnel-mach3"}
 SMALL = {"strehl.ray_count": 1024, "beam.ray_count": 32, "receiver.ray_count": 32, "grid.spacing": "0.5 mm"}
 ECHOES, NOISE = 60, 0.02

@@ -14,6 +14,8 @@ from scipy.interpolate import CubicSpline, RectBivariateSpline
 
 from aerokernels import Disc, Plane, RayBundle, estimate_strehl, flow, look_map, optical_series, trace, wavefront
 
+pytestmark = pytest.mark.slow
+
 WAVELENGTH, CONSTANT = 905e-9, 2.2e-4
 STEPS, RINGS, SPOKES = 240, 12, 24
 

@@ -8,6 +8,8 @@ import h5netcdf
 import numpy as np
 import pytest
 
+pytestmark = pytest.mark.slow
+
 # What the children import of Python itself, and this package by its name.
 SHADOWED = ("random", "resource", "pickle", "subprocess", "aerokernels", "distributed", "numpy")
 SWEEP = (

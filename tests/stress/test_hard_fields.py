@@ -9,6 +9,8 @@ from aerokernels.tracing import Plane, trace
 
 from .checks import CELL, PRECISIONS, UNIT, UP, WAVE, assert_same_bits, keeps_promises
 
+pytestmark = pytest.mark.slow
+
 FAR = Plane((0.0, 0.0, 10e-3), UP)
 GEOMETRIES = ("volume", "planar", "axisymmetric")
 INTERPOLATIONS = ("cubic", "linear", "monotone")

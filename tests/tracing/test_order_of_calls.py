@@ -27,6 +27,8 @@ from aerokernels import (
 
 from .backends import WAVE
 
+pytestmark = pytest.mark.slow
+
 RAYS = 10_000  # enough for a bundle to be interpolated, and for its extent to be examined by some of them
 DISC = Disc(2e-3, (0.0, 0.0, -1e-3))
 OUTPUTS = ("opd", "direction", "step_error", "status")

@@ -10,6 +10,8 @@ from aerokernels.medium.grid import UniformGrid
 from tests.draws.wave_draws import check_verdict, draw_view
 from tests.phase_plates import WAVELENGTH, phase_plate
 
+pytestmark = pytest.mark.slow
+
 K = 2.0 * np.pi / WAVELENGTH
 
 

@@ -14,6 +14,8 @@ from tests.draws.bundle_draws import WAVE, draw
 
 from ..backends import all_on
 
+pytestmark = pytest.mark.slow
+
 PRECISION = {"volume": "float32", "planar": "float64", "axisymmetric": "float32"}
 BUNDLES = 10
 # Drawn with few rays: those along the span, whose thousand boxes each cost as much as a whole bundle, and those that

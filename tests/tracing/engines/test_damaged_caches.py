@@ -17,6 +17,8 @@ from aerokernels.tracing.engines.opencl.pocl_cache import RECORD, remove_damaged
 
 from ..opencl_stands import need_opencl, run_python
 
+pytestmark = pytest.mark.slow
+
 LAUNCH = (
     "import numpy as np\n"
     "from aerokernels.tracing.engines.opencl.devices import import_pyopencl, session\n"

@@ -118,7 +118,11 @@ def device() -> Iterator[str]:
             yield name
 
 
-@pytest.mark.parametrize("scene", SCENES, ids=lambda scene: "-".join(map(str, scene)))
+@pytest.mark.parametrize(
+    "scene",
+    [pytest.param(scene, marks=[pytest.mark.slow] if number % 3 else []) for number, scene in enumerate(SCENES)],
+    ids=["-".join(map(str, scene)) for scene in SCENES],
+)
 def test_the_tracer_gives_warps_bits(scene: Scene, device: str):
     geometry, interpolation, method, stop, has_body, measured, precision = scene
     made = []

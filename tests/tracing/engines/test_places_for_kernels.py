@@ -9,6 +9,8 @@ from aerokernels.process.kernel_cache import why_untrusted
 
 from ..opencl_stands import need_opencl, run_python
 
+pytestmark = pytest.mark.slow
+
 # Free space and rights as Python sees them, in place of a full or read-only disk, which only root can mount.
 STAND = """
 import os

@@ -22,6 +22,8 @@ from aerokernels.tracing.leapfrog.pilot import LEAST_RAYS
 
 from .field_draws import KINDS, draw
 
+pytestmark = pytest.mark.slow
+
 FIELD_COUNT = 108
 COMPARED = 4  # rays of a bundle whose truth is known
 

@@ -13,6 +13,8 @@ from tests.draws.scene_draws import Air, draw, true_opd
 
 from ..backends import ENGINES, on
 
+pytestmark = pytest.mark.slow
+
 # Quick ones of every kind, that each hold something of their own. Of 245 and 267 the box ends in disturbed air.
 SEEDS = (245, 267, 1011, 1024, 1078, 1104, 1220, 1252, 1261, 1288, 1294)
 # Those that Warp traces, by kernels that other tests build in any case (but for the body of 245); OpenCL the others.

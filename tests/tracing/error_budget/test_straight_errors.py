@@ -20,6 +20,8 @@ from aerokernels.tracing.status import reached
 
 from ..backends import WAVE, on
 
+pytestmark = pytest.mark.slow
+
 CELL, NODES, RAYS = 5e-4, 33, 40
 
 
