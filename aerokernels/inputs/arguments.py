@@ -41,7 +41,7 @@ from aerokernels.inputs.kinds import (
     shown,
 )
 from aerokernels.inputs.kinds import Numbers as Numbers  # public functions take both names from here
-from aerokernels.process.opened import make_forks_safe
+from aerokernels.process.forks import make_forks_safe
 
 F = TypeVar("F", bound=Callable[..., Any])
 # Beyond these, squares and products of four numbers leave float64's range; no physical quantity is near them.

@@ -9,8 +9,9 @@ import time
 
 import pytest
 
-from aerokernels.process import opened as opened_module
-from aerokernels.process.opened import OPENED, Opened, make_forks_safe
+from aerokernels.process import forks
+from aerokernels.process.forks import make_forks_safe
+from aerokernels.process.opened import OPENED, Opened
 
 make_forks_safe()  # as the first call of a public function does
 pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork on this system")
@@ -56,7 +57,7 @@ def test_an_import_adds_nothing_to_a_programs_forks():
         "for name in aerokernels.__all__: getattr(aerokernels, name)\n"
         "assert not [one for one in told if str(one.__module__).startswith('aerokernels')], told\n"
         "aerokernels.Disc(1e-3)\n"
-        "assert [one for one in told if one.__module__ == 'aerokernels.process.opened']\n"
+        "assert [one for one in told if one.__module__ == 'aerokernels.process.forks']\n"
     )
     subprocess.run([sys.executable, "-c", script], check=True, timeout=100.0)
 
@@ -78,7 +79,7 @@ def child_answers(ask) -> bool:
 
 
 def test_a_child_of_a_process_that_opens_something_opens_its_own(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(opened_module, "PATIENCE", 0.5)
+    monkeypatch.setattr(forks, "PATIENCE", 0.5)
     began, ends = threading.Event(), threading.Event()
 
     def hold() -> None:
@@ -140,13 +141,13 @@ def test_a_fork_waits_for_what_another_thread_opens():
 
 def test_a_fork_waits_no_longer_than_it_is_worth(monkeypatch: pytest.MonkeyPatch):
     """A thread that opens something may itself wait for the one that forks; nor does a thread wait for others then."""
-    monkeypatch.setattr(opened_module, "PATIENCE", 0.5)
+    monkeypatch.setattr(forks, "PATIENCE", 0.5)
     opened, began, ends = Opened(), threading.Event(), threading.Event()
     thread = threading.Thread(target=opened.once, args=("key", lambda: began.set() or ends.wait(60.0)))
     thread.start()
     try:
         assert began.wait(10.0) and child_answers(lambda: None)
-        monkeypatch.setattr(opened_module, "PATIENCE", 1e9)
+        monkeypatch.setattr(forks, "PATIENCE", 1e9)
         assert Opened().once("fork", lambda: child_answers(lambda: None))
     finally:
         ends.set()
