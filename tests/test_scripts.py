@@ -102,10 +102,7 @@ def test_figure1_errors(figure1: Path):
             assert error["ours, float64: adaptive 1e-4 waves"] < 1e-8
 
 
-@pytest.mark.skipif(
-    "AEROKERNELS_SLOW" not in os.environ,
-    reason="ten seconds, and tests/jobs/test_sweep.py sweeps: set AEROKERNELS_SLOW",
-)
+@pytest.mark.slow
 def test_sweep_mach(root: Path, tmp_path: Path):
     """The sweep's rows: no flow is perfect, thin air spoils little, sea-level air more with every Mach number."""
     done = run_script(root, "sweep_mach.py", "--rays", 1024, "--out", tmp_path)
@@ -131,8 +128,6 @@ def test_sweep_mach(root: Path, tmp_path: Path):
 
 @pytest.fixture(scope="module")
 def paper(root: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    if "AEROKERNELS_SLOW" not in os.environ:
-        pytest.skip("a third of a minute: set AEROKERNELS_SLOW")
     out = tmp_path_factory.mktemp("paper")
     done = run_script(root, "paper.py", "--quick", "--out", out)
     assert done.returncode == 0, done.stderr
@@ -140,6 +135,7 @@ def paper(root: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return out
 
 
+@pytest.mark.slow
 def test_paper_writes_pictures_numbers_and_waveforms(paper: Path):
     for name in ("figure1", "figure5", "figure6", "figure7", "figure8"):
         assert is_picture(paper / f"{name}.png")

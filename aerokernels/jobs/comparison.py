@@ -9,7 +9,7 @@ import contextlib
 import math
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,7 +17,7 @@ import numpy as np
 
 from aerokernels import __version__
 from aerokernels.compare import WaveformComparison, compare_waveforms, pearson_correlation
-from aerokernels.inputs.checks import as_waveform, check_count, check_path
+from aerokernels.inputs.checks import check_count, check_path
 from aerokernels.inputs.kinds import is_number
 from aerokernels.jobs.echo_statistics import (
     AverageEcho,
@@ -26,27 +26,16 @@ from aerokernels.jobs.echo_statistics import (
     average,
     covering,
     mean_errors,
-    mean_factor,
     record_faults,
-    spread_factor,
 )
+from aerokernels.jobs.range_errors import RangeErrors, measured_offset, overlap, range_errors, simulated_on
 from aerokernels.jobs.recorded import Label, RecordedEcho, label_text, random_subset, recorded_echoes, recorded_labels
 from aerokernels.jobs.run_folder import RunFolder, match_runs
-from aerokernels.lidar import RANGING_METHODS
-from aerokernels.lidar.pulses import SPEED_OF_LIGHT
-from aerokernels.lidar.ranging import Reading, template_curve
 from aerokernels.process.foreign_files import FileFault
 
 if TYPE_CHECKING:
     import xarray
 NO_ALIGNMENT, EACH = "none", "each"
-DECAYED = 1e-3  # share of the simulated peak below which the end of the record counts as 0
-# Least simulated voltage at the recorded times, as a share of the simulated peak, if the peak is outside these times,
-LEAST_PEAK = 0.9
-# and if it is inside them but may fall between samples that are far apart.
-LEAST_BETWEEN = 0.25
-# Offsets of a digitiser's steps that are tried, and the rest of its rounding below which it is not.
-OFFSETS, NO_ROUNDING = 8, 1e-3
 
 
 @dataclass(frozen=True)
@@ -93,34 +82,6 @@ class CompareOptions:
             raise ValueError(f"threshold = {self.threshold}: give a positive voltage")
         check_count(self.ranged_count, "ranged_count", least=2)  # a spread needs two echoes
         check_count(self.seed, "seed", 0, 2**63 - 1)
-
-
-@dataclass(frozen=True)
-class RangeErrors:
-    """Errors of the ranges of recorded echoes by one method.
-
-    Attributes:
-        systematic_error_m: mean range minus the true distance [m].
-        systematic_standard_error_m: error of that mean [m]: the standard error times Student's factor for few echoes,
-            what noise leaves of the digitiser's rounding, and the error of a measured trigger offset.
-        random_error_m: standard deviation of the range of one echo [m].
-        random_standard_error_m: error of that, for normally distributed ranges [m] (mean_errors.py).
-        simulated_error_m: the run's range minus the true distance [m]; NaN if the run has no range by the method.
-        ranged_count: number of echoes with a range.
-        missed_count: number of echoes without a range.
-    """
-
-    systematic_error_m: float
-    systematic_standard_error_m: float
-    random_error_m: float
-    random_standard_error_m: float
-    simulated_error_m: float
-    ranged_count: int
-    missed_count: int
-
-    def as_dict(self) -> dict[str, float]:
-        """Return the errors by name."""
-        return asdict(self)
 
 
 @dataclass(frozen=True, eq=False)
@@ -443,131 +404,3 @@ def _naming_label(source: Path, label: Label) -> Iterator[None]:
         raise
     except ValueError as error:
         raise ValueError(f"{source}, label {label_text(label)}: {error}") from error
-
-
-def simulated_on(run: RunFolder, time: np.ndarray) -> np.ndarray:
-    """Return the simulated voltage [V] at other times [s]; NaN beyond an end of the record that has not decayed."""
-    from scipy.interpolate import make_interp_spline
-
-    spline = make_interp_spline(run.time - run.time[0], run.voltage, k=5)
-    inside = (time >= run.time[0]) & (time <= run.time[-1])
-    peak = float(np.abs(run.voltage).max())
-    before, after = (0.0 if abs(end) <= DECAYED * peak else np.nan for end in (run.voltage[0], run.voltage[-1]))
-    volts = np.where(time < run.time[0], before, after)
-    volts[inside] = spline(time[inside] - run.time[0])
-    return volts
-
-
-def overlap(recorded: AverageEcho, run: RunFolder, offset: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Compare a recording with a simulation where they overlap.
-
-    Returns:
-        Which of the recorded samples overlap; their times less the offset [s]; the simulation at these times [V].
-    """
-    time = recorded.time - offset
-    simulated = simulated_on(run, time)
-    there, peak_time = np.isfinite(simulated), float(run.time[np.argmax(run.voltage)])
-    met = there.any() and time[there][0] <= peak_time <= time[there][-1]  # the peak may fall between coarse samples
-    greatest = simulated[there].max() if there.any() else 0.0
-    if greatest < (LEAST_BETWEEN if met else LEAST_PEAK) * run.voltage.max():
-        raise ValueError(
-            f"the simulated echo peaks at {1e9 * peak_time:.3f} ns, the recorded times go from "
-            f"{1e9 * time[0]:.3f} to {1e9 * time[-1]:.3f} ns"
-            + (
-                f" in steps of {1e9 * (time[1] - time[0]):.3f} ns, too wide for its pulse: record with more samples"
-                if met
-                else ": give the trigger offset, or have it measured (align)"
-            )
-        )
-    return there, time[there], simulated[there]
-
-
-def measured_offset(recorded: AverageEcho, run: RunFolder) -> float:
-    """Measure by how much [s] the recorded mean is later than the simulation: the lag of the greatest correlation.
-
-    The peaks are aligned first, so that the records need not overlap; then the lag is found to a fraction of a sample.
-    """
-    offset = float(recorded.time[np.argmax(recorded.mean)] - run.time[np.argmax(run.voltage)])
-    for _ in range(2):  # the second time near lag 0, where the parabola through three lags is most accurate
-        there, time, simulated = overlap(recorded, run, offset)
-        offset += compare_waveforms(time, recorded.mean[there], simulated).lag
-    return offset
-
-
-def range_errors(
-    echoes: Sequence[tuple[np.ndarray, np.ndarray]],
-    run: RunFolder,
-    time: np.ndarray,
-    simulated: np.ndarray,
-    threshold: float,
-    least_peak: float = 0.0,
-    step: float = 0.0,
-    rounding: float = 0.0,
-    offset_error: float = 0.0,
-) -> dict[str, RangeErrors]:
-    """Compute the range errors of echoes by method; a method that cannot read the simulation is left out.
-
-    Args:
-        echoes: times [s] and voltages [V] of each echo.
-        run: the run to compare with.
-        time: times at which the simulation was interpolated [s], shape (n,).
-        simulated: the simulation at these times [V], shape (n,).
-        threshold: level of the leading edge [V].
-        least_peak: greatest voltage below which an echo has no pulse and no range by any method [V].
-        step: the digitiser's step [V].
-        rounding: what noise leaves of its rounding in a sample of the mean [V].
-        offset_error: error of the trigger offset that was subtracted from the times [s].
-    """
-    shape = template_curve(run.voltage, as_waveform(run.time, run.voltage)[2])
-    reported = run.summary.get("ranges_m") or {}
-    found = {}
-    for method in RANGING_METHODS:
-        template = shape if method == "matched-filter" else None
-        read = Reading(method, threshold, template, float(run.detector.get("fraction", 0.5)), shape).range
-        try:
-            own = read(time, simulated)
-        except ValueError:
-            continue
-        distance = reported.get(method)
-        # If the run has no range by this method, for example below its own threshold, only the spread is known.
-        simulated_error = math.nan if distance is None else float(distance) - run.distance
-        errors = []
-        for times, volts in echoes:
-            if volts.max() < least_peak:  # constant fraction and centroid would find a pulse in its noise
-                continue
-            try:
-                errors.append(read(times, volts) - own)
-            except ValueError:  # the threshold is never crossed, or the record truncates the pulse
-                continue
-        share = 2.0 * rounding / step if step > 0.0 else 0.0
-        left = share * _rounding_error(read, time, simulated, own, step) if share > NO_ROUNDING else 0.0
-        common = math.hypot(left, 0.5 * SPEED_OF_LIGHT * offset_error)
-        found[method] = _statistics(errors, len(echoes), simulated_error, common)
-    return found
-
-
-def _rounding_error(
-    read: Callable[[np.ndarray, np.ndarray], float], time: np.ndarray, simulated: np.ndarray, own: float, step: float
-) -> float:
-    """Return the greatest change of a reading [m] where the simulation is rounded to steps, with any offset of them."""
-    changes = []
-    for shift in step * np.arange(OFFSETS) / OFFSETS:
-        with contextlib.suppress(ValueError):  # rounding may leave no rise through the threshold
-            changes.append(abs(read(time, step * np.rint((simulated + shift) / step) - shift) - own))
-    return max(changes, default=math.nan)
-
-
-def _statistics(errors: Sequence[float], count: int, simulated_error: float, common: float) -> RangeErrors:
-    number = len(errors)
-    spread = float(np.std(errors, ddof=1)) if number > 1 else math.nan
-    return RangeErrors(
-        systematic_error_m=float(np.mean(errors)) + simulated_error if number else math.nan,
-        systematic_standard_error_m=(
-            math.hypot(mean_factor(number) * spread / math.sqrt(number), common) if number else math.nan
-        ),
-        random_error_m=spread,
-        random_standard_error_m=spread * spread_factor(number) if number > 1 else math.nan,
-        simulated_error_m=simulated_error,
-        ranged_count=number,
-        missed_count=count - number,
-    )

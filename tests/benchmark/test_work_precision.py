@@ -1,7 +1,6 @@
 """scripts/work_precision: what it measures against is right, and what it writes is complete and true."""
 
 import csv
-import os
 import subprocess
 import sys
 from pathlib import Path
@@ -10,12 +9,11 @@ import numpy as np
 import pytest
 
 WAVE = 905e-9
+pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="module")
 def quick(root: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    if "AEROKERNELS_SLOW" not in os.environ:
-        pytest.skip("a quarter of a minute: set AEROKERNELS_SLOW")
     out = tmp_path_factory.mktemp("work_precision")
     done = subprocess.run(
         [sys.executable, str(root / "scripts" / "work_precision.py"), "--quick", "--out", str(out)],

@@ -1,1 +1,1 @@
-"""Random inputs, fields, bundles, scenes and damaged files, and what must hold of each; scripts/fuzz_* use them."""
+"""Random inputs, fields, bundles, scenes and damaged files, and what must hold of each."""

@@ -1,6 +1,5 @@
 """A quarter-size run of scripts/flows against the shipped field: a minute of OpenFOAM, where it is installed."""
 
-import os
 import shutil
 import subprocess
 import sys
@@ -14,10 +13,8 @@ from aerokernels import flow
 ROOT = Path(__file__).resolve().parents[2]
 
 
-@pytest.mark.skipif(
-    shutil.which("rhoCentralFoam") is None or "AEROKERNELS_SLOW" not in os.environ,
-    reason="a minute's run of OpenFOAM: set AEROKERNELS_SLOW where OpenFOAM is installed",
-)
+@pytest.mark.slow
+@pytest.mark.skipif(shutil.which("rhoCentralFoam") is None, reason="OpenFOAM is not installed")
 def test_a_quarter_size_run_gives_the_shipped_field(tmp_path):
     """Set-up: Mach 3 on 62 x 20 cells. Expected: the shipped density at its cells' middles.
 

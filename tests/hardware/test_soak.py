@@ -1,6 +1,5 @@
 """The script that puts recording to the test in full still runs, and passes, in small."""
 
-import os
 import subprocess
 import sys
 from pathlib import Path
@@ -11,7 +10,7 @@ from .line import needs_pseudo_terminals
 
 
 @needs_pseudo_terminals
-@pytest.mark.skipif("AEROKERNELS_SLOW" not in os.environ, reason="a quarter of a minute: set AEROKERNELS_SLOW")
+@pytest.mark.slow
 def test_the_soak_script_in_small(root: Path, tmp_path: Path):
     done = subprocess.run(
         [sys.executable, str(root / "scripts" / "hardware_soak.py"), "--quick", "--out", str(tmp_path / "out")],

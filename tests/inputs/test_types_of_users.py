@@ -1,13 +1,12 @@
 """A type checker accepts README's ten lines, strictly, as a user's project would check them."""
 
-import os
 import re
 from pathlib import Path
 
 import pytest
 
 
-@pytest.mark.skipif("AEROKERNELS_SLOW" not in os.environ, reason="a quarter of a minute of mypy: set AEROKERNELS_SLOW")
+@pytest.mark.slow
 def test_a_type_checker_accepts_the_readme(root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     api = pytest.importorskip("mypy.api")
     snippets = re.findall(r"```python\n(.*?)```", (root / "README.md").read_text(encoding="utf-8"), flags=re.DOTALL)
