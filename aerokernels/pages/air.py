@@ -1,0 +1,212 @@
+"""Pictures of a flow: its density in the plane x = 0 with body, pupil and rays, and how rays bend."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from aerokernels.display.shown import is_flat
+from aerokernels.jobs.plots import density_limits
+from aerokernels.pages.figures import Axis, Line, Lines, color_bar, color_map, data_url, figure_of, packed, plain
+from aerokernels.pages.page import Panel
+
+if TYPE_CHECKING:
+    import xarray
+
+RASTER = 220  # pixels along a side of a flow without a structured mesh, as the page's script holds it
+
+
+@dataclass(frozen=True)
+class View:
+    """A part of the plane: its middle and height [mm], and height over width."""
+
+    z: float
+    y: float
+    span: float
+    shape: float
+
+
+@dataclass(frozen=True, eq=False)
+class Air:
+    """The density of a run's dataset, for pictures in mm."""
+
+    dataset: "xarray.Dataset"
+
+    @cached_property
+    def mirror(self) -> bool:
+        """Whether the plane's lower half is the mirror image of the upper."""
+        return bool(self.dataset.attrs.get("geometry") == "axisymmetric")
+
+    @cached_property
+    def corners(self) -> tuple[np.ndarray, np.ndarray]:
+        """Coordinates z and y of the cells' corners."""
+        return 1e3 * self.dataset["density_z"].values, 1e3 * self.dataset["density_y"].values
+
+    @cached_property
+    def bodies(self) -> list[np.ndarray]:
+        """Outlines of the body, each of shape (point_count, 2) with z and y."""
+        data = self.dataset
+        if "body_triangle" in data:
+            from aerokernels.medium.bodies.solid_body import outlines
+
+            lines = outlines(data["body_point"].values, data["body_triangle"].values.astype(np.int64))
+            return [1e3 * line[:, ::-1] for line in lines]
+        if "body_z" not in data:
+            return []
+        z, y = 1e3 * data["body_z"].values, 1e3 * data["body_y"].values
+        if self.mirror:
+            z, y = np.concatenate([z, z[::-1]]), np.concatenate([y, -y[::-1]])
+        return [np.stack([z, y], axis=1)]
+
+    @cached_property
+    def box(self) -> tuple[float, float, float, float]:
+        """Ends of the mesh: z from, to, y from, to."""
+        z, y = self.corners
+        low = -float(y.max()) if self.mirror else float(y.min())
+        return float(z.min()), float(z.max()), low, float(y.max())
+
+    @cached_property
+    def whole(self) -> View:
+        """The view of the whole flow."""
+        left, right, low, high = self.box
+        width, height = 1.16 * (right - left), 1.08 * (high - low)
+        shape = min(max(height / width, 0.35), 1.1)
+        return View(0.5 * (left + right) + 0.04 * width, 0.5 * (low + high), max(height, width * shape), shape)
+
+    @cached_property
+    def near(self) -> View | None:
+        """The view of the rays; None without any."""
+        if "ray_position" not in self.dataset:
+            return None
+        ray = 1e3 * self.dataset["ray_position"].values
+        half = 1.7 * max(float(np.nanmax(np.abs(ray[:, 0, 1] - np.nanmean(ray[:, 0, 1])))), 1.0)
+        start, front = float(np.nanmin(ray[..., 2])), 1e3 * float(self.dataset.attrs.get("flow_front_m", 0.0))
+        low, high = start - 0.15 * half, max(front, start + half) + 0.35 * half
+        height, width = 2.0 * half, high - low
+        shape = min(max(height / width, 0.5), 1.04)
+        return View(0.5 * (low + high), float(np.nanmean(ray[:, 0, 1])), max(height, width * shape), shape)
+
+    def plot(self, index_constant: float | None) -> dict[str, Any]:
+        """Return all views for the page's script.
+
+        Args:
+            index_constant: n - 1 per kg/m3, said under the pointer; None says nothing.
+        """
+        data, (z, y) = self.dataset, self.corners
+        low, high = density_limits(data["density"].values)
+        air: dict[str, Any] = {"limits": [low, high], "mirror": self.mirror, "k": index_constant, "arrow": True}
+        air["ambient"] = float(data.attrs.get("ambient_density", data["density"].values.flat[-1]))
+        if _is_regular(z, y):
+            step = [max(1, size // RASTER) for size in data["density"].shape]
+            values = data["density"].values[:: step[0], :: step[1]]
+            air["raster"] = packed(values)
+            air |= {"y0": float(y[0, 0]), "dy": float(np.ptp(y)) / values.shape[0]}
+            air |= {"z0": float(z[0, 0]), "dz": float(np.ptp(z)) / values.shape[1]}
+        else:
+            air |= {"z": packed(z), "y": packed(y), "rho": packed(data["density"].values), "openEnd": True}
+        air["bodies"] = [plain(one) for one in self.bodies]
+        air["reach"] = 1.3 * self.whole.span
+        if "ray_position" in data:
+            ray, stray = 1e3 * data["ray_position"].values, 1e9 * data["ray_deviation"].values
+            rows = zip(ray, stray, strict=True)
+            air["rays"] = [{"z": plain(r[:, 2]), "y": plain(r[:, 1]), "stray": plain(s, 4)} for r, s in rows]
+            first, last = ray[0, 0], ray[-1, 0]
+            air["pupil"] = [[float(first[2]), float(first[1])], [float(last[2]), float(last[1])]]
+        views = [("density", self.whole), ("rays", self.near)]
+        shown = [{"id": name, "view": vars(view)} for name, view in views if view is not None]
+        return {"kind": "air", "air": air, "views": shown}
+
+    def panels(self) -> list[Panel]:
+        """Return the panels: the whole flow, the flow near the rays, and the bending of the rays."""
+        caption = "Cells of the flow's mesh" + (", mirrored below the axis" if self.mirror else "") + "."
+        zoom = "Drag to move; Ctrl and wheel, two fingers, or + and − to zoom."
+        says = "Density around the body." + (" The frame marks the part beside it." if self.near else "")
+        alt = "Density of the air in the plane of the optical axis, with the body."
+        panels = [Panel("density", "The flow", says, alt, AirView(self, self.whole, False), caption)]
+        if self.near is not None:
+            says = "They leave the pupil and cross the flow."
+            alt = "Density near the pupil, with rays along the direction of view."
+            panels.append(
+                Panel("rays", "Rays through the flow", says, alt, AirView(self, self.near, True), zoom, tools="air")
+            )
+            panels.append(self._bending())
+        return panels
+
+    def _bending(self) -> Panel:
+        data = self.dataset
+        stray, place = 1e9 * data["ray_deviation"].values, 1e3 * data["ray_position"].values
+        title, second = "Bending of the rays", str(data.attrs["pupil_axes"][1])
+        if is_flat([0.0, *data["ray_deviation"].values.ravel()], "m"):
+            return Panel("bending", title, "The rays are straight: their displacement is below rounding.")
+        middle = float(np.nanmean(place[:, 0, 1]))
+        lines = [
+            Line(
+                ray[:, 2],
+                off,
+                f"start {'above' if ray[0, 1] > middle else 'below'} the center" if ray[0, 1] != middle else "",
+                "twosolid" if ray[0, 1] > middle else "one" if ray[0, 1] < middle else "plain",
+                says=f"Ray from y = {ray[0, 1]:.2f} mm",
+            )
+            for ray, off in zip(place, stray, strict=True)
+        ]
+        y = Axis(f"displacement along {second} [nm]", unit="nm")
+        shown = Lines(Axis("z [mm]", (float(np.nanmin(place[..., 2])), float(np.nanmax(place[..., 2]))), "mm"), y, lines)
+        most = float(np.nanmax(np.abs(stray)))
+        return Panel(
+            "bending",
+            title,
+            f"Distance of each ray from its straight line, at most {_length(most)}.",
+            "Displacement of the rays against z.",
+            Lines(shown.x, shown.y, lines, pick=True),
+            "Bending by gradients of the air; body and windows do not refract here.",
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class AirView:
+    """One view of the density; its data for the script are in `Air.plot`."""
+
+    air: Air
+    view: View
+    with_rays: bool
+
+    def spec(self, name: str) -> dict[str, Any]:
+        """Return nothing: `Air.plot` describes all views."""
+        return {}
+
+    def static(self) -> str:
+        """Return the view for paper, as a data URL."""
+        data, view, (z, y) = self.air.dataset, self.view, self.air.corners
+        density = data["density"].values
+        low, high = density_limits(density)
+        colors = color_map("density")
+        with figure_of(min(3.2, 0.75 + 2.5 * view.shape), bar=True) as (figure, axes):
+            ambient = (float(data.attrs.get("ambient_density", density.flat[-1])) - low) / (high - low)
+            axes.set_facecolor(colors(min(max(ambient, 0.0), 1.0)))  # the free stream goes on beyond the mesh
+            mesh = None
+            for side in (1.0, -1.0) if self.air.mirror else (1.0,):
+                mesh = axes.pcolormesh(z, side * y, density, cmap=colors, vmin=low, vmax=high, rasterized=True)
+            for line in self.air.bodies:
+                axes.fill(line[:, 0], line[:, 1], facecolor="#6d7580", lw=0.0, zorder=3)
+            if self.with_rays:
+                ray = 1e3 * data["ray_position"].values
+                axes.plot(ray[..., 2].T, ray[..., 1].T, color="white", lw=0.7, zorder=4)
+            half = 0.5 * view.span
+            axes.set(xlim=(view.z - half / view.shape, view.z + half / view.shape), aspect="equal")
+            axes.set(ylim=(view.y - half, view.y + half), xlabel="z [mm], optical axis, forward →", ylabel="y [mm]")
+            color_bar(figure, mesh, "density [kg/m³]")
+            return data_url(figure, "png")
+
+
+def _is_regular(z: np.ndarray, y: np.ndarray) -> bool:
+    """Return whether the cells' corners are a raster: rows along z, columns along y, all of the same size."""
+    straight = np.ptp(z, axis=0).max() == 0.0 and np.ptp(y, axis=1).max() == 0.0
+    if not straight:
+        return False
+    steps = np.diff(z[0]), np.diff(y[:, 0])
+    return all(np.allclose(one, one[0], rtol=1e-6) and one[0] > 0.0 for one in steps)
+
+
+def _length(nanometres: float) -> str:
+    return f"{nanometres:.3g} nm" if nanometres < 1e3 else f"{1e-3 * nanometres:.3g} µm"

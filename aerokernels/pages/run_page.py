@@ -1,0 +1,445 @@
+"""The report of a run, from its dataset and its summary alone, so that a finished run can be shown again."""
+
+import math
+import tomllib
+from collections.abc import Mapping
+from datetime import datetime
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from aerokernels.display.quantities import CAUSES, REMEDIES, TOTAL, WORTHLESS, Quantity, two_digits
+from aerokernels.display.shown import is_flat
+from aerokernels.jobs.numbers import NUMBERS, quantity_of
+from aerokernels.jobs.store import number_or_nan
+from aerokernels.pages.air import Air
+from aerokernels.pages.figures import Axis, Line, Lines
+from aerokernels.pages.front import GROUPS, Front
+from aerokernels.pages.page import Answer, Bar, Page, Panel, Row, flat, shown
+from aerokernels.zernike import zernike_modes
+
+if TYPE_CHECKING:
+    import xarray
+
+SPEED_OF_LIGHT = 299_792_458.0  # [m/s]
+BACKENDS = {"opencl": "OpenCL", "warp": "Warp", "reference": "NumPy"}
+CAUSE_NAMES = {
+    "step": "Steps along a ray",
+    "precision": "Rounding",
+    "interpolation": "Between the flow's samples",
+    "jumps": "Place of jumps",
+    "resampling": "Uniform grid",
+    "truncation": "End of the known air",
+    "refractivity": "Index of the air",
+    "bundle": "Rays between rays",
+    "sampling": "Number of rays",
+}
+METHODS = {
+    "leading-edge": "Leading edge",
+    "constant-fraction": "Constant fraction",
+    "centroid": "Centroid",
+    "matched-filter": "Matched filter",
+}
+STAGES = {"wavefront": "No wavefront", "rays": "No rays in the pictures", "echo": "No echo", "range": "No range"}
+RAW_LEFT_OUT = ("scene_values", "plan")
+LEAST_SHARE = 0.01  # of the total error, below which causes are listed together
+
+
+def run_page(dataset: "xarray.Dataset", summary: Mapping[str, Any]) -> Page:
+    """Return the report of a run.
+
+    Args:
+        dataset: The content of result.nc.
+        summary: The content of summary.json.
+    """
+    echo = _Echo(dataset, summary) if "echo_voltage" in dataset else None
+    panels: list[Panel] = []
+    plots: list[Mapping[str, Any]] = []
+    front = None
+    if "density" in dataset:
+        air = Air(dataset)
+        plots.append(air.plot(_index_constant(dataset)))
+        panels += air.panels()
+    if {"opd", "point_spread"} <= set(dataset.variables):
+        error = number_or_nan(dataset["opd"].attrs.get("rms_error_m"))
+        front = Front(dataset, _aberrations(dataset), error)
+        plots.append(front.plot())
+        panels += front.panels()
+    if echo is not None:
+        panels += echo.panels()
+    panels.append(_budget(summary.get("error") or {}))
+    return Page(
+        "run",
+        str(summary.get("title") or summary.get("scene", "run")),
+        _asked(dataset, summary),
+        [_strehl(summary), _bent(summary, front), _range(summary, echo)],
+        panels,
+        _numbers(dataset, summary, echo),
+        remarks=remark_rows(summary),
+        alarm=summary.get("verdict") == WORTHLESS,
+        scene=str(dataset.attrs["scene"]),
+        repeat=("aerokernels run scene.toml --out out", 'import aerokernels as ak\n\nrun = ak.simulate("scene.toml")'),
+        details=_details(summary),
+        words=("strehl", "opd", "boresight", "density", "rays", *(("echo", "range") if echo else ()), "error"),
+        raw=flat({key: value for key, value in summary.items() if key not in RAW_LEFT_OUT}),
+        plots=plots,
+    )
+
+
+def remark_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Return remarks on a run: the verdict on its numbers, and the reason for each stage without a result."""
+    worthless = summary.get("verdict") == WORTHLESS
+    rows = [("Not meaningful" if worthless else "Warning", str(reason)) for reason in summary.get("warnings") or ()]
+    for stage, reason in (summary.get("failures") or {}).items():
+        rows.append((STAGES.get(stage, f"No {stage}"), str(reason)))
+    return rows
+
+
+def _asked(dataset: "xarray.Dataset", summary: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Return what was asked."""
+    scene = tomllib.loads(str(dataset.attrs["scene"]))
+    receiver, pupil, values = scene["receiver"], scene["pupil"], summary.get("scene_values") or {}
+    angles = values.get("pupil") or pupil
+    rows = [
+        ("Scene", str(summary.get("scene"))),
+        ("Date", _date(dataset)),
+        ("Flow", str(summary.get("provenance", "")).removeprefix("shipped field ")),
+        ("Mach number", _number(summary.get("mach"), "g")),
+        ("Free-stream density", f"{_number(summary.get('ambient_density_kg_m3'), '.4g')} kg/m³"),
+        ("Wavelength", f"{1e9 * summary['wavelength_m']:g} nm"),
+        ("Pupil", _pupil(receiver, values.get("receiver") or {})),
+        ("Direction", f"azimuth {_degrees(angles, 'azimuth')}, elevation {_degrees(angles, 'elevation')}"),
+        ("Target distance", f"{summary['true_range_m']:g} m"),
+    ]
+    by = BACKENDS.get(str(summary["backend"]), str(summary["backend"]))
+    rows.append(("Computed by", f"{by} on {summary['device']}, {summary['precision']}"))
+    return [(name, text) for name, text in rows if not text.startswith("none")]
+
+
+def _date(dataset: "xarray.Dataset") -> str:
+    stamp = str(dataset.attrs.get("history", "")).partition(": ")[0]
+    try:
+        return f"{datetime.fromisoformat(stamp):%B %-d, %Y, %H:%M} UTC"
+    except ValueError:
+        return "none"
+
+
+def _pupil(receiver: Mapping[str, Any], values: Mapping[str, Any]) -> str:
+    shape = str(receiver.get("shape", "disc"))
+    size = values.get("diameter", receiver.get("diameter"))
+    return f"{shape}, {1e3 * size:g} mm" if isinstance(size, (int, float)) else shape
+
+
+def _degrees(angles: Mapping[str, Any], name: str) -> str:
+    value = angles.get(name, 0.0)
+    return f"{math.degrees(value):g}°" if isinstance(value, (int, float)) else str(value)
+
+
+def _number(value: Any, form: str) -> str:
+    return f"{value:{form}}" if isinstance(value, (int, float)) and math.isfinite(value) else "none"
+
+
+def _strehl(summary: Mapping[str, Any]) -> Answer:
+    """Return the answer of the Strehl ratio."""
+    ratio = quantity_of(summary, "strehl")
+    cause = _largest(summary.get("error") or {})
+    more = f"Strehl ratio {shown(ratio)}." + (f" The largest cause of the error: {cause}." if cause else "")
+    cost = Quantity(100.0 * (1.0 - ratio.value), None if ratio.error is None else 100.0 * ratio.error, "%")
+    return Answer.of("The flow costs", cost, "of the peak of the focus.", more)
+
+
+def _largest(budget: Mapping[str, Any]) -> str:
+    """Return the name of the greatest cause of an error."""
+    causes = {cause: number_or_nan(error) for cause, error in budget.items() if cause != TOTAL and error}
+    return CAUSE_NAMES.get(max(causes, key=lambda one: causes[one]), "").lower() if causes else ""
+
+
+def _bent(summary: Mapping[str, Any], front: Front | None) -> Answer:
+    """Return the answer of the wavefront."""
+    rms, wave = quantity_of(summary, "opd_rms_m"), float(summary["wavelength_m"])
+    waves = rms.value / wave
+    size = "" if not waves else f", 1/{1.0 / waves:.0f} of a wave" if waves < 0.4 else f", {waves:.2g} waves"
+    more = ""
+    if front is not None:
+        most = max(front.sizes, key=lambda name: front.sizes[name])
+        share = front.sizes[most] ** 2 / (sum(one**2 for one in front.sizes.values()) or 1.0)
+        known = front.sizes[most] > (front.error if math.isfinite(front.error) else 0.0)
+        if share > 0.5 and known and most in GROUPS:
+            more = f"{'Nearly all' if share > 0.98 else f'{100.0 * share:.0f} %'} of it is {most}."
+        rest = quantity_of_map(front.dataset, "opd_without_focus")
+        if rest is not None:
+            more += f" Left without tilt and focus: {shown(rest, 1e9, 'nm')}."
+    return Answer.of("The wavefront is bent by", rms.scaled(1e9, "nm"), f"rms{size}.", more.strip())
+
+
+def quantity_of_map(dataset: "xarray.Dataset", name: str) -> Quantity | None:
+    """Return the rms of a map with its error [m]; None without the map."""
+    if name not in dataset or "rms_m" not in dataset[name].attrs:
+        return None
+    attributes = dataset[name].attrs
+    return Quantity(float(attributes["rms_m"]), number_or_nan(attributes.get("rms_error_m")))
+
+
+def _range(summary: Mapping[str, Any], echo: "_Echo | None") -> Answer:
+    """Return the answer of the range."""
+    error = quantity_of(summary, "range_error_m")
+    if math.isnan(error.value):
+        failures = summary.get("failures") or {}
+        reason = str(failures.get("range") or failures.get("echo") or "the echo was left out")
+        return Answer("The range was", "not read", more=f"{reason[:1].upper()}{reason[1:]}.")
+    side = "long" if error.value > 0.0 else "short"
+    more = "" if echo is None else echo.reason
+    size = Quantity(abs(error.value), error.error)
+    return Answer.of("The range reads", size.scaled(1e3, "mm"), f"{side}.", more, "The range is off by at most")
+
+
+class _Echo:
+    """The echo of a run's dataset, in ns, V and mm."""
+
+    def __init__(self, dataset: "xarray.Dataset", summary: Mapping[str, Any]) -> None:
+        self.dataset, self.summary = dataset, summary
+        self.time, self.voltage = 1e9 * dataset["time"].values, dataset["echo_voltage"].values
+        self.clean = dataset["echo_voltage_clean"].values if "echo_voltage_clean" in dataset else self.voltage
+        self.free = dataset["echo_voltage_vacuum"].values if "echo_voltage_vacuum" in dataset else None
+        level = number_or_nan(dataset.attrs.get("threshold_v"))
+        self.threshold = level if math.isfinite(level) else None
+        self.crossed = None if self.threshold is None else _crossing(self.time, self.clean, self.threshold)
+        self.crossed_free = None
+        if self.threshold is not None and self.free is not None:
+            self.crossed_free = _crossing(self.time, self.free, self.threshold)
+
+    @property
+    def late(self) -> float | None:
+        """How much later the pulse crosses the threshold than it would without flow [ns]."""
+        return None if self.crossed is None or self.crossed_free is None else self.crossed - self.crossed_free
+
+    @property
+    def reason(self) -> str:
+        """Why the range has an error, in words."""
+        height = number_or_nan(self.summary.get("echo_peak_v")) / number_or_nan(self.dataset.attrs.get("vacuum_peak_v"))
+        still = quantity_of(self.summary, "still_air_m")
+        words = f" The air at rest alone adds {shown(still, 1e3, 'mm', True)}." if still.value else ""
+        if self.late is None or self.late <= 0.0 or not height < 1.0:
+            return words.strip()
+        return (
+            f"The flow takes {100.0 * (1.0 - height):.2g} % off the pulse, and a lower pulse crosses the fixed threshold "
+            f"of {self.threshold:g} V {_duration(self.late)} later.{words}"
+        )
+
+    def panels(self) -> list[Panel]:
+        """Return the panels: the pulse, the crossing of the threshold, and the errors of all ranging methods."""
+        panels = [self._pulse()]
+        if self.late is not None and self.late > 0.0:
+            panels.append(self._near())
+        return [*panels, *self._methods()]
+
+    def _lines(self) -> list[Line]:
+        lines = []
+        if not np.array_equal(self.clean, self.voltage):
+            lines.append(Line(self.time, self.voltage, "recorded, with noise", "plain"))
+        lines.append(Line(self.time, self.clean, "with flow", "one"))
+        if self.free is not None:
+            lines.append(Line(self.time, self.free, "without flow", "free"))
+        return lines
+
+    def _pulse(self) -> Panel:
+        top = max(float(one.y.max()) for one in self._lines())
+        low = min(0.0, float(self.voltage.min()))
+        above = np.flatnonzero(np.maximum(self.clean, self.free if self.free is not None else self.clean) > 1e-3 * top)
+        ends = (0, -1) if above.size == 0 else (max(above[0] - 2, 0), min(above[-1] + 2, self.time.size - 1))
+        limits = [] if self.threshold is None else [("y", self.threshold, f"threshold {self.threshold:.4g} V")]
+        limits.append(("x", 2e9 * float(self.dataset.attrs["true_range_m"]) / SPEED_OF_LIGHT, "target"))
+        marks = [] if self.crossed is None or self.threshold is None else [(self.crossed, self.threshold)]
+        x = Axis("time since the pulse left [ns]", (float(self.time[ends[0]]), float(self.time[ends[1]])), "ns")
+        y = Axis("voltage [V]", (1.08 * low, 1.08 * top), "V")
+        return Panel(
+            "echo",
+            "Laser echo",
+            "The pulse that comes back from the target.",
+            "Detector voltage against time, with and without flow, and the threshold.",
+            Lines(x, y, self._lines(), limits=limits, marks=marks),
+            "The dot marks where the threshold is crossed." if marks else "",
+        )
+
+    def _near(self) -> Panel:
+        assert self.crossed is not None and self.crossed_free is not None and self.late is not None
+        assert self.threshold is not None and self.free is not None
+        middle, half = 0.5 * (self.crossed + self.crossed_free), max(2.2 * self.late, 0.05)
+        around = np.linspace(middle - half, middle + half, 41)
+        lines = [
+            Line(around, np.interp(around, self.time, self.clean), "with flow", "one"),
+            Line(around, np.interp(around, self.time, self.free), "without flow", "free"),
+        ]
+        marks = [(self.crossed_free, self.threshold), (self.crossed, self.threshold)]
+        error = number_or_nan(self.summary.get("range_error_m"))
+        words = [f"{_duration(self.late)} later", *([f"{1e3 * error:+.1f} mm"] if math.isfinite(error) else [])]
+        x = Axis("time since the pulse left [ns]", (float(around[0]), float(around[-1])), "ns")
+        return Panel(
+            "crossing",
+            "Where the threshold is crossed",
+            f"The pulse crosses {_duration(self.late)} later than without flow.",
+            "The rising edges with and without flow near the threshold.",
+            Lines(
+                x,
+                Axis("voltage [V]", unit="V"),
+                lines,
+                limits=[("y", self.threshold, f"threshold {self.threshold:.4g} V")],
+                marks=marks,
+                gap=(self.crossed_free, self.crossed, words),
+            ),
+            "The range is read at this crossing, on a scale that is right without flow.",
+        )
+
+    def _methods(self) -> list[Panel]:
+        summary = self.summary
+        errors = (summary.get("errors") or {}).get("ranges_m") or {}
+        true = float(summary["true_range_m"])
+        read = {
+            method: Quantity(number_or_nan(value) - true, number_or_nan(errors.get(method)))
+            for method, value in (summary.get("ranges_m") or {}).items()
+            if value is not None
+        }
+        if not read:
+            return []
+        ends = [end for one in read.values() for end in (*one.interval, 0.0) if math.isfinite(end)]
+        low, high = min(ends), max(ends)
+        low, high = low - 0.04 * (high - low), high + 0.04 * (high - low) or 1e-6
+
+        def place(length: float) -> float:
+            return min(max(100.0 * (length - low) / (high - low), 0.0), 100.0)
+
+        used = str(self.dataset.attrs.get("ranging", ""))
+        rows = [
+            Bar(
+                METHODS.get(method, method) + (", used" if method == used else ""),
+                shown(one, 1e3, "mm", True),
+                dot=(place(one.interval[0]), place(one.value), place(one.interval[1])),
+            )
+            for method, one in read.items()
+        ]
+        says = "Read minus true range. Only a fixed threshold depends on the height of the pulse."
+        return [Panel("methods", "Range error by method", says, rows=rows, mark=place(0.0))]
+
+
+def _crossing(time: np.ndarray, voltage: np.ndarray, level: float) -> float | None:
+    """Return the time at which a voltage first rises through a level; None if it does not."""
+    rises = np.flatnonzero((voltage[:-1] < level) & (voltage[1:] >= level))
+    if rises.size == 0:
+        return None
+    k = int(rises[0])
+    return float(time[k] + (level - voltage[k]) / (voltage[k + 1] - voltage[k]) * (time[k + 1] - time[k]))
+
+
+def _duration(nanoseconds: float) -> str:
+    return f"{1e3 * nanoseconds:.0f} ps" if nanoseconds < 1.0 else f"{nanoseconds:.2f} ns"
+
+
+def _aberrations(dataset: "xarray.Dataset") -> dict[str, float]:
+    """Return the rms of each kind of aberration over the pupil, and "else" [m]."""
+    opd, x, y = (dataset[name].values for name in ("opd", "pupil_x", "pupil_y"))
+    known = np.isfinite(opd)
+    across, up = np.meshgrid(x, y)
+    radius = float(np.hypot(across, up)[known].max()) or 1.0
+    modes = zernike_modes(11, across[known] / radius, up[known] / radius)
+    terms = np.linalg.lstsq(modes.T, opd[known], rcond=None)[0]
+    sizes = {name: math.sqrt(sum(float(terms[j - 1]) ** 2 for j in indices)) for name, indices in GROUPS.items()}
+    sizes["else"] = math.sqrt(max(float(np.var(opd[known])) - sum(one**2 for one in sizes.values()), 0.0))
+    return sizes
+
+
+def _index_constant(dataset: "xarray.Dataset") -> float | None:
+    """Return n - 1 per kg/m3, if the run stores it."""
+    constant = number_or_nan(dataset.attrs.get("index_per_density"))
+    return constant if math.isfinite(constant) else None
+
+
+def _budget(budget: Mapping[str, Any]) -> Panel:
+    """Return the panel of the causes of the Strehl ratio's error, each with its remedy."""
+    errors = {cause: number_or_nan(budget.get(cause)) for cause in CAUSES if cause in budget}
+    total = number_or_nan(budget.get(TOTAL))
+    known = {cause: error for cause, error in errors.items() if math.isfinite(error)}
+    top = max([*known.values(), total if math.isfinite(total) else 0.0]) or 1.0
+    great = {cause: error for cause, error in known.items() if error >= LEAST_SHARE * top}
+    rows = [
+        Bar(CAUSE_NAMES[cause], two_digits(error), 100.0 * error / top, remark=_remedy(cause))
+        for cause, error in sorted(great.items(), key=lambda one: -one[1])
+    ]
+    small = [CAUSE_NAMES[cause] for cause in known if cause not in great]
+    if small:
+        least = max(known[cause] for cause in known if cause not in great)
+        rows.append(Bar("Others", f"≤ {least:.1g}", 100.0 * least / top, remark=", ".join(small), kind="below"))
+    rows += [Bar(CAUSE_NAMES[cause], "not known", remark=_remedy(cause)) for cause in errors if cause not in known]
+    rows.append(Bar("Total", two_digits(total), 100.0 * total / top if math.isfinite(total) else 0.0, kind="total"))
+    says = "Causes of the error of the Strehl ratio, with what lowers each."
+    return Panel("budget", "Where the error comes from", says, rows=rows)
+
+
+def _remedy(cause: str) -> str:
+    words = REMEDIES.get(cause, "").partition(": ")[2]
+    return f"{words[:1].upper()}{words[1:]}." if words else ""
+
+
+def _numbers(
+    dataset: "xarray.Dataset", summary: Mapping[str, Any], echo: _Echo | None
+) -> list[tuple[str, list[Row]]]:
+    """Return the numbers in groups, in the units that people use."""
+
+    def row(key: str, word: str, remark: str = "", unit: str = "") -> Row:
+        one = NUMBERS[key]
+        label = one.name or f"{one.words[:1].upper()}{one.words[1:]}"
+        return label, one.text(quantity_of(summary, key)).replace("+-", "±"), remark, word
+
+    rms, wave = number_or_nan(summary.get("opd_rms_m")), float(summary["wavelength_m"])
+    quality = [
+        row("strehl", "strehl", "peak of the focus over that without flow"),
+        row("strehl_marechal", "strehl", "from the rms alone"),
+        row("opd_rms_m", "opd", f"{rms / wave:.3g} waves"),
+        row("boresight_rad", "boresight"),
+    ]
+    if "opd" in dataset and not is_flat(dataset["opd"].values, "m"):
+        valley = float(np.ptp(dataset["opd"].values[np.isfinite(dataset["opd"].values)]))
+        quality.insert(3, ("OPD, peak to valley", f"{1e9 * valley:.3g} nm", "of the map's pixels", "opd"))
+        rest = quantity_of_map(dataset, "opd_without_focus")
+        if rest is not None:
+            quality.insert(4, ("Left without tilt and focus", shown(rest, 1e9, "nm"), "rms", "opd"))
+    groups = [("Image quality", quality)]
+    if echo is not None:
+        free = (number_or_nan(dataset.attrs.get(f"vacuum_peak_{unit}")) for unit in "vw")
+        volts, watts = free
+        noise = number_or_nan(summary.get("noise_rms_v"))
+        groups.append(
+            (
+                "Laser echo",
+                [
+                    row("echo_peak_v", "echo", f"{volts:.4g} V without flow"),
+                    row("echo_peak_w", "echo", f"{1e6 * watts:.4g} µW without flow"),
+                    row("echo_strehl", "strehl", "mean over the target"),
+                    ("Noise", f"{1e3 * noise:.3g} mV rms" if noise else "off", "", "echo"),
+                    row("range_m", "range"),
+                    row("range_error_m", "range"),
+                    row("still_air_m", "range"),
+                ],
+            )
+        )
+    rays = f"{summary['traced_ray_count']:,} traced"
+    seconds = f"{summary['trace_seconds']:.2f} s in kernels, {summary['compile_seconds']:.2f} s compiling"
+    work = [
+        ("Rays for the Strehl ratio", f"{summary['ray_count']:,}", rays, "rays"),
+        ("Time", f"{summary['total_seconds']:.1f} s", seconds, ""),
+    ]
+    if "density" in dataset:
+        most, ambient = float(np.nanmax(dataset["density"].values)), number_or_nan(summary["ambient_density_kg_m3"])
+        remark = f"{most / ambient:.2g} times the free stream" if ambient > 0.0 else ""
+        work.insert(0, ("Greatest density", f"{most:.3g} kg/m³", remark, "density"))
+    return [*groups, ("Air and work", work)]
+
+
+def _details(summary: Mapping[str, Any]) -> list[tuple[str, list[str]]]:
+    """Return the folded lists: plan, and origin of the flow with the time of each stage."""
+    seconds = {key: value for key, value in flat(summary.get("seconds") or {})}
+    times = ", ".join(f"{name.replace('.', ' ')} {float(value):.2f} s" for name, value in seconds.items())
+    origin = [f"Flow: {summary.get('provenance', '')}.", f"Time: {times}."]
+    return [
+        ("Plan: what was done, what was skipped, and why", list((summary.get("plan") or {}).get("reasons", []))),
+        ("Origin of the flow, and time", origin),
+    ]
