@@ -1,6 +1,6 @@
 """Interferograms of a field in one arm of a Mach-Zehnder interferometer.
 
-    I = (1 + V cos(2 pi (opd / wavelength + s / fringe_spacing + phase))) / 2,     s across the fringes, V the visibility
+    I = (1 + V cos(2 pi (opd / wavelength + s / fringe_spacing + phase))) / 2,     s across the fringes
 
 Reference: W. Merzkirch, Flow Visualization, 2nd ed. (Academic Press, 1987), section 3.2.
 """
@@ -156,7 +156,7 @@ class Fringes:
         return np.asarray(0.5 * (1.0 + self.visibility * np.cos(2.0 * np.pi * self.waves(traced))))
 
     def waves(self, traced: LineOfSight | SomeLight) -> np.ndarray:
-        """Return the phases of traced rays [waves], NaN where none came through; refuse fringes finer than the pixels."""
+        """Return the phases of traced rays [waves], NaN where none came through; refuse fringes finer than pixels."""
         window = traced.window
         waves = traced.opd / traced.wavelength + self.phase
         if self.spacing is not None:

@@ -28,7 +28,7 @@ def smoothed(intensity: np.ndarray, smoothing: float) -> np.ndarray:
 
 
 def outer_fronts(lines: np.ndarray, level: float) -> np.ndarray:
-    """Return where each scan line (line_count, n) departs from the undisturbed brightness [samples], shape (line_count,).
+    """Return where each scan line (line_count, n) departs from the undisturbed brightness [samples], (line_count,).
 
     `level` is the share of the first band's height that defines the front. NaN if there is none, or if the line starts
     inside the band.
@@ -157,7 +157,7 @@ AROUND = 3  # pixels on each side of a front that are compared
 
 
 def is_staircase(lines: np.ndarray, places: np.ndarray) -> bool:
-    """Return whether the fronts of most scan lines, not smoothed, jump from one pixel to the next, nothing in between."""
+    """Return whether the fronts of most scan lines, not smoothed, jump from one pixel to the next."""
     middle = np.clip(np.rint(places).astype(np.int64), AROUND, max(lines.shape[1] - 1 - AROUND, AROUND))
     around = np.minimum(middle[:, None] + np.arange(-AROUND, AROUND + 1), lines.shape[1] - 1)
     values = np.take_along_axis(lines, around, axis=1)

@@ -2,7 +2,7 @@
 
 Rays of some pixels are traced again, with how they change by each cause (tracing/some_pixels.py), and the same light
 is made of them. What few rays leave out of a pixel's mean is the cause "sampling": h rays apart, a smooth light is off
-by a 24th of its second difference over h^2, and where it jumps, which its fourth difference tells, by two fifths over h.
+by a 24th of its second difference over h^2, and where it jumps, as its fourth difference tells, by two fifths over h.
 """
 
 from collections.abc import Callable

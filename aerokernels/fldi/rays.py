@@ -27,7 +27,7 @@ GAUSS = 0.5 - 0.5 / math.sqrt(3.0), 0.5 + 0.5 / math.sqrt(3.0)
 
 
 def crossed(field: IndexField, instrument: FLDI, focus: np.ndarray) -> tuple[float, float] | None:
-    """Return the distances along the axis from a focus [m] between which light is in the field's box; None if none is."""
+    """Return the distances along the axis from a focus [m] between which light is in the field's box, or None."""
     low, high = field.box
     there = np.isfinite(low)
     away = np.linalg.norm(np.where(there, focus - low, 0.0)) + np.linalg.norm(np.where(there, focus - high, 0.0))

@@ -71,7 +71,7 @@ class PixelErrors:
         self.pixels.trace(field, self._rays(self.few, self.pixels.place), camera.scene_plane, options)
 
     def displacement(self, stored: np.ndarray, other: Aperture | None) -> np.ndarray:
-        """Return the error of the size of a displacement (rows, columns, 2) [pixels]; `other` points of the aperture tell sampling."""
+        """Return the error of the size of a displacement [pixels]; `other` points of the aperture tell its sampling."""
         return np.linalg.norm(self._errors(Aperture.mean, stored, other), axis=-1)
 
     def blur(self, stored: np.ndarray, other: Aperture) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""The image of a wavefront: width of its spot, light of several wavelengths, and the errors of its arrays and numbers."""
+"""The image of a wavefront: width of its spot, light of several wavelengths, and the errors of its numbers."""
 
 from collections.abc import Callable
 from dataclasses import replace
