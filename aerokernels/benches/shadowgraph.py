@@ -232,7 +232,7 @@ def _spread(rest: np.ndarray, shift: np.ndarray, window: Window, share: np.ndarr
 def _deposit(
     middle: np.ndarray, size: np.ndarray, amount: np.ndarray, light: np.ndarray, shape: tuple[int, int]
 ) -> None:
-    """Add the amount of each rectangle, of `size` about `middle` (column, row) [pixels], evenly to the pixels of `light`."""
+    """Add the amount of each rectangle, about `middle` (column, row) [pixels], evenly to the pixels of `light`."""
     size = np.clip(size, 1e-9, 1.0)
     low = np.floor(middle - 0.5 * size + 0.5)  # pixel in which the rectangle begins
     first = np.clip((low + 0.5 - (middle - 0.5 * size)) / size, 0.0, 1.0)  # share in that pixel

@@ -72,7 +72,7 @@ def complex_amplitude(opd: np.ndarray, weight: np.ndarray, wavelength: float) ->
 def far_field(
     wave: np.ndarray, coordinates: tuple[np.ndarray, np.ndarray], angle: np.ndarray, wavelength: float
 ) -> np.ndarray:
-    """Return the sum of wave exp(-i k a x) at angles a of rows and columns [rad], shape (m, m); coordinates x, y [m]."""
+    """Return the sum of wave exp(-i k a x) at angles a of rows and columns [rad], (m, m); coordinates x, y [m]."""
     along_x, along_y = (np.exp(-2j * np.pi / wavelength * np.outer(angle, axis)) for axis in coordinates)
     return steady_product(steady_product(along_y, wave), along_x.T)
 
