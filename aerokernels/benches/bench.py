@@ -94,7 +94,7 @@ class Bench:
         return np.stack([across[lit], along[lit]], axis=1), share[lit] / share[lit].sum()
 
     def passed(self, point: np.ndarray, deflection: np.ndarray, cut_off: float) -> np.ndarray:
-        """Return the share of the light about a point (2,) of the source that passes the edge, for deflections [rad]."""
+        """Return the share of the light about a point (2,) of the source that passes, for deflections [rad]."""
         half = 0.5 * self.angle / self.source_points
         ends = np.array([point[0] - half, point[0] + half])
         strip = None
