@@ -230,9 +230,7 @@ def backends() -> None:
 
 
 def bench(
-    suites: Annotated[
-        list[str] | None, typer.Argument(metavar="[SUITE]...", help="cone, strehl, sweep, bundles [all].")
-    ] = None,
+    suites: Annotated[list[str] | None, typer.Argument(metavar="[SUITE]...", help="cone, strehl [both].")] = None,
     backend: Annotated[
         list[str] | None, typer.Option(help="warp, opencl or reference; repeatable [default: all available].")
     ] = None,
