@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from aerokernels.hardware.frames import DamagedPiece, Waveform
 from aerokernels.hardware.port import PORT_ERRORS, PortError
 from aerokernels.hardware.sources import EchoStream, Piece
-from aerokernels.hardware.store import EchoStore, StoreError
+from aerokernels.hardware.store import EchoStore
 from aerokernels.inputs.checks import check_count
 from aerokernels.inputs.kinds import is_number
 

@@ -15,7 +15,14 @@ from aerokernels.files.netcdf_reading import open_netcdf
 from aerokernels.hardware import DIALECT_NAMES
 from aerokernels.hardware.frames import DELIMITER, GREATEST_SAMPLE_COUNT, EchoFrame, encode
 from aerokernels.hardware.pseudo_terminal import PseudoTerminal, never
-from aerokernels.inputs.checks import as_finite_array, as_waveform, check_at_least, check_choice, check_count, check_path
+from aerokernels.inputs.checks import (
+    as_finite_array,
+    as_waveform,
+    check_at_least,
+    check_choice,
+    check_count,
+    check_path,
+)
 from aerokernels.lidar.result import echo_of_result
 
 # The scene whose echo the simulated instruments send by default.

@@ -153,7 +153,9 @@ def _in_chunks(make: Callable[[], Any], stream: bytes, draw: random.Random, most
         pieces += decoder.feed(stream[begin:end])
         if decoder.pending_length > most:
             raise AssertionError(f"{decoder.pending_length} bytes are held back of {stream!r}")
-    contents = [[getattr(piece, "__dict__", piece) for piece in found] for found in (expected, [*pieces, *decoder.finish()])]
+    contents = [
+        [getattr(piece, "__dict__", piece) for piece in found] for found in (expected, [*pieces, *decoder.finish()])
+    ]
     if repr(contents[0]) != repr(contents[1]):
         raise AssertionError(f"the chunks matter in {stream!r}")
     return expected

@@ -11,8 +11,8 @@ import pytest
 
 from aerokernels.hardware import recorder as module
 from aerokernels.hardware.frames import EchoFrame, encode
-from aerokernels.hardware.recorder import NO_GOOD_FRAME, Recorder, RecordingStatus
 from aerokernels.hardware.pseudo_terminal import PseudoTerminal
+from aerokernels.hardware.recorder import NO_GOOD_FRAME, Recorder, RecordingStatus
 from aerokernels.hardware.store import EchoStore, StoreError
 
 from .line import frames_from, needs_pseudo_terminals, sequences, started

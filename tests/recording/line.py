@@ -90,7 +90,7 @@ def made_frames(count: int, sample_count: int = 128, first: int = 0, period_us: 
 
 
 def damaged_line(frames: list[EchoFrame], rate: float, seed: int) -> tuple[bytes, list[int], int]:
-    """Bytes of frames of which `rate` each are torn, flipped, glued or behind garbage; the good ones; damaged pieces."""
+    """Bytes of frames of which `rate` each are torn, flipped, glued or behind garbage; the good ones; damaged ones."""
     random, kinds = np.random.default_rng(seed), ("torn", "flipped", "glued", "garbage")
     wire, good, piece_count, follows_glued = bytearray(), [], 0, False
     for frame in frames:
