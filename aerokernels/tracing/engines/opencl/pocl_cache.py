@@ -39,8 +39,8 @@ def cache_folder() -> Path:
 def make_safe() -> None:
     """Remove damaged programs from the cache, once per process and before its driver is opened.
 
-    If that is impossible, if the folder cannot be written or if the disk is full, this process gets its own cache in the
-    folder for temporary files. All cases are reported as a RuntimeWarning.
+    If that is impossible, if the folder cannot be written or if the disk is full, this process gets its own cache in
+    the folder for temporary files. All cases are reported as a RuntimeWarning.
 
     Raises:
         NoCacheError: No folder for temporary files can take kernels either.
