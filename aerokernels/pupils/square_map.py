@@ -1,7 +1,7 @@
 r"""Maps of the unit square onto a pupil that preserve area ratios, weighted by the pupil's transmission.
 
 A low-discrepancy sequence on the square becomes one on the pupil, with equal weights. The kernels that launch the rays
-of a pupil take the numbers of such a map and use the same formulas (kernels/include/pupil_shape.h and its twin):
+of a pupil take the numbers of such a map and use the same formulas (device_arrays/kernels.py):
 
     ring        r^2 = a^2 + (1 - a^2) u,  angle = 2 pi v                    a: inner over outer radius
     pixels      y from v by the cumulative shares of the rows, then x from u by those within the row: inverse marginal

@@ -31,7 +31,7 @@ GRID_TABLES = ("roughness", "potential by blocks", "potential peaks")
 # The kernels without options of a scene, by the file of OpenCL C in which they are built together.
 PROGRAMS = {
     "pupil": ("launch_pupil", "sum_rays", "reduce_sums"),
-    "grid_tables": ("spline_lines", "column_maxima", "block_maxima"),
+    "grid_tables": ("spline_lines", "column_maxima", "block_maxima", "round_coefficients"),
 }
 # Per-ray outputs of the tracing kernels, in their order: how many numbers per ray, and their type.
 OUTPUT_TYPES = {member.name: (member.parts[1], member.number_type()) for member in STRUCTS["RayOutputs"]}
@@ -135,15 +135,15 @@ class Engine(ABC):
             return  # the structs refer to the coefficients themselves
         coefficients = _field_arrays(field, self, precision, False)["coefficients"]
         if on_host is None:
-            count = math.prod(field.samples.coefficient_shape)
-            self.round_into(field.samples.held(self.grid_key), coefficients, count, precision)
+            self._round_into(coefficients, field.samples)
         else:
             self.wait()
             self.put_into(coefficients, on_host.astype(REAL_TYPES[precision]))
 
-    @abstractmethod
-    def round_into(self, coefficients: Any, rounded: Any, count: int, precision: str) -> None:
-        """Start to round a grid's coefficients, a buffer of float64, into a buffer of this precision."""
+    def _round_into(self, rounded: Any, grid: UniformGrid) -> None:
+        """Start to round a grid's coefficients, which the device has computed, into a buffer of float32."""
+        kernel = self.kernels(["round_coefficients"])["round_coefficients"]
+        self.launch(kernel, [grid.held(self.grid_key)], [rounded], math.prod(grid.coefficient_shape))
 
     def keeps(self, size: float) -> bool:
         """Return whether results of `size` bytes, and the rays, stay on the device until they are read."""
@@ -290,9 +290,8 @@ class Engine(ABC):
             return held
         if not self.is_gpu:
             return None
-        count = math.prod(field.samples.coefficient_shape)
-        rounded = self.empty(count, kind=REAL_TYPES[precision])
-        self.round_into(held, rounded, count, precision)
+        rounded = self.empty(math.prod(field.samples.coefficient_shape), kind=np.float32)
+        self._round_into(rounded, field.samples)
         return rounded
 
 
