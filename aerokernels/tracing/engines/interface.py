@@ -126,21 +126,6 @@ class Engine(ABC):
         """Return the same kernel for launches with other arguments: neither then sets those of the other again."""
         return kernel
 
-    def renew(self, field: IndexField, precision: str, on_host: np.ndarray | None) -> None:
-        """Make again what `prepare` has made from a grid's coefficients, whose memory on the device has changed.
-
-        `on_host` is that memory, on a CPU.
-        """
-        if precision == "float64":
-            return  # the structs refer to the coefficients themselves
-        coefficients = _field_arrays(field, self, precision, False)["coefficients"]
-        if on_host is None:
-            count = math.prod(field.samples.coefficient_shape)
-            self.round_into(field.samples.held(self.grid_key), coefficients, count, precision)
-        else:
-            self.wait()
-            self.put_into(coefficients, on_host.astype(REAL_TYPES[precision]))
-
     @abstractmethod
     def round_into(self, coefficients: Any, rounded: Any, count: int, precision: str) -> None:
         """Start to round a grid's coefficients, a buffer of float64, into a buffer of this precision."""
