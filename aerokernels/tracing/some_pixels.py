@@ -28,7 +28,8 @@ PixelNumber = Callable[[Rays], np.ndarray]
 class SomePixels:
     """Some pixels of a map, `rows` by `columns` (`place` is both of each), and the rays through them.
 
-    `kept` are the pixels all of whose rays arrived, in random order; `found` their rays and the changes, if there are any.
+    `kept` are the pixels all of whose rays arrived, in random order; `found` their rays and the changes, if there are
+    any.
     """
 
     def __init__(self, shape: tuple[int, int], group: int):

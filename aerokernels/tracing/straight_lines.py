@@ -90,8 +90,8 @@ def outermost_rays(
 ) -> np.ndarray:
     """Rows of the rays outermost in position or direction, and of lines that begin or end so within a box.
 
-    The box is given by its corners [m, along the field's own axes]; a line ends at the stop if that is inside. The longest
-    line is among them.
+    The box is given by its corners [m, along the field's own axes]; a line ends at the stop if that is inside. The
+    longest line is among them.
     """
 
     def find(part: slice | np.ndarray) -> np.ndarray:

@@ -69,7 +69,8 @@ def jumps(field: IndexField, paths: Paths, thinned: tuple[tuple[Rays, dict[int, 
 def patterns(field: IndexField, paths: Paths, size: np.ndarray, alike: float) -> tuple[Rays, ...]:
     """Draws of an optical path: sizes at rays [m] times patterns of rms 1, two to eight `alike` [m] long.
 
-    Wavelengths are those of the steps that a jump makes across rows of nodes, but four cells to two widths of the bundle.
+    Wavelengths are those of the steps that a jump makes across rows of nodes, but four cells to two widths of the
+    bundle.
     """
     rng = np.random.default_rng(0)
     middle = paths.at(np.array([0.5]))[:, 0]

@@ -79,8 +79,8 @@ class Cause:
 class Paths:
     """Paths of rays through a box: ends [m] and unit directions there (n, 3), lengths [m] (n,), or 0.
 
-    `rest` is the length from there to the stop [m], (n,), `normal` that of the plane at which the rays stop, or None, and
-    `index` the ambient index.
+    `rest` is the length from there to the stop [m], (n,), `normal` that of the plane at which the rays stop, or None,
+    and `index` the ambient index.
     """
 
     first: np.ndarray
