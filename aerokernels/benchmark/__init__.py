@@ -3,8 +3,6 @@
     suite     what is measured
     cone      a million rays along z through the cone's volume: `trace(..., outputs=("direction", "optical_path"))`
     strehl    the Strehl ratio of the shipped Mach 3 field, from launch to value
-    sweep     a Strehl ratio for every shipped flow at three densities, for new values of a known field, and anew
-    bundles   a million rays of any kind through the cone's volume and a turbulent one, interpolated and ray by ray
 
 docs/performance-bench.md describes the file.
 """

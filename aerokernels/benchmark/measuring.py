@@ -20,7 +20,7 @@ PACKAGES = ("aerokernels", "numpy", "scipy", "warp-lang", "pyopencl", "pocl-bina
 TRUTH_RAYS = 256
 # Optical path of an undisturbed ray from face to face [m].
 UNDISTURBED = CONE_AMBIENT * 2.0 * CONE_HALF[2]
-SUITES = ("cone", "strehl", "sweep", "bundles")
+SUITES = ("cone", "strehl")
 DEFAULT_METHODS = ("auto", "adaptive", "straight")
 RAY_COUNT = 1_000_000
 # The reference traces one ray at a time in Python: more rays would take hours.
@@ -95,14 +95,11 @@ def clocks(count: int, kernel: Sequence[float], wall: Sequence[float], processor
     }
 
 
-def traced_clocks(timing: Timing, count: int, on_cpu: bool, kernels: Timing | None = None) -> dict:
-    """Times of the first call and `clocks` of the others, of a call whose results have `seconds`; per core on a CPU.
-
-    `kernels` are calls from which the kernel's time is taken, if not from the same ones.
-    """
+def traced_clocks(timing: Timing, count: int, on_cpu: bool) -> dict:
+    """Times of the first call and `clocks` of the others, of a call whose results have `seconds`; per core on a CPU."""
     from aerokernels.process.machine import core_count
 
-    kernel = [result.seconds["kernel"] for result in (kernels or timing).results]
+    kernel = [result.seconds["kernel"] for result in timing.results]
     return {
         "first_call_seconds": timing.first_seconds,
         "compile_seconds": timing.first.seconds["compile"],
@@ -271,11 +268,9 @@ def table_rows(bench: dict[str, Any]) -> list[tuple[str, ...]]:
 
 
 def _run_row(run: dict) -> tuple[str, ...]:
-    made, chosen = run["settings"], run["plan"]["method"]
+    made, chosen, is_cone = run["settings"], run["plan"]["method"], run["suite"] == "cone"
     method = made["method"] if made["method"] == chosen else f"{made['method']}: {chosen}"
     symmetry = made.get("symmetry")
-    if run["suite"] == "bundles":
-        method = f"{made['kind']}, bundle {made['bundle']}: {chosen}"
     how = f"{method}, {made['precision']}, {made['tolerance']:g} wave" + (
         f", symmetry {symmetry}" if symmetry is not None else ""
     )
@@ -285,27 +280,11 @@ def _run_row(run: dict) -> tuple[str, ...]:
         how,
         millions(run.get("kernel_rays_per_second")),
         millions(run.get("kernel_rays_per_core_second")),
-        _end_to_end(run),
+        millions(run["rays_per_second"]) if is_cone else spread_text(run["wall_seconds"], 1e3, "ms"),
         millions(run.get("rays_per_cpu_second")),
         f"{run['evaluations_per_ray']:.1f}",
-        _error(run),
+        cone_error(run["error"]) if is_cone else f"{run['error']['value']:+.1e}",
     )
-
-
-def _end_to_end(run: dict) -> str:
-    if run["suite"] in ("cone", "bundles"):
-        return millions(run["rays_per_second"])
-    if run["suite"] == "strehl":
-        return _spread(run["wall_seconds"], 1e3, "ms")
-    return _spread(run["ratios_per_second"], 1.0, "ratios/s")
-
-
-def _error(run: dict) -> str:
-    if run["suite"] in ("cone", "bundles"):
-        return cone_error(run["error"])
-    if run["suite"] == "strehl":
-        return f"{run['error']['value']:+.1e}"
-    return "-"
 
 
 def cone_error(error: dict) -> str:
@@ -318,12 +297,11 @@ def cone_error(error: dict) -> str:
 
 def millions(measured: dict | None) -> str:
     """A rate and its error, in millions a second."""
-    return "-" if measured is None else _spread(measured, 1e-6, "")
+    return "-" if measured is None else spread_text(measured, 1e-6, "")
 
 
-def _spread(measured: dict | None, scale: float, unit: str) -> str:
-    if measured is None:
-        return "-"
+def spread_text(measured: dict, scale: float, unit: str) -> str:
+    """A measured number and its error, in another unit."""
     error = measured["standard_error"]
     text = f"{measured['median'] * scale:.3g}" + ("" if error is None else f" ± {error * scale:.1g}")
     return f"{text} {unit}".rstrip()

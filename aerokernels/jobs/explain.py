@@ -8,7 +8,7 @@ from aerokernels.lidar import RANGING_METHODS
 from aerokernels.lidar.parts import Setup, trace_options
 from aerokernels.lidar.rangefinder import predict_echo
 from aerokernels.lidar.return_paths import is_symmetric
-from aerokernels.medium import AveragesLacking, IndexField
+from aerokernels.medium import IndexField
 from aerokernels.medium.grid import UniformGrid
 from aerokernels.prepare import Prepared, prepare_field
 from aerokernels.scene import Scene
@@ -43,7 +43,6 @@ def explanation(scene: Scene) -> list[tuple[str, str]]:
         ("flow", flow.provenance),
         ("free stream", f"{flow.ambient_density:.5g} kg/m3"),
         ("flow mesh", _mesh_in_words(flow)),
-        *_lacking(prepared.lacking),
         (
             "region of the rays",
             f"{axes} from {low[0] * 1e3:.3g}, {low[1] * 1e3:.3g} mm to {high[0] * 1e3:.3g}, {high[1] * 1e3:.3g} mm",
@@ -159,11 +158,6 @@ def _return_path(scene: Scene, field: IndexField) -> str:
         count = int(nodes) // 2 + 1
         return f"{start}{count} points of a radius, by symmetry half of {receiver.ray_count:,} rays over the pupil each"
     return f"{start}{nodes} x {nodes} points, {receiver.ray_count:,} rays over the pupil each"
-
-
-def _lacking(lacking: AveragesLacking | None) -> list[tuple[str, str]]:
-    """A row on the deficit of line integrals against the cell averages, if the flow has cell averages."""
-    return [] if lacking is None else [("averages", f"deficit of the interpolant between cells: {lacking.in_words()}")]
 
 
 def _mesh_in_words(flow: DensityField) -> str:

@@ -9,9 +9,6 @@ range_uncertainty_m    the error of the range by cause, by ranging method
 verdict, warnings      whether the answer is meaningful given its errors ("fine", "warning", "worthless"), and why
 failures               why a stage has no result, by stage ("wavefront", "rays", "echo", "range", "picture echo", ...)
 error                  the error budget of the Strehl ratio by cause, each at most what the bounds 0 and 1 allow
-averages_lacking       deficit of the interpolant against the averages over rows and columns of the flow's cells and
-over single cells, as shares of the range of densities, and over a row as optical path [m]; empty if the flow has no
-averages over the cells of a mesh
 scene_values           the whole scene as it was run, every key with its default, SI
 seconds                wall time of each part of the run, and of "prepare" by its own parts; "total" is that of the run
 stage_seconds          the same time by activity, each moment counted once (clock.py): trace_seconds is its "kernel",
@@ -39,7 +36,7 @@ from aerokernels.jobs.numbers import NUMBERS
 from aerokernels.jobs.plots import density_cells
 from aerokernels.jobs.store import number_or_nan, to_json
 from aerokernels.lidar import EchoResult
-from aerokernels.medium import AveragesLacking, SolidBody
+from aerokernels.medium import SolidBody
 from aerokernels.prepare import Prepared
 from aerokernels.scene import Scene
 from aerokernels.scene.pupil_table import axis_words
@@ -165,19 +162,9 @@ def summarise(result: RunResult) -> dict[str, Any]:
         "seconds": {**result.seconds, "prepare": dict(result.prepared.seconds)},
         "stage_seconds": dict(result.stages),
         "provenance": result.prepared.provenance,
-        "averages_lacking": _averages_lacking(result.prepared.lacking),
         "scene_values": scene.as_dict(),
         "version": __version__,
     }
-
-
-def _averages_lacking(lacking: AveragesLacking | None) -> dict[str, float]:
-    """Return the deficits of rows of cells and of single cells; without the rows if the cells form none."""
-    if lacking is None:
-        return {}
-    names = {"row_path": "row_path_m"}
-    deficits = {name: getattr(lacking, name) for name in ("rows_max", "rows_rms", "row_path", "cells_max", "cells_rms")}
-    return {names.get(name, name): value for name, value in deficits.items() if value is not None}
 
 
 def _ranges(echo: EchoResult | None) -> tuple[dict[str, Any], dict[str, float]]:

@@ -57,7 +57,7 @@ def optical_series(
     """Return maps of the optical path difference of every snapshot of a series over a pupil.
 
     Where the rays are nearly straight, OPD is linear in the density: the lines through the grid are prepared once, and
-    a snapshot costs one pass over its samples, on a GPU where there is one. The bending that this leaves out is
+    a snapshot costs one pass over its samples. The bending that this leaves out is
     measured on the first snapshot, and again whenever it has grown; above the tolerance a snapshot is traced in full.
     Where rays leave the grid by a side, or miss it, all are.
     The next snapshot is read while one is computed, and no more than these two are in memory, unless the maps are.
@@ -154,8 +154,8 @@ def optical_series(
     # While a snapshot is computed the next one is read and the maps of the one before are written.
     with store.writing(), ThreadPoolExecutor(1) as writer:
         written = None
-        for number, stamp, read in _read_ahead(snapshots, first, len(series)):
-            found = snapshots(number, read)
+        for number, stamp, stored in _read_ahead(snapshots, first, len(series)):
+            found = snapshots(number, stored)
             good = found.valid & np.isfinite(found.opd)
             if not good.any():
                 raise ValueError(
@@ -163,7 +163,7 @@ def optical_series(
                 )
             if number == first:
                 # The store is created from the template, with the first snapshot.
-                air = snapshots.air(pupil, number, read[0])
+                air = snapshots.air(pupil, number, stored)
                 template.attrs[ENDS] = air.ends
                 if method != "linear":
                     template.attrs[TRUNCATION] = _warn_of_air(air)
@@ -174,7 +174,7 @@ def optical_series(
             entry = _entry(grid, found, good, reader, wrong)
             _finished(written, number, len(series), progress)
             if stamp is not None:
-                entry[1].update(stamp=code_of(stamp), mark=code_of(mark_of(read[0])))
+                entry[1].update(stamp=code_of(stamp), mark=code_of(mark_of(stored)))
             written = writer.submit(store.add, *entry)
         _finished(written, len(series), len(series), progress)
     _warn_of_lost(store.done.column("known"))
@@ -220,13 +220,13 @@ def _finished(written: "Future[None] | None", count: int, total: int, progress: 
 def _read_ahead(snapshots: Snapshots, first: int, stop: int) -> Iterator[tuple[int, str | None, Any]]:
     """Yield snapshots in order, each with its number and the stamp of its files.
 
-    The next one is read, and sent to a GPU, while the current one is processed.
+    The next one is read while the current one is processed.
     """
     stamp = snapshots.series.stamp
 
     def read(number: int) -> tuple[str | None, Any]:
         # The stamp first: files that are written while they are read have another one afterwards.
-        return None if stamp is None else stamp(number), snapshots.read(number)
+        return None if stamp is None else stamp(number), snapshots.series.read(number)
 
     with ThreadPoolExecutor(1) as reader:
         following = reader.submit(read, first) if first < stop else None

@@ -126,25 +126,6 @@ class Engine(ABC):
         """Return the same kernel for launches with other arguments: neither then sets those of the other again."""
         return kernel
 
-    def renew(self, field: IndexField, precision: str, on_host: np.ndarray | None) -> None:
-        """Make again what `prepare` has made from a grid's coefficients, whose memory on the device has changed.
-
-        `on_host` is that memory, on a CPU.
-        """
-        if precision == "float64":
-            return  # the structs refer to the coefficients themselves
-        coefficients = _field_arrays(field, self, precision, False)["coefficients"]
-        if on_host is None:
-            self._round_into(coefficients, field.samples)
-        else:
-            self.wait()
-            self.put_into(coefficients, on_host.astype(REAL_TYPES[precision]))
-
-    def _round_into(self, rounded: Any, grid: UniformGrid) -> None:
-        """Start to round a grid's coefficients, which the device has computed, into a buffer of float32."""
-        kernel = self.kernels(["round_coefficients"])["round_coefficients"]
-        self.launch(kernel, [grid.held(self.grid_key)], [rounded], math.prod(grid.coefficient_shape))
-
     def keeps(self, size: float) -> bool:
         """Return whether results of `size` bytes, and the rays, stay on the device until they are read."""
         return False
@@ -290,8 +271,10 @@ class Engine(ABC):
             return held
         if not self.is_gpu:
             return None
-        rounded = self.empty(math.prod(field.samples.coefficient_shape), kind=np.float32)
-        self._round_into(rounded, field.samples)
+        count = math.prod(field.samples.coefficient_shape)
+        rounded = self.empty(count, kind=np.float32)
+        kernel = self.kernels(["round_coefficients"])["round_coefficients"]
+        self.launch(kernel, [held], [rounded], count)
         return rounded
 
 
