@@ -2,8 +2,8 @@
 
 import warp as wp
 
-# Nodes that are read ahead of a spline's elimination, whose steps would otherwise wait for a GPU's memory. (Warp unrolls
-# loops of up to 16.)
+# Nodes that are read ahead of the elimination of a spline: each step would otherwise wait for a GPU's memory. Warp
+# unrolls loops of up to 16.
 AHEAD = 16  # speed only
 Ahead = wp.types.vector(length=AHEAD, dtype=wp.float64)
 
