@@ -9,10 +9,26 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from aerokernels.flow.reading.dataset import Block, Cells, Dataset, Patch
-from aerokernels.flow.reading.volumes.solids import CORNER_COUNT, FACES
+from aerokernels.flow.reading.dataset import (
+    CORNERS,
+    HEXAHEDRON,
+    PRISM,
+    PYRAMID,
+    TETRAHEDRON,
+    Block,
+    Cells,
+    Dataset,
+    Patch,
+)
 
 NEAR = 1e-7  # of the size: single precision
+# Corners of each face of a cell, in order around it.
+FACES = {
+    HEXAHEDRON: [[0, 1, 2, 3], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]],
+    PRISM: [[0, 1, 2], [3, 4, 5], [0, 1, 4, 3], [1, 2, 5, 4], [2, 0, 3, 5]],
+    PYRAMID: [[0, 1, 2, 3], [0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]],
+    TETRAHEDRON: [[0, 1, 2], [0, 1, 3], [1, 2, 3], [2, 0, 3]],
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,12 +204,12 @@ def _faces(cells: Cells, layers: Layers) -> Cells | None:
         own = np.flatnonzero(cells.types == kind)
         if not len(own):
             continue
-        count = CORNER_COUNT[kind]
+        count = CORNERS[kind]
         if (np.diff(cells.start)[own] != count).any():
             return None
         points = cells.points[cells.start[own][:, None] + np.arange(count)]
         low, alone = layers.low[points], (layers.low & ~layers.high)[points]
-        for face in (list(dict.fromkeys(corner)) for corner in faces):  # cells at the axis have lost corners
+        for face in faces:  # cells at the axis of a wedge have lost corners
             others = [k for k in range(count) if k not in face]
             fits = low[:, face].all(axis=1) & alone[:, face].any(axis=1) & ~alone[:, others].any(axis=1)
             width[own[fits]] = len(face)
