@@ -197,11 +197,7 @@ def sweep(
 
 
 def _finish(total: int, out: Path) -> None:
-    """Print how many cases succeeded, and the first failures, of a whole case and of a stage of one.
-
-    Raises:
-        typer.Exit: Every case failed, or no other is meaningful.
-    """
+    """Print how many cases succeeded, and the first failures, of a whole case and of a stage of one."""
     from aerokernels.display.quantities import WARNING, WORTHLESS, Verdict
     from aerokernels.jobs.sweeps.records import DATASET_FILE, Records, failure_of
 

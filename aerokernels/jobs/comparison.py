@@ -40,31 +40,17 @@ NO_ALIGNMENT, EACH = "none", "each"
 
 @dataclass(frozen=True)
 class CompareOptions:
-    """Options of a comparison.
+    """Options of a comparison."""
 
-    Attributes:
-        align: "none", "each", or the label on which the trigger offset is measured, such as "mach=0".
-        trigger_offset: time by which the recorded time axis is late, where it is known [s].
-        voltage_offset: voltage of the recorded echoes without light, where it is known [V]; it is subtracted.
-        threshold: level of the leading edge [V]; None takes the run's threshold.
-        ranged_count: greatest number of randomly chosen echoes of a label that are ranged one by one.
-        seed: seed of that random choice.
-    """
-
-    align: str = NO_ALIGNMENT
-    trigger_offset: float = 0.0
-    voltage_offset: float = 0.0
-    threshold: float | None = None
-    ranged_count: int = 300
-    seed: int = 0
+    align: str = NO_ALIGNMENT  # "none", "each", or the label on which the trigger offset is measured, such as "mach=0"
+    trigger_offset: float = 0.0  # time by which the recorded time axis is late, where it is known [s]
+    voltage_offset: float = 0.0  # voltage of the recorded echoes without light, where it is known [V]; it is subtracted
+    threshold: float | None = None  # level of the leading edge [V]; None takes the run's threshold
+    ranged_count: int = 300  # greatest number of randomly chosen echoes of a label that are ranged one by one
+    seed: int = 0  # seed of that random choice
 
     def __post_init__(self) -> None:
-        """Check.
-
-        Raises:
-            ValueError: an invalid option.
-            TypeError: an option of another kind.
-        """
+        """Check."""
         if not isinstance(self.align, str):
             raise TypeError(f"align must be none, each, or a label such as mach=0, got {self.align!r}")
         if self.align not in (NO_ALIGNMENT, EACH) and "=" not in self.align:
@@ -86,35 +72,21 @@ class CompareOptions:
 
 @dataclass(frozen=True, eq=False)
 class LabelComparison:
-    """Comparison of one label with its run.
-
-    Attributes:
-        label: the label.
-        run: the run.
-        recorded: mean and spread of the recorded echoes where both waveforms are known, times less the trigger offset.
-        simulated: simulated voltage at its times [V], shape (n,).
-        unfit_count: echoes with too few samples, which were skipped.
-        waveform: comparison of the mean with the simulation.
-        echo_correlation: mean r at zero lag of the single echoes that were ranged.
-        trigger_offset: time subtracted from the recorded times [s].
-        trigger_offset_error: its error where it was measured [s], else 0.
-        ranges: range errors by method.
-        faults: what the digitiser did to the echoes: cut-off peaks, an offset.
-        errors: errors of what is read from the mean.
-    """
+    """Comparison of one label with its run."""
 
     label: Label
     run: RunFolder
+    # mean and spread of the recorded echoes where both waveforms are known, times less the trigger offset
     recorded: AverageEcho
-    simulated: np.ndarray
-    unfit_count: int
+    simulated: np.ndarray  # simulated voltage at its times [V], shape (n,)
+    unfit_count: int  # echoes with too few samples, which were skipped
     waveform: WaveformComparison
-    echo_correlation: float
-    trigger_offset: float
-    trigger_offset_error: float
+    echo_correlation: float  # mean r at zero lag of the single echoes that were ranged
+    trigger_offset: float  # time subtracted from the recorded times [s]
+    trigger_offset_error: float  # its error where it was measured [s], else 0
     ranges: dict[str, RangeErrors]
-    faults: RecordFaults
-    errors: MeanErrors
+    faults: RecordFaults  # what the digitiser did to the echoes: cut-off peaks, an offset
+    errors: MeanErrors  # errors of what is read from the mean
 
     @property
     def covering(self) -> float:
@@ -192,19 +164,12 @@ class LabelComparison:
 
 @dataclass(frozen=True, eq=False)
 class BenchComparison:
-    """Comparison of all labels of a recording with runs.
+    """Comparison of all labels of a recording with runs."""
 
-    Attributes:
-        source: the recording's file.
-        options: options of the comparison.
-        labels: one comparison for each label that has a run.
-        left_out: labels without a run.
-    """
-
-    source: Path
+    source: Path  # the recording's file
     options: CompareOptions
-    labels: tuple[LabelComparison, ...]
-    left_out: tuple[Label, ...]
+    labels: tuple[LabelComparison, ...]  # one comparison for each label that has a run
+    left_out: tuple[Label, ...]  # labels without a run
 
     @property
     def warnings(self) -> list[str]:
@@ -256,10 +221,6 @@ def compare_recording(
         runs: finished runs; `match_runs` decides which label belongs to which run.
         options: options of the comparison.
         progress: called with the name of each stage and the share of the job done before it.
-
-    Raises:
-        TypeError: runs that are not those of `read_run`.
-        ValueError: files that cannot be read, no run for any label, or times that do not overlap; names the label.
     """
     source, options = check_path(source, "source"), options or CompareOptions()
     if not isinstance(runs, Sequence) or not runs or not all(isinstance(run, RunFolder) for run in runs):

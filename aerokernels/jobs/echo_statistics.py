@@ -23,36 +23,22 @@ TOLD = 0.95  # least share of the cases in which value and error contain the tru
 
 @dataclass(frozen=True, eq=False)
 class AverageEcho:
-    """The mean of a group of echoes.
+    """The mean of a group of echoes."""
 
-    Attributes:
-        time: sample times that most echoes have [s], shape (n,).
-        mean: mean voltage [V], shape (n,).
-        spread: standard deviation of one echo in each sample [V], shape (n,); NaN where only one echo has a sample.
-        standard_error: standard error of the mean in each sample [V], shape (n,); NaN where the spread is.
-        count: echoes in the mean.
-        peak_mean: mean of the echoes' own greatest samples [V]; noise makes it higher than the mean's peak.
-        peak_spread: standard deviation of those [V]; NaN for a single echo.
-        resampled_count: echoes with other times.
-        greatest: greatest sample of all echoes [V].
-        greatest_share: share of the echoes that reach it, 0 to 1.
-        equal_count: samples in a row that are equal to it, the median over these echoes.
-        without_pulse_count: echoes whose greatest sample is below LEAST_PULSE of the mean's.
-        step: least difference of two samples of an echo [V]: the digitiser's step, unless noise or averaging hide it.
-    """
-
-    time: np.ndarray
-    mean: np.ndarray
+    time: np.ndarray  # sample times that most echoes have [s], shape (n,)
+    mean: np.ndarray  # mean voltage [V], shape (n,)
+    # standard deviation of one echo in each sample [V], shape (n,); NaN where only one echo has a sample
     spread: np.ndarray
-    standard_error: np.ndarray
-    count: int
-    peak_mean: float
-    peak_spread: float
-    resampled_count: int
-    greatest: float
-    greatest_share: float
-    equal_count: float
-    without_pulse_count: int
+    standard_error: np.ndarray  # standard error of the mean in each sample [V], shape (n,); NaN where the spread is
+    count: int  # echoes in the mean
+    peak_mean: float  # mean of the echoes' own greatest samples [V]; noise makes it higher than the mean's peak
+    peak_spread: float  # standard deviation of those [V]; NaN for a single echo
+    resampled_count: int  # echoes with other times
+    greatest: float  # greatest sample of all echoes [V]
+    greatest_share: float  # share of the echoes that reach it, 0 to 1
+    equal_count: float  # samples in a row that are equal to it, the median over these echoes
+    without_pulse_count: int  # echoes whose greatest sample is below LEAST_PULSE of the mean's
+    # least difference of two samples of an echo [V]: the digitiser's step, unless noise or averaging hide it
     step: float
 
     @property
@@ -70,9 +56,6 @@ def average(echoes: Iterable[RecordedEcho]) -> AverageEcho:
 
     An echo with other times is interpolated on that axis by the cubic spline through its samples, within its own times
     only. The spline follows a pulse with six samples on its rise to 1e-3 of its height, and hardly changes the noise.
-
-    Raises:
-        ValueError: no echoes, or an echo whose times do not overlap those of the others.
     """
     source = iter(echoes)
     head = list(itertools.islice(source, 1000))
@@ -186,17 +169,11 @@ def spread_factor(count: int, coverage: float = COVERAGE) -> float:
 
 @dataclass(frozen=True, eq=False)
 class MeanErrors:
-    """Errors of what is read from a mean echo; NaN for a single echo.
+    """Errors of what is read from a mean echo; NaN for a single echo."""
 
-    Attributes:
-        peak: error of its greatest sample [V], with the mean excess of the greatest of several samples with noise.
-        edge_shift: error of the time at which it crosses a level [s]; NaN where the pulse does not.
-        lag: error of the lag at which it correlates best with the simulation [s].
-    """
-
-    peak: float
-    edge_shift: float
-    lag: float
+    peak: float  # error of its greatest sample [V], with the mean excess of the greatest of several samples with noise
+    edge_shift: float  # error of the time at which it crosses a level [s]; NaN where the pulse does not
+    lag: float  # error of the lag at which it correlates best with the simulation [s]
 
 
 def mean_errors(recorded: AverageEcho, simulated: np.ndarray, level: float, offset_error: float = 0.0) -> MeanErrors:
@@ -240,21 +217,13 @@ def _excess(volts: np.ndarray, error: np.ndarray) -> float:
 
 @dataclass(frozen=True)
 class RecordFaults:
-    """What the digitiser did to the voltages of a label's echoes.
+    """What the digitiser did to the voltages of a label's echoes."""
 
-    Attributes:
-        cut_off_share: share of the echoes whose peak is cut off, 0 to 1.
-        offset: recorded minus simulated voltage where there is no pulse [V]; NaN if the record has no such samples.
-        offset_error: its standard error [V].
-        sentences: the faults with their remedies, in words.
-        is_distorted: whether the pulse's width is not the echo's.
-    """
-
-    cut_off_share: float
-    offset: float
-    offset_error: float
-    sentences: tuple[str, ...]
-    is_distorted: bool
+    cut_off_share: float  # share of the echoes whose peak is cut off, 0 to 1
+    offset: float  # recorded minus simulated voltage where there is no pulse [V]; NaN if the record has no such samples
+    offset_error: float  # its standard error [V]
+    sentences: tuple[str, ...]  # the faults with their remedies, in words
+    is_distorted: bool  # whether the pulse's width is not the echo's
 
 
 def record_faults(recorded: AverageEcho, simulated: np.ndarray) -> RecordFaults:

@@ -18,26 +18,17 @@ from aerokernels.lidar.ranging import Reading, template_curve
 
 @dataclass(frozen=True)
 class RangeErrors:
-    """Errors of the ranges of recorded echoes by one method.
+    """Errors of the ranges of recorded echoes by one method."""
 
-    Attributes:
-        systematic_error_m: mean range minus the true distance [m].
-        systematic_standard_error_m: error of that mean [m]: the standard error times Student's factor for few echoes,
-            what noise leaves of the digitiser's rounding, and the error of a measured trigger offset.
-        random_error_m: standard deviation of the range of one echo [m].
-        random_standard_error_m: error of that, for normally distributed ranges [m].
-        simulated_error_m: the run's range minus the true distance [m]; NaN if the run has no range by the method.
-        ranged_count: number of echoes with a range.
-        missed_count: number of echoes without a range.
-    """
-
-    systematic_error_m: float
+    systematic_error_m: float  # mean range minus the true distance [m]
+    # error of that mean [m]: the standard error times Student's factor for few echoes, what noise leaves of the
+    # digitiser's rounding, and the error of a measured trigger offset
     systematic_standard_error_m: float
-    random_error_m: float
-    random_standard_error_m: float
-    simulated_error_m: float
-    ranged_count: int
-    missed_count: int
+    random_error_m: float  # standard deviation of the range of one echo [m]
+    random_standard_error_m: float  # error of that, for normally distributed ranges [m]
+    simulated_error_m: float  # the run's range minus the true distance [m]; NaN if the run has no range by the method
+    ranged_count: int  # number of echoes with a range
+    missed_count: int  # number of echoes without a range
 
 
 def simulated_on(run: RunFolder, time: np.ndarray) -> np.ndarray:
@@ -54,11 +45,7 @@ def simulated_on(run: RunFolder, time: np.ndarray) -> np.ndarray:
 
 
 def overlap(recorded: AverageEcho, run: RunFolder, offset: float) -> tuple[AverageEcho, np.ndarray]:
-    """Return the samples of a mean that a simulation overlaps, their times less the offset [s], and the simulation [V].
-
-    Raises:
-        ValueError: the simulated peak, or too much of it, is missing there.
-    """
+    """Return the samples of a mean that a simulation overlaps, times less the offset [s], and the simulation [V]."""
     time = recorded.time - offset
     simulated = simulated_on(run, time)
     there, peak_time = np.isfinite(simulated), float(run.time[np.argmax(run.voltage)])

@@ -32,17 +32,11 @@ Row = tuple[int, list[str]]  # a line's number in a CSV file, and its cells
 
 @dataclass(frozen=True, eq=False)
 class RecordedEcho:
-    """One recorded waveform.
+    """One recorded waveform."""
 
-    Attributes:
-        label: the operator's label, sorted by key.
-        time: sample times [s], shape (n,).
-        voltage: samples [V], shape (n,).
-    """
-
-    label: Label
-    time: np.ndarray
-    voltage: np.ndarray
+    label: Label  # the operator's label, sorted by key
+    time: np.ndarray  # sample times [s], shape (n,)
+    voltage: np.ndarray  # samples [V], shape (n,)
 
 
 Placed = Iterator[tuple[RecordedEcho, str]]  # echoes with their places in a file
@@ -54,11 +48,7 @@ def label_text(label: Label) -> str:
 
 
 def recorded_labels(path: str | Path) -> list[Label]:
-    """Return the different labels in a file, in the order of their first echo.
-
-    Raises:
-        ValueError: see `recorded_echoes`; or the file holds no echoes.
-    """
+    """Return the different labels in a file, in the order of their first echo."""
     path = check_path(path, "path")
     if _kind(path) == "store":
         with _naming_file(path), EchoStore(path, read_only=True) as store:
@@ -77,9 +67,6 @@ def recorded_echoes(
 
     A board may send frames with few or no samples, or without a sample period. In a store, which nobody can edit, such
     echoes are skipped and counted in `unfit`; in a CSV or NetCDF file they are an error.
-
-    Raises:
-        ValueError: the file does not exist, is of another kind or damaged; the message names the place and the remedy.
     """
     path = check_path(path, "path")
     readers: dict[str, Callable[[Path], Placed]] = {
@@ -161,11 +148,7 @@ def _from_store(path: Path, label: Label | None, unfit: Counter[Label]) -> Place
 
 
 def load_netcdf(path: Path) -> "xarray.Dataset":
-    """Load a NetCDF-4 file into memory, with times as numbers.
-
-    Raises:
-        ValueError: not a NetCDF-4 file, or a damaged one; the message names the file.
-    """
+    """Load a NetCDF-4 file into memory, with times as numbers."""
     with _naming_file(path):
         return open_netcdf(path, str(path), decode_times=False, whole=True)
 

@@ -17,25 +17,15 @@ from aerokernels.lidar.result import echo_of_result
 
 @dataclass(frozen=True, eq=False)
 class RunFolder:
-    """The data of a run that a comparison needs.
-
-    Attributes:
-        path: the folder.
-        summary: its summary.json.
-        time: sample times of the simulated echo [s], shape (n,).
-        voltage: the simulated echo [V], shape (n,).
-        distance: true distance of the target [m].
-        detector: the scene's [detector] table, SI.
-        label: the label that the caller assigned to the run, if any.
-    """
+    """The data of a run that a comparison needs."""
 
     path: Path
     summary: Mapping[str, Any]
-    time: np.ndarray
-    voltage: np.ndarray
-    distance: float
-    detector: Mapping[str, Any]
-    label: Label = ()
+    time: np.ndarray  # sample times of the simulated echo [s], shape (n,)
+    voltage: np.ndarray  # the simulated echo [V], shape (n,)
+    distance: float  # true distance of the target [m]
+    detector: Mapping[str, Any]  # the scene's [detector] table, SI
+    label: Label = ()  # the label that the caller assigned to the run, if any
 
     @property
     def name(self) -> str:
@@ -50,11 +40,7 @@ class RunFolder:
 
 
 def read_run(text: str) -> RunFolder:
-    """Read a run from "DIR", or from "KEY=VALUE=DIR", which assigns the run to a label.
-
-    Raises:
-        ValueError: the folder does not exist, holds no finished run, or holds a run without an echo.
-    """
+    """Read a run from "DIR", or from "KEY=VALUE=DIR", which assigns the run to a label."""
     path = Path(text)
     label: Label = ()
     if not path.exists() and text.count("=") >= 2:
@@ -100,9 +86,6 @@ def match_runs(labels: Sequence[Label], runs: Sequence[RunFolder]) -> dict[Label
 
     A run with an assigned label matches the labels that contain it. Any other run matches the labels that agree with
     its summary in every shared key, such as mach=3. A single run also matches labels that share no key with it.
-
-    Raises:
-        ValueError: several runs match one label, or no run matches any.
     """
     matched = {}
     for label in labels:

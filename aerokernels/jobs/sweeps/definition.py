@@ -30,19 +30,12 @@ CASE = "case"  # the dimension of a sweep in mode "zip"
 
 @dataclass(frozen=True)
 class Definition:
-    """A requested sweep.
+    """A requested sweep."""
 
-    Attributes:
-        scene: The scene, the path of its TOML file, or the name of a shipped one.
-        settings: Changes to the scene for all cases, by dotted key.
-        vary: Values by dotted key, in their plainest form: quantities as SI numbers.
-        mode: "grid" or "zip".
-    """
-
-    scene: Scene | str | Path
-    settings: Mapping[str, Any]
-    vary: Mapping[str, tuple[Any, ...]]
-    mode: str = "grid"
+    scene: Scene | str | Path  # the scene, the path of its TOML file, or the name of a shipped one
+    settings: Mapping[str, Any]  # changes to the scene for all cases, by dotted key
+    vary: Mapping[str, tuple[Any, ...]]  # values by dotted key, in their plainest form: quantities as SI numbers
+    mode: str = "grid"  # "grid" or "zip"
 
     @property
     def label(self) -> str:
@@ -77,11 +70,7 @@ class Definition:
         return [dict(zip(self.keys, row, strict=True)) for row in rows]
 
     def load(self, changes: Mapping[str, Any]) -> Scene:
-        """Load the scene of a case.
-
-        Raises:
-            SceneError: The scene rejects these values.
-        """
+        """Load the scene of a case."""
         found = changed_scene(self.scene, {**self.settings, **with_units(changes)})
         try:
             _ = found.flow_source
@@ -90,11 +79,7 @@ class Definition:
         return found
 
     def described(self) -> dict[str, Any]:
-        """Return everything that the numbers depend on, as plain JSON types: sweeps that agree in it are the same.
-
-        Raises:
-            SceneError: No case has a valid scene.
-        """
+        """Return everything that the numbers depend on, as plain JSON types: sweeps that agree in it are the same."""
         scene = self._first_scene()
         files = [scene.flow.source, scene.flow.file.mesh, scene.flow.file.solution]
         for key in ("flow.source", "flow.file.mesh", "flow.file.solution"):
@@ -133,13 +118,7 @@ def define(
     settings: Mapping[str, Any] | None = None,
     together: bool = False,
 ) -> Definition:
-    """Check a request and make the sweep's definition; arguments as for `sweep`, whose `zip` is `together`.
-
-    Raises:
-        TypeError: `vary` is not a mapping, or a value is not a number, text or list.
-        ValueError: Nothing to vary, a key without values or with a repeated value, keys of unequal counts to zip, or
-            too many cases.
-    """
+    """Check a request and make the sweep's definition; arguments as for `sweep`, whose `zip` is `together`."""
     if not isinstance(scene, (Scene, str, Path)):
         raise TypeError(f"scene must be a Scene, a path or a shipped scene's name, got {type(scene).__name__}")
     if not isinstance(vary, Mapping):
@@ -173,9 +152,6 @@ def checked_scenes(definition: Definition) -> tuple[list[Scene | None], dict[int
 
     A value that gives no valid scene in any case is an error. A combination without a valid scene, of values that are
     valid in other combinations, is a failed case.
-
-    Raises:
-        SceneError: A value is not valid in any case.
     """
     scenes: list[Scene | None] = []
     faults: dict[int, str] = {}

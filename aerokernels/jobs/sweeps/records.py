@@ -29,11 +29,7 @@ _REMEDY = "take another folder, or remove that one"
 
 
 def read_definition(folder: Path) -> dict[str, Any] | None:
-    """Read the definition of the sweep in a folder; return None if there is none.
-
-    Raises:
-        ValueError: The file sweep.json is not that of a sweep.
-    """
+    """Read the definition of the sweep in a folder; return None if there is none."""
     path = folder / DEFINITION_FILE
     if not path.is_file():
         return None
@@ -52,11 +48,7 @@ def write_definition(folder: Path, described: Mapping[str, Any]) -> None:
 
 
 def check_same(folder: Path, found: Mapping[str, Any], asked: Mapping[str, Any]) -> None:
-    """Reject resuming a different sweep.
-
-    Raises:
-        ValueError: The folder's sweep is of another scene, of other values or by another version.
-    """
+    """Reject resuming a different sweep."""
     old, new = _flat(found), _flat(asked)
     differing = [key for key in {**old, **new} if old.get(key) != new.get(key)]
     if not differing and list(found["vary"]) == list(asked["vary"]):
@@ -117,11 +109,7 @@ class Records:
             yield self
 
     def add(self, case: int, outcome: Mapping[str, Any]) -> bool:
-        """Store the outcome of a case, on disk when this returns, and return whether there was none yet.
-
-        Raises:
-            OutputError: The disk is full; the outcomes stored before are safe, and the sweep can be resumed.
-        """
+        """Store the outcome of a case, on disk when this returns, and return whether there was none yet."""
         if case in self.done:
             return False
         record = {"case": case, **to_json(outcome)}

@@ -52,19 +52,12 @@ def sweep_report(dataset: "xarray.Dataset", definition: Definition) -> str:
 
 @dataclass(frozen=True, eq=False)
 class _Column:
-    """A quantity over all cases: a column of the table.
+    """A quantity over all cases: a column of the table."""
 
-    Attributes:
-        name: Its variable.
-        number: What it is, and how it is shown.
-        texts: The number of each case with its error and unit; NO_VALUE where the case failed.
-        changes: Whether the number changes along each axis, but for rounding; a case that failed is a change.
-    """
-
-    name: str
-    number: Number
-    texts: np.ndarray
-    changes: list[bool]
+    name: str  # its variable
+    number: Number  # what it is, and how it is shown
+    texts: np.ndarray  # the number of each case with its error and unit; NO_VALUE where the case failed
+    changes: list[bool]  # whether the number changes along each axis, but for rounding; a case that failed is a change
 
     @classmethod
     def of(cls, dataset: "xarray.Dataset", name: str) -> "_Column":
