@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from aerokernels.flow import CellDensity, ConicalFlow, DensityField, GridDensity, VertexDensity
-from aerokernels.medium import AveragesLacking, IndexField, ResamplingError
+from aerokernels.medium import IndexField, ResamplingError
 from aerokernels.pupils import Pupil
 from aerokernels.scene import Scene
 
@@ -26,8 +26,6 @@ class Prepared:
     field: IndexField  # the refractive index that is traced: `mesh_field` itself (route "mesh") or its resampled part
     region: Region  # lowest and highest (r, z) or (y, z) of `field` [m]
     seconds: dict[str, float]  # time of each stage [s]
-    # deficit of the interpolant against the cell averages of the flow's mesh; None without cell averages
-    lacking: AveragesLacking | None = None
 
     @property
     def resampling(self) -> ResamplingError | None:
@@ -124,7 +122,6 @@ def prepare_field(scene: Scene, field: IndexField | DensityField | None = None) 
     start = time.perf_counter()
     whole = field if isinstance(field, IndexField) else flow_index(scene, density)
     whole.wavelength_for(scene.flow.wavelength)
-    lacking = whole.averages_lacking  # computed on first access: here, so that the stage's time includes it
     seconds["index"] = time.perf_counter() - start
 
     start = time.perf_counter()
@@ -140,7 +137,7 @@ def prepare_field(scene: Scene, field: IndexField | DensityField | None = None) 
         first = 0.0 if whole.geometry == "axisymmetric" else float(low[0])
         region = ((first, float(low[1])), (float(high[0]), float(high[1])))
     seconds["resample"] = time.perf_counter() - start
-    return Prepared(density, whole, traced, region, seconds, lacking)
+    return Prepared(density, whole, traced, region, seconds)
 
 
 def flow_index(scene: Scene, density: DensityField | None) -> IndexField:

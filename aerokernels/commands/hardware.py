@@ -123,7 +123,6 @@ def parse_labels(pairs: list[str]) -> dict[str, str]:
 
 def describe(status: "RecordingStatus", rate: float | None = None) -> str:
     """Describe on one line what is stored on the disk; with `rate`, also the recent echoes per second."""
-    waiting = f"{status.waiting_count} wait for the store, which another program keeps locked"
     port = f"port {'' if status.port_open else 'away: '}{status.port_state}"
     parts = (
         (True, f"stored {status.stored_count}"),
@@ -132,7 +131,6 @@ def describe(status: "RecordingStatus", rate: float | None = None) -> str:
         (status.last_peak is not None, f"last peak {status.last_peak or 0.0:.3f} V"),
         (True, f"damaged {status.damaged_count}, missing {status.missing_count}"),
         (status.duplicate_count, f"sent twice {status.duplicate_count}"),
-        (status.waiting_count, waiting),
         (status.reconnect_count, f"reconnected {status.reconnect_count}"),
         (rate is not None, port),
     )
@@ -207,9 +205,15 @@ def board(
     With it, `record` can be tried without hardware.
     """
     from aerokernels.hardware import DIALECT_NAMES, PROTOCOLS
-    from aerokernels.hardware.echo_source import DEFAULT_SCENE, EchoSource
     from aerokernels.hardware.pseudo_terminal import PseudoTerminal
-    from aerokernels.hardware.simulator import FaultPlan, SimulatedScope, run_board, run_scope
+    from aerokernels.hardware.simulator import (
+        DEFAULT_SCENE,
+        EchoSource,
+        FaultPlan,
+        SimulatedScope,
+        run_board,
+        run_scope,
+    )
     from aerokernels.inputs.checks import check_choice
     from aerokernels.process.interrupt import interrupt_flag
 

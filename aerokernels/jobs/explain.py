@@ -55,8 +55,6 @@ def _flow_rows(flow: DensityField, prepared: Prepared) -> Rows:
     yield "flow", flow.provenance
     yield "free stream", f"{flow.ambient_density:.5g} kg/m3"
     yield "flow mesh", f"{size}, {flow.geometry}"
-    if prepared.lacking is not None:
-        yield "averages", f"deficit of the interpolant between cells: {prepared.lacking.in_words()}"
     axes = "r, z" if prepared.field.geometry == "axisymmetric" else "y, z"
     low, high = (f"{corner[0] * 1e3:.3g}, {corner[1] * 1e3:.3g} mm" for corner in prepared.region)
     yield "region of the rays", f"{axes} from {low} to {high}"

@@ -21,7 +21,6 @@ from aerokernels.jobs.numbers import NUMBERS
 from aerokernels.jobs.plots import body_variables, density_variables, variable
 from aerokernels.jobs.store import number_or_nan, to_json
 from aerokernels.lidar import EchoResult
-from aerokernels.medium import AveragesLacking
 from aerokernels.prepare import Prepared
 from aerokernels.scene import Scene
 from aerokernels.scene.pupil_table import axis_words
@@ -149,19 +148,9 @@ def summarise(result: RunResult) -> dict[str, Any]:
         "seconds": {**result.seconds, "prepare": dict(result.prepared.seconds)},
         "stage_seconds": dict(result.stages),
         "provenance": result.prepared.provenance,
-        "averages_lacking": _averages_lacking(result.prepared.lacking),
         "scene_values": scene.as_dict(),
         "version": __version__,
     }
-
-
-def _averages_lacking(lacking: AveragesLacking | None) -> dict[str, float]:
-    """Return the deficits of rows of cells and of single cells; without the rows if the cells form none."""
-    if lacking is None:
-        return {}
-    names = {"row_path": "row_path_m"}
-    deficits = {name: getattr(lacking, name) for name in ("rows_max", "rows_rms", "row_path", "cells_max", "cells_rms")}
-    return {names.get(name, name): value for name, value in deficits.items() if value is not None}
 
 
 def _ranges(echo: EchoResult | None) -> tuple[dict[str, Any], dict[str, float]]:

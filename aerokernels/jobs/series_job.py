@@ -17,7 +17,7 @@ from aerokernels.display.plain_text import plain_json
 from aerokernels.display.quantities import Quantity
 from aerokernels.display.shown import is_flat, say_flat, told
 from aerokernels.files.writing import only_writer
-from aerokernels.flow import GridMesh, Series, open_series
+from aerokernels.flow import Series, open_series
 from aerokernels.jobs.figure_layout import Panel, panelled_figure, plain_decades
 from aerokernels.jobs.numbers import SERIES_NUMBERS, quantity_of
 from aerokernels.jobs.page import Picture, drawn, embedded, page, table
@@ -111,8 +111,7 @@ def _run_alone(scene: Scene, out: Path, progress: Progress | None) -> dict[str, 
         progress=lambda text, share: report(text, MAPS_SHARE * share),
     )
     report("statistics", MAPS_SHARE)
-    again = series if isinstance(series.mesh, GridMesh) and len(series) > 1 else None
-    found = statistics(maps, velocity=table.velocity, length=table.length, series=again)
+    found = statistics(maps, velocity=table.velocity, length=table.length)
     found.attrs["pupil_axes"] = list(axis_words(scene.view))
     summary = summarise(scene, maps, found)
     report("writing the report", 0.95)
