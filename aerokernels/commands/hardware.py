@@ -191,14 +191,7 @@ def board(
     noise: Annotated[float, typer.Option(min=0.0, help="Standard deviation of the noise [V].")] = 0.02,
     samples: Annotated[int, typer.Option(min=1, max=65535, help="Samples per echo.")] = 128,
     sample_period: Annotated[int, typer.Option(min=1, max=2**32 - 1, help="Time between samples [ps].")] = 250,
-    fault: Annotated[
-        list[str] | None,
-        typer.Option(
-            help="KIND=PROBABILITY per echo: torn, flipped, glued, garbage, gap, repeat, stall or unplug. Repeatable."
-        ),
-    ] = None,
-    pause: Annotated[float, typer.Option(min=0.0, help="Duration of a stall or of an unplugged port [s].")] = 1.0,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the noise and the faults.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the noise.")] = 0,
 ) -> None:
     """Simulate a digitiser board or an oscilloscope.
 
@@ -206,14 +199,7 @@ def board(
     """
     from aerokernels.hardware import DIALECT_NAMES, PROTOCOLS
     from aerokernels.hardware.pseudo_terminal import PseudoTerminal
-    from aerokernels.hardware.simulator import (
-        DEFAULT_SCENE,
-        EchoSource,
-        FaultPlan,
-        SimulatedScope,
-        run_board,
-        run_scope,
-    )
+    from aerokernels.hardware.simulator import DEFAULT_SCENE, EchoSource, SimulatedScope, run_board, run_scope
     from aerokernels.inputs.checks import check_choice
     from aerokernels.process.interrupt import interrupt_flag
 
@@ -221,7 +207,6 @@ def board(
     check_choice(dialect, "--dialect", DIALECT_NAMES)
     if not rate > 0.0:
         raise ValueError(f"--rate {rate}: give a positive number of echoes per second")
-    faults = FaultPlan.parse(fault or [], pause, seed)
     if echo is not None and scene is not None:
         raise ValueError(f"--echo {echo} and --scene {scene}: give the run or the scene, not both")
     make, place = (EchoSource.from_scene, scene or DEFAULT_SCENE) if echo is None else (EchoSource.from_result, echo)
@@ -232,14 +217,11 @@ def board(
             say(f"board on {link} ({terminal.name}); record it with: aerokernels record {more}--port {link} ...")
         if protocol == "scpi":
             scope = SimulatedScope(source, dialect=dialect, rate=rate, seed=seed)
-            sent, what = run_scope(terminal, scope, count=count, faults=faults, stopped=interrupted.is_set), "curves"
+            sent, what = run_scope(terminal, scope, count=count, stopped=interrupted.is_set), "curves"
         else:
-            sent = run_board(
-                terminal, source, rate=rate, count=count, seed=seed, faults=faults, stopped=interrupted.is_set
-            )
+            sent = run_board(terminal, source, rate=rate, count=count, seed=seed, stopped=interrupted.is_set)
             what = "frames"
-    text = f"done: {sent} {what} sent{', faults: ' if str(faults) else ''}{faults}"
-    result(text, {"sent_count": sent, "protocol": protocol, "faults": str(faults)})
+    result(f"done: {sent} {what} sent", {"sent_count": sent, "protocol": protocol})
 
 
 def export(
@@ -253,6 +235,7 @@ def export(
 
     A recording into the store may go on meanwhile.
     """
+    from aerokernels.commands.hardware import parse_labels
     from aerokernels.hardware.export import export as write_echoes
     from aerokernels.hardware.store import EchoStore
 
