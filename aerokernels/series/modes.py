@@ -102,28 +102,14 @@ def integral_length(correlation: np.ndarray, pixel: float) -> float:
     """
     if not correlation[0] > 0.0:
         return float("nan")
-    return float(first_zero_weights(correlation, pixel) @ np.nan_to_num(correlation) / correlation[0])
-
-
-def first_zero_weights(correlation: np.ndarray, pixel: float) -> np.ndarray:
-    """Return weights of the entries of a correlation in its integral up to its first zero [m], shape (n,).
-
-    For a small change of the correlation, the integral changes by the weighted sum of the differences: at the zero the
-    integrand vanishes, so that a shift of the zero adds nothing.
-    """
     good = np.isfinite(correlation)
     count = len(correlation) if good.all() else int(np.argmin(good))
     below = correlation[:count] <= 0.0
     stop = int(np.argmax(below)) if below.any() else count
-    weights = np.zeros(len(correlation))
-    if stop == 0:
-        return weights
-    if stop > 1:
-        weights[:stop] = pixel
-        weights[[0, stop - 1]] = 0.5 * pixel
+    area = float(np.trapezoid(correlation[:stop]))
     if below.any():  # a triangle up to where the line between two entries meets zero
-        weights[stop - 1] += 0.5 * pixel * correlation[stop - 1] / (correlation[stop - 1] - correlation[stop])
-    return weights
+        area += float(0.5 * correlation[stop - 1] ** 2 / (correlation[stop - 1] - correlation[stop]))
+    return pixel * area / float(correlation[0])
 
 
 EVEN = 1e-3  # greatest relative deviation of time steps from even ones

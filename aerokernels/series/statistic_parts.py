@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 
 from aerokernels.pupils import Disc
-from aerokernels.series.linking import linking_equation, snapshots_at
 from aerokernels.series.modes import (
     Modes,
     Spectrum,
@@ -18,7 +17,7 @@ from aerokernels.series.modes import (
     welch,
 )
 from aerokernels.series.pupil_grid import MapReader
-from aerokernels.series.uncertainty import Mean, about_mean_of, mean_of, root_of, standard_errors, student_share
+from aerokernels.series.uncertainty import Mean, mean_of, root_of, standard_errors, student_share
 
 BLOCKS = 10  # blocks of the series, whose differences give the error of numbers that are not plain means
 APERTURES = (0.25, 0.5, 0.75, 1.0)  # of the pupil, by default
@@ -201,43 +200,6 @@ def _error_by_parts(values: list) -> np.ndarray:
     return np.asarray(np.std(values, axis=0, ddof=1) / math.sqrt(len(values)))
 
 
-def add_linking(table, dataset, series, time, opd, points, weight, wavelength) -> None:
-    """Add the linking equation, and the corresponding number of the maps where no focus was removed from them."""
-    about = dataset.attrs
-    missing = [name for name in ("pupil_center", "pupil_axes", "direction") if name not in about]
-    if missing:
-        raise ValueError(f"series goes with a dataset of optical_series; this one has no {missing[0]}")
-    axes = np.asarray(about["pupil_axes"]).reshape(2, 3)
-    start = np.asarray(about["pupil_center"]) + points @ axes
-    linear = "gladstone_dale_constant" in about
-    dated = dataset["time"].dtype.kind == "M"  # which snapshot is the first one of a part is then not known
-    found = linking_equation(
-        series,
-        start,
-        about["direction"],
-        wavelength,
-        relation="gladstone-dale" if linear else about.get("relation", "gladstone-dale"),
-        constant=about["gladstone_dale_constant"] if linear else about.get("constant"),
-        snapshots=snapshots_at(series, np.full(len(time), np.nan) if dated else time),
-    )
-    words = {"opd_rms_linking": "the linking equation", "opd_rms_path": "the covariance of density along the rays"}
-    for name, mean in found.items():
-        table.number(name, mean, "m", f"rms of optical path differences in time at a point, by {words[name]}")
-    centred = points - weight @ points
-    whole = opd + 0.0
-    terms = terms_of(dataset)
-    if "focus" in terms:
-        return
-    if "piston" in terms:
-        whole += in_time(dataset, "piston")
-    if "tilt" in terms:
-        whole += in_time(dataset, "boresight_x", "boresight_y") @ centred.T
-    unsteady = (whole - whole.mean(axis=0)) ** 2 @ weight
-    described = "rms of optical path differences in time at a point, by the maps"
-    independent = float(weight @ standard_errors(whole)[1])
-    table.number("opd_rms_point", root_of(about_mean_of(unsteady, independent)), "m", described)
-
-
 def lost_pixels(finite: np.ndarray, share: np.ndarray) -> str:
     """Return a warning of pixels that have a number in some snapshots but not in all; empty if these are few.
 
@@ -294,7 +256,6 @@ OF_SNAPSHOTS = {
 # Powers of the OPD and of the tilts.
 POWERS = {
     **dict.fromkeys(("opd_std", "opd_rms_steady", "opd_rms_unsteady", "opd_rms_aperture"), ("opd_rms", 1.0)),
-    **dict.fromkeys(("opd_rms_linking", "opd_rms_path", "opd_rms_point"), ("opd_rms", 1.0)),
     **dict.fromkeys(("spectrum_opd", "pod_energy"), ("opd_rms", 2.0)),
     **{f"spectrum_jitter_{axis}": (f"boresight_{axis}", 2.0) for axis in "xy"},
 }

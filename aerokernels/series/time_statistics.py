@@ -13,19 +13,16 @@ from aerokernels.inputs.checks import warn_caller
 from aerokernels.inputs.units import unit_of
 from aerokernels.series.statistic_parts import add_model_errors, few_independent, lost_pixels, uneven_times
 
-from ..flow import Series
 from ..inputs.arguments import checked, seconds
 from ..inputs.checks import check_count, check_positive
 from ..inputs.wavelength import DEFAULT_WAVELENGTH, check_wavelength
 from ..wavefronts import weighted_mean
-from .linking import NotLinkedError
 from .modes import orthogonal_modes
 from .pupil_grid import MapReader
 from .statistic_parts import (
     Table,
     add_apertures,
     add_correlation,
-    add_linking,
     add_modes,
     add_spectra,
     covers_of,
@@ -50,7 +47,6 @@ def statistics(
     mode_count: int = 10,
     segment: int | None = None,
     wavelength: float | None = None,
-    series: Series | None = None,
 ) -> "xarray.Dataset":
     """Return statistics of optical path differences in time.
 
@@ -70,8 +66,6 @@ def statistics(
         mode_count: Proper orthogonal modes.
         segment: Samples of a segment of the spectra.
         wavelength: Vacuum wavelength [m]; None: the dataset's.
-        series: The snapshots that the dataset was made of, for the linking equation; those at the dataset's times are
-            read once more.
 
     Returns:
         A dataset with NAME and NAME_error:
@@ -84,9 +78,7 @@ def statistics(
         `spectrum_jitter_y` [rad2/Hz];
         over `aperture` [m]: `opd_rms_aperture` and `strehl_aperture`, mean and tilt over that part removed;
         `pod_energy` (mode) [m2], `pod_share`, `pod_mode` (mode, y, x), `pod_coefficient` (time, mode) [m];
-        `correlation` (lag_y, lag_x) and `correlation_length_x`, `correlation_length_y` [m];
-        with `series`: `opd_rms_linking`, by the linking equation, `opd_rms_path`, by the double integral that the
-        equation approximates, and `opd_rms_point`, the same rms from the maps, their mean and tilt added back [m].
+        `correlation` (lag_y, lag_x) and `correlation_length_x`, `correlation_length_y` [m].
         Attributes: `skipped`, what could not be computed and why, and `warnings`, the texts of the warnings.
 
     Warns:
@@ -140,11 +132,6 @@ def statistics(
     add_apertures(table, coordinates, opd, points, weight, wave, apertures, covers_of(x, y, lit))
     add_modes(table, coordinates, modes, lit)
     add_correlation(table, coordinates, opd, lit, x, y)
-    if series is not None:
-        try:
-            add_linking(table, dataset, series, time, opd, points, weight, wave)
-        except NotLinkedError as fault:
-            skipped.append(str(fault))
     add_model_errors(table, dataset, wave)
     found = _dataset(table, coordinates, dataset, wave, {"skipped": skipped, "warnings": warned})
     return found.assign_attrs(independent_count=independent)

@@ -50,7 +50,8 @@ def read(path: Path, time: Any, options: Mapping[str, Any]) -> Dataset:
     note = (
         "of a CGNS file in ADF only zones are read: units are taken as metres and kg/m3, boundary patches are left out"
     )
-    counts, stated = {}, {"notes": [note]}
+    counts: dict[str, int] = {}
+    stated: dict[str, Any] = {"notes": [note]}
     with path.open("rb") as stream:
         in_hdf5 = stream.read(len(HDF5_MAGIC)) == HDF5_MAGIC
     if in_hdf5:

@@ -108,8 +108,8 @@ def collection(path: Path) -> list[Entry]:
         missing += [] if os.path.isfile(file) else [file]
     if missing:
         name = os.path.relpath(missing[0], path.parent)
-        fault = f"it lists {name}, which is not there ({len(missing)} of {len(entries)} files are missing)"
-        raise ReadError(path, fault, "restore the files, or take them out of the list")
+        what = f"it lists {name}, which is not there ({len(missing)} of {len(entries)} files are missing)"
+        raise ReadError(path, what, "restore the files, or take them out of the list")
     return sorted(entries, key=lambda entry: entry.time)
 
 
