@@ -66,10 +66,10 @@ def contents(path, *, time: float | str | None = None, **options: Any) -> Conten
     """
     path = check_path(path, "path")
     dataset = load(path, time, options)
-    points = [
+    parts = [
         np.concatenate(grid.edges()) if (grid := grid_of(block.points)) else block.points for block in dataset.blocks
     ]
-    points = np.concatenate(points) if points else np.empty((0, 3))
+    points = np.concatenate(parts) if parts else np.empty((0, 3))
     if not len(points):
         raise ReadError(path, "it has no points", "give a file with a mesh and its arrays")
     return Contents(

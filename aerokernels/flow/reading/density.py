@@ -6,6 +6,7 @@ non-dimensional files are multiplied by their references.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -162,7 +163,7 @@ def choose_density(path, dataset: Dataset, given, gas_constant: float | None, re
                 f"density: give an array's name, or a mapping of 'pressure' and 'temperature', got {given!r}"
             )
         constant = check_positive(float(given.get("gas_constant", own)), "gas_constant")
-        pair = {
+        pair: dict[str, Any] = {
             key: found_name(path, given[key], names, listed, dataset.grouped) for key in ("pressure", "temperature")
         }
         return replace(choice, **pair, gas_constant=constant)

@@ -220,7 +220,7 @@ def _velocity(arrays: Mapping[str, np.ndarray]) -> tuple[str, np.ndarray] | None
     names = {plain_name(name): name for name in reversed([*arrays])}
     try:
         for one in ("u", "velocity", "velocityvector", "umean", "momentum", "rhou"):
-            values = np.asarray(arrays[names[one]]) if one in names else np.empty(0)
+            values: np.ndarray = np.asarray(arrays[names[one]]) if one in names else np.empty(0)
             if values.ndim == 2 and values.shape[1] in (2, 3) and values.dtype.kind == "f":
                 return names[one], np.pad(values.astype(np.float64), ((0, 0), (0, 3 - values.shape[1])))
     except ReadError:  # a damaged field that the density does not need

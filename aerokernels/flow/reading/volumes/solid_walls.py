@@ -22,7 +22,7 @@ def solid_body(reading, moved: Sequence[np.ndarray], grid: NodeGrid) -> SolidBod
     """
     path, dataset = reading.path, reading.dataset
     known = [patch for patch in dataset.patches if patch.polygons is not None]
-    walls = [patch.polygons for patch in wall_patches(path, known, reading.options["walls"])]
+    walls = [own for patch in wall_patches(path, known, reading.options["walls"]) if (own := patch.polygons)]
     if walls:
         parts = [Polygons(reading.moved(own.points), own.start) for own in walls]
     elif (grid.cell >= 0).all():
