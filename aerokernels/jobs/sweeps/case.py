@@ -31,19 +31,12 @@ _INDEX_KEYS = ("wavelength", "relation", "gladstone_dale")  # keys of [flow] tha
 
 @dataclass(frozen=True)
 class Case:
-    """A case as it is sent to a worker.
+    """A case as it is sent to a worker."""
 
-    Attributes:
-        number: The case's number in the sweep.
-        scene: The case's scene.
-        group: Key of the index field that cases share.
-        widest: Scenes of the group, one of which has the widest view; which one depends on the place of the flow's
-            front.
-    """
-
-    number: int
-    scene: Scene
-    group: str
+    number: int  # the case's number in the sweep
+    scene: Scene  # the case's scene
+    group: str  # key of the index field that cases share
+    # scenes of the group, one of which has the widest view; which one depends on the place of the flow's front
     widest: tuple[Scene, ...]
 
 
@@ -115,11 +108,7 @@ class Stages:
         return made
 
     def run(self, case: Case) -> RunResult:
-        """Compute a case.
-
-        Raises:
-            ValueError: The scene cannot be computed.
-        """
+        """Compute a case."""
         result = run_stages(case.scene, partial(self._prepared, case), partial(self._strehl, case), with_views=False)
         self.made["echo"] += 1
         return result
