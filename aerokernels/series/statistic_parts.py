@@ -98,9 +98,7 @@ def covers_of(x: np.ndarray, y: np.ndarray, lit: np.ndarray):
 def add_apertures(table, coordinates, opd, points, weight, wavelength, apertures, covers) -> None:
     """Add rms and Strehl ratio over concentric round parts of the pupil, with mean and tilt over each removed."""
     width = pupil_width(coordinates["x"], coordinates["y"])
-    asked = np.array(
-        [share * width for share in (0.25, 0.5, 0.75, 1.0)] if apertures is None else apertures, dtype=np.float64
-    )
+    asked = np.array(width * np.array([0.25, 0.5, 0.75, 1.0]) if apertures is None else apertures, dtype=np.float64)
     if asked.ndim != 1 or not (np.isfinite(asked).all() and (asked > 0.0).all()):
         raise ValueError(f"apertures must be positive diameters in metres, got {apertures!r}")
     if (asked > width * (1.0 + 1e-9)).any():
@@ -199,7 +197,7 @@ def _error_by_parts(values: list) -> np.ndarray:
 
 
 def lost_pixels(finite: np.ndarray, share: np.ndarray) -> str:
-    """Return a warning of pixels that have a number in some snapshots, shape (t, y, x), but not in all; or an empty text.
+    """Return a warning of pixels that have a number in some snapshots, shape (t, y, x), but not in all; or empty.
 
     Pixels that have no number in any snapshot do not count: a caller leaves them out on purpose.
     """

@@ -54,8 +54,8 @@ def statistics(
     and for a series too short to tell it: two of them are meant to contain the truth in 95 of 100 series, which few
     independent snapshots do not quite reach (see uncertainty.py). Variances about a mean in time are corrected for
     the error of that mean. The errors of the maps' own numbers, as `optical_series` gives them, are added
-    (statistic_parts.py). The attribute `independent_count` says how many independent snapshots there are, `drifting` lists
-    the variables that drift. Below four snapshots errors are NaN.
+    (statistic_parts.py). The attribute `independent_count` says how many independent snapshots there are, `drifting`
+    lists the variables that drift. Below four snapshots errors are NaN.
 
     Args:
         dataset: Of `optical_series`, or any with `opd` over (time, y, x), NaN outside the pupil, in metres and
@@ -149,7 +149,7 @@ def _in_order(dataset: Any) -> Any:
 
 
 def _unit(dataset: Any, name: str) -> float:
-    """Return the unit of a variable in SI, 1 where none is stated, or for dates; raises a ValueError for a wrong one."""
+    """Return the unit of a variable in SI, 1 where none is stated, or for dates; raises a ValueError for others."""
     if dataset[name].dtype.kind in "mM":
         return 1.0
     try:
