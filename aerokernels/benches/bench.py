@@ -1,18 +1,8 @@
 """A bench with its optics: a source of some size, the lens before the flow, the plane in focus, and the sensor.
 
-A source of size h behind a lens of focal length f lights the flow from angles of -h / 2f to h / 2f. The knife edge is
-where the source is imaged again: it passes the part of the source's light that comes from angles t with
-
-    t_cut + e_cut > edge,      the edge being where a share `cut_off` of the undisturbed light is held back
-
-e_cut is the deflection across the edge. For a slit the passed light is linear in e_cut with slope f / h, as in
-`schlieren`; for a disc it is curved at both ends, for an annulus also at the rims of its hole. With one point
-(`source_points` = 1) the source lights the flow along the axis only. With more points each is traced on its own,
-through the position of each pixel in the plane in focus, so that parts of the flow out of focus are blurred. A ray is
-drawn at its apparent origin in the plane in focus, with the light of the square around it: schlieren out of focus is
-partly a shadowgraph.
-
-Reference: G. S. Settles, Schlieren and Shadowgraph Techniques (Springer, 2001), sections 2.3, 3.2 and 3.4.
+The knife edge passes the light of the source's angles t with t_cut + e_cut > edge, e_cut being the deflection across
+the edge. Each of the source's points is traced on its own through the pixels' places in the plane in focus. Reference:
+G. S. Settles, Schlieren and Shadowgraph Techniques (Springer, 2001), sections 2.3, 3.2 and 3.4.
 """
 
 from collections.abc import Iterator
@@ -104,13 +94,7 @@ class Bench:
         return np.stack([across[lit], along[lit]], axis=1), share[lit] / share[lit].sum()
 
     def passed(self, point: np.ndarray, deflection: np.ndarray, cut_off: float) -> np.ndarray:
-        """Return the share of light of one point's part of the source that passes the edge, of the deflection's shape.
-
-        Args:
-            point: The point's angles across the edge and along it [rad], shape (2,).
-            deflection: Deflections across the edge [rad].
-            cut_off: Share of the undisturbed light that is held back.
-        """
+        """Return the share of the light about a point (2,) of the source that passes, for deflections [rad]."""
         half = 0.5 * self.angle / self.source_points
         ends = np.array([point[0] - half, point[0] + half])
         strip = None
@@ -167,11 +151,7 @@ BLOCK = 1 << 14  # speed only
 
 
 def check_source(source: str | Pupil) -> None:
-    """Check that `source` is a known name or a pupil.
-
-    Raises:
-        ValueError: The name is unknown.
-    """
+    """Check that `source` is a known name or a pupil."""
     if not isinstance(source, Pupil):
         check_choice(source, "source", ("slit", "disc", "square"))
 
@@ -202,13 +182,7 @@ def light_below(shape: Pupil, place: np.ndarray, low: float, high: float) -> np.
 
 
 class SourceLight:
-    """The light of a source's points through a field; iterating traces it, point by point.
-
-    Attributes:
-        lights: The light of each point that was traced.
-        known: Pixels whose light is known for all of these points, shape (ny, nx).
-        middle: The rays of the source's middlemost point, once they are traced.
-    """
+    """The light of a source's points through a field; iterating traces it, point by point."""
 
     def __init__(self, field: IndexField, tilts: np.ndarray, focus: float, options: dict[str, Any]):
         """Take the points' angles toward right and up [rad], shape (n, 2), and options of `line_of_sight`."""
@@ -235,14 +209,10 @@ HALVINGS, CELLS = 50, 1024
 
 
 def blurred(irradiance: np.ndarray, source: str | Pupil, size: float, pitch: tuple[float, float]) -> np.ndarray:
-    """Convolve a picture with the image of a source.
+    """Convolve a picture, shape (ny, nx), with the image of a source, `size` [m] wide along the horizontal.
 
-    Args:
-        irradiance: The picture, shape (ny, nx).
-        source: A shape as in a `Bench`, its first axis along the picture's horizontal; a slit has no width along
-            the vertical.
-        size: Width of the source's image along the horizontal [m]; negative if it is inverted.
-        pitch: Spacing of the pixels along the horizontal and the vertical [m].
+    `size` is negative if the image is inverted; `pitch` is the spacing of the pixels along either axis [m]; a slit has
+    no width along the vertical.
     """
     from scipy.ndimage import convolve, convolve1d
 
@@ -267,13 +237,8 @@ def blurred(irradiance: np.ndarray, source: str | Pupil, size: float, pitch: tup
 def _fitted(shape: Pupil, axis: int, half: float, step: float) -> tuple[np.ndarray, np.ndarray]:
     """Return the edges of pixels along an axis of a shape, in its units, and the light between them.
 
-    The shape is scaled such that this light has the shape's own mean square distance from its centre.
-
-    Args:
-        shape: The shape.
-        axis: 0 for its first axis, 1 for its second.
-        half: Half the size of the source's image [m].
-        step: Spacing of the pixels [m].
+    The shape, of half the size `half` [m] over pixels `step` [m] apart, is scaled such that this light has the shape's
+    own mean square distance from its centre.
     """
     reach = shape.half_extent[axis]
     fine = np.linspace(-reach, reach, CELLS + 1)

@@ -1,12 +1,6 @@
 """Interferograms of a field in one arm of a Mach-Zehnder interferometer.
 
-The reference beam goes through undisturbed air, tilted such that fringes are `fringe_spacing` apart. With the
-visibility V,
-
-    I = (1 + V cos(2 pi (opd / wavelength + s / fringe_spacing + phase))) / 2
-
-s runs across the fringes. Without a tilt (infinite fringe) each fringe is a line of equal optical path, bright where
-the field changes nothing; with one (finite fringe) straight fringes are displaced by opd / wavelength of their spacing.
+    I = (1 + V cos(2 pi (opd / wavelength + s / fringe_spacing + phase))) / 2,     s across the fringes
 
 Reference: W. Merzkirch, Flow Visualization, 2nd ed. (Academic Press, 1987), section 3.2.
 """
@@ -136,11 +130,7 @@ def fringe_picture(
 
 @dataclass(frozen=True)
 class Fringes:
-    """Undisturbed fringes: the arguments of `interferogram` of the same names.
-
-    Raises:
-        ValueError: an argument is out of range.
-    """
+    """Undisturbed fringes: the arguments of `interferogram` of the same names."""
 
     spacing: float | None = None
     angle: float = 0.5 * math.pi
@@ -158,11 +148,7 @@ class Fringes:
             raise ValueError(f"visibility = {self.visibility}: give a fraction from 0 to 1")
 
     def light(self, traced: LineOfSight) -> np.ndarray:
-        """Return the light of traced rays, a mean over each pixel, shape (ny, nx).
-
-        Raises:
-            ValueError: the fringes are too fine for the pixels.
-        """
+        """Return the light of traced rays, a mean over each pixel, shape (ny, nx)."""
         return traced.pixel_mean(np.where(traced.through, self.of_rays(traced), 0.0))
 
     def of_rays(self, traced: LineOfSight | SomeLight) -> np.ndarray:
@@ -170,11 +156,7 @@ class Fringes:
         return np.asarray(0.5 * (1.0 + self.visibility * np.cos(2.0 * np.pi * self.waves(traced))))
 
     def waves(self, traced: LineOfSight | SomeLight) -> np.ndarray:
-        """Return the phases of traced rays [waves], NaN where none came through, of their shape.
-
-        Raises:
-            ValueError: the fringes are too fine for the pixels.
-        """
+        """Return the phases of traced rays [waves], NaN where none came through; refuse fringes finer than pixels."""
         window = traced.window
         waves = traced.opd / traced.wavelength + self.phase
         if self.spacing is not None:

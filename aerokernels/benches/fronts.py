@@ -1,8 +1,7 @@
 """Locate a shock on the scan lines of a picture with sub-pixel accuracy.
 
 A scan line starts in undisturbed air. The front is where its brightness first departs from the air's: the outer half
-height of the first bright or dark band. A band inside a flow has no undisturbed side; it is located as the extremum
-near a line that the caller gives.
+height of the first band. A band inside a flow is the extremum near a line that the caller gives.
 """
 
 import math
@@ -20,11 +19,7 @@ UNDISTURBED_SHARE = 0.05
 
 
 def smoothed(intensity: np.ndarray, smoothing: float) -> np.ndarray:
-    """Return the picture smoothed by a Gaussian of standard deviation `smoothing` [pixels].
-
-    Raises:
-        ValueError: `smoothing` is negative or not finite.
-    """
+    """Return the picture smoothed by a Gaussian of standard deviation `smoothing` [pixels]."""
     from scipy.ndimage import gaussian_filter
 
     if not (np.isfinite(smoothing) and smoothing >= 0.0):
@@ -33,18 +28,10 @@ def smoothed(intensity: np.ndarray, smoothing: float) -> np.ndarray:
 
 
 def outer_fronts(lines: np.ndarray, level: float) -> np.ndarray:
-    """Return where each scan line departs from the undisturbed brightness.
+    """Return where each scan line (line_count, n) departs from the undisturbed brightness [samples], (line_count,).
 
-    Args:
-        lines: brightness along scan lines, from undisturbed air inwards, shape (line_count, n).
-        level: share of the first band's height that defines the front, 0 to 1.
-
-    Returns:
-        Position of the front on each line [samples], shape (line_count,); NaN if there is none, or if the line starts
-        inside the band.
-
-    Raises:
-        ValueError: `level` is outside 0 to 1.
+    `level` is the share of the first band's height that defines the front. NaN if there is none, or if the line starts
+    inside the band.
     """
     if not 0.0 < level < 1.0:
         raise ValueError(f"level = {level}: give a share of the band's height between 0 and 1")
@@ -74,16 +61,9 @@ def _outer_front(change: np.ndarray, least: float, slack: float, level: float) -
 
 
 def inner_bands(lines: np.ndarray, guess: np.ndarray, reach: float) -> np.ndarray:
-    """Return where the strongest band of each scan line is, near a guess.
+    """Return where the strongest band of each scan line is, within `reach` of a guess [samples], shape (line_count,).
 
-    Args:
-        lines: brightness along scan lines, shape (line_count, n).
-        guess: guessed position of the band on each line [samples], shape (line_count,).
-        reach: greatest distance from the guess [samples].
-
-    Returns:
-        Position of the most prominent maximum or minimum on each line [samples], shape (line_count,); NaN if there is
-        none within reach and picture.
+    NaN if there is no maximum or minimum within reach and picture.
     """
     from scipy.signal import find_peaks
 
@@ -108,22 +88,11 @@ def inner_bands(lines: np.ndarray, guess: np.ndarray, reach: float) -> np.ndarra
 def fit_curve(
     along: np.ndarray, across: np.ndarray, degree: int, floor: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Fit a polynomial to front points, without outliers.
+    """Fit a polynomial of a degree to front points without outliers; `across` is NaN where a scan line has no front.
 
-    The standard errors allow for correlated errors of neighbouring points, as of positions between pixels: with the
-    residuals' correlation rho from one point to the next they grow by sqrt((1 + rho) / (1 - rho)).
-
-    Args:
-        along: positions of the scan lines, shape (n,).
-        across: position of the front on them, shape (n,); NaN if there is none.
-        degree: degree of the polynomial.
-        floor: residuals up to this never make an outlier.
-
-    Returns:
-        Coefficients, lowest power first, shape (degree + 1,); their covariance; mask of the points used, shape (n,).
-
-    Raises:
-        ValueError: fewer than `LEAST_LINES`, or than `LEAST_AGREEING` of the points, are on one curve.
+    Returns coefficients, lowest power first, their covariance, and a mask of the points used. Residuals up to `floor`
+    never make an outlier. The errors allow for correlated neighbours: with the residuals' correlation rho from one
+    point to the next they grow by sqrt((1 + rho) / (1 - rho)).
     """
     from scipy.optimize import least_squares
 
@@ -164,16 +133,9 @@ def fit_curve(
 
 
 def _most_agreed(powers: np.ndarray, across: np.ndarray) -> tuple[np.ndarray, float]:
-    """Return the curve, of many through a few points each, that `LEAST_AGREEING` of all points are closest to.
+    """Return the curve through a few points that `LEAST_AGREEING` of all points are closest to, and their distance.
 
     P. Rousseeuw, Least median of squares regression, J. Am. Stat. Assoc. 79 (1984).
-
-    Args:
-        powers: Powers of the points' positions, shape (n, m).
-        across: The points, shape (n,).
-
-    Returns:
-        Coefficients, shape (m,), and the distance within which those points are [as `across`].
     """
     count, size = powers.shape
     random = np.random.default_rng(0)
@@ -195,12 +157,7 @@ AROUND = 3  # pixels on each side of a front that are compared
 
 
 def is_staircase(lines: np.ndarray, places: np.ndarray) -> bool:
-    """Return whether the fronts of most scan lines jump from one pixel to the next, with nothing in between.
-
-    Args:
-        lines: Brightness along the scan lines, not smoothed, shape (line_count, n).
-        places: Position of the front on each line [samples], shape (line_count,).
-    """
+    """Return whether the fronts of most scan lines, not smoothed, jump from one pixel to the next."""
     middle = np.clip(np.rint(places).astype(np.int64), AROUND, max(lines.shape[1] - 1 - AROUND, AROUND))
     around = np.minimum(middle[:, None] + np.arange(-AROUND, AROUND + 1), lines.shape[1] - 1)
     values = np.take_along_axis(lines, around, axis=1)

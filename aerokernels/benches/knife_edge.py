@@ -1,13 +1,6 @@
 """Synthetic schlieren pictures of a field, as a bench with a knife edge would show.
 
-Parallel light crosses the field, deflected by the angle e = (e_right, e_up) = integral of grad_perp(n) / n_0 ds. The
-bench images the source, of height h, onto a knife edge with a lens of focal length f; the edge holds back the fraction
-`cut_off` of it. A ray deflected by e moves its source image by f e, and the edge passes more or less of it:
-
-    I / I_open = (1 - cut_off) + (f / h) e_cut,    cut to 0 .. 1
-
-e_cut is the component across the edge: a "vertical" edge sees e_right, a "horizontal" one e_up, an edge at any angle
-e_right cos a + e_up sin a. f / h is the `sensitivity` [1/rad]. Rays are traced with bending (see `line_of_sight.py`).
+    I / I_open = (1 - cut_off) + (f / h) e_cut,    cut to 0 .. 1,    e_cut the deflection across the edge
 
 Reference: G. S. Settles, Schlieren and Shadowgraph Techniques (Springer, 2001), sections 2.3 and 3.2.
 """
@@ -70,11 +63,7 @@ class SchlierenImage(TracedPicture):
 
 @dataclass(frozen=True)
 class KnifeEdge:
-    """A knife edge: the arguments of `schlieren` of these names.
-
-    Raises:
-        ValueError: an argument is out of range.
-    """
+    """A knife edge: the arguments of `schlieren` of these names."""
 
     knife_edge: str | float = "vertical"
     cut_off: float = 0.5

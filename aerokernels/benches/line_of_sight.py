@@ -1,21 +1,11 @@
 """Parallel light traced once through a field, from which schlieren, shadowgraph and interferogram are made.
 
-Rays start on a grid over the picture, along the light, and are traced with bending to a plane behind the field. There
-each has a direction d, a position and an optical path. A bench is focused on a plane in the flow, by default the middle
-of the field's box: to a camera a ray seems to come from where its exit line, extended straight back, meets that plane,
-and its phase is the one of this virtual ray there:
+Rays are traced with bending to a plane behind the field. To a camera a ray seems to come from where its exit line,
+extended straight back, meets the plane in focus, and its phase is that of this virtual ray there:
 
     opd = (opd at the exit) - n_0 L (1 / cos(d, forward) - 1),    L from the focal plane to the exit
 
-Light from an off-axis point of the source arrives at an angle, the `tilt`: then the undisturbed ray through a pixel's
-position in the focal plane is tilted, deflections are relative to it, and the optical path is relative to its plane
-wave.
-
-The picture shows each ray at its own pixel. The neglected distance of the virtual ray from its pixel is stored as
-`displacement`: it is of second order in the deflection for a flow that is symmetric about the focal plane.
-
-Reference: G. S. Settles, Schlieren and Shadowgraph Techniques (Springer, 2001), sections 2.3, 3.2 and 6.2;
-C. M. Vest, Holographic Interferometry (Wiley, 1979), section 6.3 (refraction and focal plane).
+Reference: C. M. Vest, Holographic Interferometry (Wiley, 1979), section 6.3 (refraction and focal plane).
 """
 
 from dataclasses import dataclass
@@ -107,23 +97,14 @@ class LineOfSight:
 
 @dataclass(frozen=True, eq=False)
 class ParallelLight:
-    """Parallel light before it is traced: everything that a `LineOfSight` is computed from.
-
-    Attributes:
-        field: the refractive index.
-        window: directions of the view and the pixels.
-        rays_per_pixel: k, rays along each side of a pixel.
-        focus: coordinate of the focal plane along the light [m].
-        sine: angles of the light toward right and up, as direction sines, shape (2,).
-        options: tolerance, wavelength, backend, device and precision of `trace`.
-    """
+    """Parallel light before it is traced: everything that a `LineOfSight` is computed from."""
 
     field: IndexField
-    window: Window
-    rays_per_pixel: int
-    focus: float
-    sine: np.ndarray
-    options: dict[str, Any]
+    window: Window  # directions of the view and the pixels
+    rays_per_pixel: int  # k, rays along each side of a pixel
+    focus: float  # coordinate of the focal plane along the light [m]
+    sine: np.ndarray  # angles of the light toward right and up, as direction sines, shape (2,)
+    options: dict[str, Any]  # tolerance, wavelength, backend, device and precision of `trace`
 
     @property
     def until(self) -> Plane:
@@ -153,9 +134,8 @@ class ParallelLight:
     def seen(self, across: np.ndarray, along: np.ndarray, brought: Rays) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return what a camera sees of rays through undisturbed places toward right and up [m].
 
-        Returns:
-            Deflections [rad], displacements in the focal plane [m], both of shape (*across.shape, 2), and optical path
-            differences there [m], shape across.shape.
+        Deflections [rad] and displacements in the focal plane [m], of shape (*across.shape, 2), and optical path
+        differences there [m].
         """
         window, sine, shape, back = self.window, self.sine, across.shape, self.window.exit - self.focus
         direction = brought.direction.reshape(*shape, 3)

@@ -105,10 +105,7 @@ def measure_shock_angle(
 
 
 def _without_body(picture: PictureView) -> np.ndarray:
-    """Return a picture's brightness with the nearest air's where a body is known to hide the light, shape (ny, nx).
-
-    Its outline would else be a front, and where it is darker than the shock the only one.
-    """
+    """Return a picture's brightness with the nearest air's where a body is known to hide the light, shape (ny, nx)."""
     from scipy.ndimage import binary_dilation, distance_transform_edt
 
     blocked = getattr(picture, "blocked", None)
@@ -190,11 +187,7 @@ def _in_half(
 
 
 def columns_in(picture: PictureView, window: tuple[float, float]) -> np.ndarray:
-    """Return the indices of the pixel columns in a window [m].
-
-    Raises:
-        ValueError: the window does not increase, or has too few columns.
-    """
+    """Return the indices of the pixel columns in a window [m]."""
     low, high = (float(end) for end in window)
     if not low < high:
         raise ValueError(f"window {window!r}: give from and to along the horizontal in metres, increasing")
@@ -312,7 +305,7 @@ def measure_stand_off(
 def _within_pixel(lines: np.ndarray, places: np.ndarray) -> float:
     """Return the standard deviation of an edge that may be anywhere within a pixel [pixels]; 0 if shades tell where.
 
-    About the axis the edge is almost along the pixels, so that all rows show the same pixel and scatter tells nothing.
+    About the axis the edge is almost along the pixels: all rows show the same pixel, and scatter tells nothing.
     """
     known = np.isfinite(places)
     return math.sqrt(1.0 / 12.0) if is_staircase(lines[known], places[known]) else 0.0

@@ -122,11 +122,7 @@ def picture_dataset(
 ) -> "xarray.Dataset":
     """Return a picture as a dataset: `intensity` over vertical and horizontal, and further arrays.
 
-    Args:
-        picture: the picture.
-        extra: further arrays by name: dimensions ("pixel" for one value a pixel, "pixel direction" for a pair), array,
-            unit, meaning.
-        attributes: attributes of the dataset.
+    `extra` has, by name, "pixel" for one value a pixel or "pixel direction" for a pair, array, unit and meaning.
     """
     import xarray
 

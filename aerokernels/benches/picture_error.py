@@ -1,11 +1,8 @@
-"""Error of the brightness of a picture's pixels.
+"""Error of the brightness of a picture's pixels, without noise of the sensor.
 
 Rays of some pixels are traced again, with how they change by each cause (tracing/some_pixels.py), and the same light
-is made of them: the mean over a pixel's own rays, or, where light is shifted, what falls on the square that the rays of
-its corners span. What few rays a pixel leave out of its mean is the cause "sampling", from the picture itself: h rays
-apart, a smooth light is off by a 24th of its second difference over h^2, and where it jumps, which its fourth
-difference tells, by two fifths of the second over h. A bench's error is that of its source's middle point. Noise of the
-sensor is not in it.
+is made of them. What few rays leave out of a pixel's mean is the cause "sampling": h rays apart, a smooth light is off
+by a 24th of its second difference over h^2, and where it jumps, as its fourth difference tells, by two fifths over h.
 """
 
 from collections.abc import Callable
@@ -32,25 +29,15 @@ OF_A_JUMP = 3.0
 
 @dataclass(frozen=True, eq=False)
 class SomeLight:
-    """Rays of some pixels; arrays of shape (pixels, rays, ...).
+    """Rays of some pixels; arrays of shape (pixels, rays, ...)."""
 
-    Attributes:
-        window: The picture's window.
-        wavelength: Vacuum wavelength [m].
-        focus: Coordinate of the focal plane along the light [m].
-        place: Undisturbed places toward right and up [m].
-        deflection: Deflections toward right and up [rad].
-        displacement: Displacements in the focal plane toward right and up [m].
-        opd: Optical path differences seen there [m].
-    """
-
-    window: Window
-    wavelength: float
-    focus: float
-    place: np.ndarray
-    deflection: np.ndarray
-    displacement: np.ndarray
-    opd: np.ndarray
+    window: Window  # the picture's window
+    wavelength: float  # vacuum wavelength [m]
+    focus: float  # coordinate of the focal plane along the light [m]
+    place: np.ndarray  # undisturbed places toward right and up [m]
+    deflection: np.ndarray  # deflections toward right and up [rad]
+    displacement: np.ndarray  # displacements in the focal plane toward right and up [m]
+    opd: np.ndarray  # optical path differences seen there [m]
 
     @property
     def ray_grid(self) -> tuple[np.ndarray, np.ndarray]:
@@ -86,17 +73,7 @@ def picture_error(
     curved: float,
     is_same: bool,
 ) -> np.ndarray:
-    """Return the error of a picture's brightness, shape (ny, nx).
-
-    Args:
-        shown: The brightness, shape (ny, nx).
-        hidden: Pixels without light, shape (ny, nx).
-        light: The light that the picture was made from.
-        number: Makes the brightness of some pixels.
-        square: Side of the squares at whose corners the rays of a pixel are [m]; None takes the pixel's own rays.
-        curved: Error of a mean over a pixel by one ray, as a share of the second difference.
-        is_same: Whether the picture is made of the pixels' own rays alone.
-    """
+    """Return the error of a picture's brightness, shape (ny, nx)."""
     k, window = light.rays_per_pixel, light.window
     few = min(k, MOST_RAYS)
     inner = (np.arange(few) - 0.5 * (few - 1)) / few
@@ -122,10 +99,8 @@ def picture_error(
 def light_on_squares(some: SomeLight, shift: np.ndarray, share: np.ndarray | None = None) -> np.ndarray:
     """Return the irradiance on the squares of some pixels' rays, 1 where nothing is shifted, shape (pixels,).
 
-    Args:
-        some: The rays at the corners of squares.
-        shift: Displacements of their landing points [m], shape (pixels, 4, 2).
-        share: Shares of their light that are transmitted, shape (pixels, 4); None for all.
+    `shift` displaces the landing points of the corners' rays [m], (pixels, 4, 2); `share` of their light is
+    transmitted.
     """
     before, after = (_area(corners) for corners in (some.place, some.place + shift))
     lit = 1.0 if share is None else share.mean(axis=1)

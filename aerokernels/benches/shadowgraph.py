@@ -1,19 +1,8 @@
 """Shadowgraphs: the light on a screen behind the field, or on the plane that a camera is focused on.
 
-Each ray leaves the field at a position and in a direction, and goes straight on to the screen:
-
-    landing = exit + (screen - exit coordinate) d_perp / d_forward
-
-Four neighbouring rays carry the light of the square between them. It is spread evenly over the quadrilateral onto which
-the rays map that square, whether stretched, squeezed, or folded over others (a caustic), so light is conserved:
-irradiance = (light that lands) / (light that would land without field). To first order in the distance L this is 1 - L
-(d e_right / d right + d e_up / d up), the second derivative of the index, as in textbooks; the mapping also holds where
-rays have crossed. Diffraction is neglected.
-
-Each quadrilateral is cut into parts of at most a third of a pixel, and each part counts as an upright rectangle of its
-size: exact where light is stretched along the picture's axes, of second order in a shear.
-
-Reference: G. S. Settles, Schlieren and Shadowgraph Techniques (Springer, 2001), chapter 6.
+Four neighbouring rays carry the light of the square between them, which is spread evenly over the quadrilateral onto
+which they map that square: light is conserved, also where rays have crossed. Diffraction is neglected. Reference: G. S.
+Settles, Schlieren and Shadowgraph Techniques (Springer, 2001), chapter 6.
 """
 
 from dataclasses import dataclass, replace
@@ -124,11 +113,7 @@ def shadow_picture(
 
 @dataclass(frozen=True)
 class Screen:
-    """A screen and the source whose light falls on it: the arguments of `shadow_picture` of the same names.
-
-    Raises:
-        ValueError: an argument is out of range.
-    """
+    """A screen and the source whose light falls on it: the arguments of `shadow_picture` of the same names."""
 
     distance: float
     source_angle: float = 0.0
@@ -185,11 +170,8 @@ def _of_pixels(some: SomeLight, screen: Screen, exposure: float) -> np.ndarray:
 def spread(traced: LineOfSight, shift: np.ndarray, share: np.ndarray | None = None) -> np.ndarray:
     """Return the irradiance of the pixels, 1 where nothing is shifted, shape (ny, nx).
 
-    Args:
-        traced: the rays.
-        shift: displacement of each ray's landing point by the field [m], shape (ny k, nx k, 2); NaN if it does not
-            land.
-        share: share of its light that is transmitted, shape (ny k, nx k); None for all.
+    `shift` displaces each ray's landing point [m], shape (ny k, nx k, 2), NaN if it does not land; `share` of its light
+    is transmitted, None for all.
     """
     rest, border = _with_border(traced, shift)
     if share is not None:
@@ -200,10 +182,7 @@ def spread(traced: LineOfSight, shift: np.ndarray, share: np.ndarray | None = No
 
 
 def _with_border(traced: LineOfSight, shift: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return positions and shifts of the rays [m], with extra rays around them that shift like the outermost.
-
-    So light from outside the picture is shifted into it, as light is shifted out.
-    """
+    """Return positions and shifts of the rays [m], with extra rays around them that shift like the outermost."""
     k, window = traced.rays_per_pixel, traced.window
     greatest = np.nan_to_num(np.abs(shift), nan=0.0).max(axis=(0, 1)) / np.asarray(window.pitch)
     border = k * int(min(2.0 + np.ceil(greatest.max()), 100.0))
@@ -216,16 +195,10 @@ def _with_border(traced: LineOfSight, shift: np.ndarray) -> tuple[np.ndarray, np
 
 
 def _spread(rest: np.ndarray, shift: np.ndarray, window: Window, share: np.ndarray | None = None) -> np.ndarray:
-    """Return the light in each pixel, shape (ny, nx), from the squares between rays.
+    """Return the light in each pixel, shape (ny, nx), from the squares between rays, in units of one square.
 
-    Args:
-        rest: undisturbed positions (right, up) of the rays [m], shape (rows, columns, 2).
-        shift: displacement of their landing points [m], NaN for rays that do not land: their squares carry no light.
-        window: the pixels.
-        share: share of each square's light that counts, shape (rows - 1, columns - 1); None for all.
-
-    Returns:
-        Light in units of one square between rays.
+    `rest` has the undisturbed positions (right, up) of the rays [m], shape (rows, columns, 2), `shift` the displacement
+    of their landing points, NaN for rays that do not land; `share` is that of each square's light that counts.
     """
     landing = rest + shift
     first = np.array([window.horizontal[0], window.vertical[0]])
@@ -259,15 +232,7 @@ def _spread(rest: np.ndarray, shift: np.ndarray, window: Window, share: np.ndarr
 def _deposit(
     middle: np.ndarray, size: np.ndarray, amount: np.ndarray, light: np.ndarray, shape: tuple[int, int]
 ) -> None:
-    """Add the amount of each rectangle, spread evenly over it.
-
-    Args:
-        middle: (column, row) of the rectangles [pixels], shape (n, 2).
-        size: their width and height [pixels], shape (n, 2); those above one pixel count as one.
-        amount: light of each rectangle, shape (n,).
-        light: of each pixel, shape (ny nx,); changed.
-        shape: (ny, nx).
-    """
+    """Add the amount of each rectangle, about `middle` (column, row) [pixels], evenly to the pixels of `light`."""
     size = np.clip(size, 1e-9, 1.0)
     low = np.floor(middle - 0.5 * size + 0.5)  # pixel in which the rectangle begins
     first = np.clip((low + 0.5 - (middle - 0.5 * size)) / size, 0.0, 1.0)  # share in that pixel

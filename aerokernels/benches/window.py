@@ -12,27 +12,16 @@ _AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 
 @dataclass(frozen=True, eq=False)
 class Window:
-    """Viewing direction, pixels and extent of a picture of a field.
+    """Viewing direction, pixels and extent of a picture of a field."""
 
-    Attributes:
-        forward: direction of the light, shape (3,).
-        right: direction of the picture's horizontal axis, shape (3,).
-        up: direction of its vertical axis, shape (3,).
-        horizontal: pixel centres along `right` [m], shape (nx,).
-        vertical: pixel centres along `up` [m], shape (ny,).
-        pitch: width and height of a pixel [m].
-        entry: coordinate along `forward` at which rays start [m].
-        exit: coordinate along `forward` at which they have left the field [m].
-    """
-
-    forward: np.ndarray
-    right: np.ndarray
-    up: np.ndarray
-    horizontal: np.ndarray
-    vertical: np.ndarray
-    pitch: tuple[float, float]
-    entry: float
-    exit: float
+    forward: np.ndarray  # direction of the light, shape (3,)
+    right: np.ndarray  # direction of the picture's horizontal axis, shape (3,)
+    up: np.ndarray  # direction of its vertical axis, shape (3,)
+    horizontal: np.ndarray  # pixel centres along `right` [m], shape (nx,)
+    vertical: np.ndarray  # pixel centres along `up` [m], shape (ny,)
+    pitch: tuple[float, float]  # width and height of a pixel [m]
+    entry: float  # coordinate along `forward` at which rays start [m]
+    exit: float  # coordinate along `forward` at which they have left the field [m]
 
     @property
     def middle(self) -> float:
@@ -41,11 +30,7 @@ class Window:
 
 
 def make_window(field: IndexField, view, extent, pixel_count, width: float | None) -> Window:
-    """Make the window of a field; for the arguments see `line_of_sight`.
-
-    Raises:
-        ValueError: an argument is out of range; the message names it and the remedy.
-    """
+    """Make the window of a field; for the arguments see `line_of_sight`."""
     forward, right, up = _view_axes(view)
     low, high = _finite_box(field, forward, width)
     horizontal, vertical, pitch = _pixels(low, high, right, up, extent, pixel_count)

@@ -1,18 +1,8 @@
 r"""A focused laser differential interferometer, and its response to sine waves in closed form.
 
-Two parallel Gaussian beams, a distance s apart, pass through a flow with their foci in a common plane. At the distance
-z from the focus
+    w(z)^2 = w_0^2 + (theta z)^2,       H(K, z) = sin(K s / 2) / (K s / 2)  exp(-K^2 w(z)^2 / 8)
 
-    w(z)^2 = w_0^2 + (theta z)^2,        theta = lambda / (pi w_0) unless `divergence` is given
-
-is the radius at which the intensity has fallen to 1 / e^2. The detector compares the phases of both beams, weighted by
-intensity. A wave sin(K x) along the separation, in a sheet at z, changes the phase difference by its slope times s
-times
-
-    H(K, z) = sin(K s / 2) / (K s / 2)  exp(-K^2 w(z)^2 / 8)
-
-and waves at the angle a from the separation by the same expression with K cos a in the first factor (B. E. Schmidt, J.
-E. Shepherd, Analysis of focused laser differential interferometry, Appl. Opt. 54 (2015) 8459).
+for the wave number K along the separation s (B. E. Schmidt, J. E. Shepherd, Appl. Opt. 54 (2015) 8459).
 """
 
 from dataclasses import dataclass, field

@@ -1,8 +1,7 @@
 """Rays of an interferometer's two beams, and the optical paths along them.
 
-A ray has a constant share of its beam's light and a constant position in units of the beam's radius, which grows on
-both sides of the focus. The positions form a square grid. Sums over such a grid of a Gaussian beam are exact for waves
-up to the grid's resolution, so the grid is as fine as the field's samples where the beam is widest.
+A ray has a constant share of its beam's light and a constant position in units of the beam's radius, on a square grid
+as fine as the field's samples where the beam is widest: sums over a Gaussian beam are exact up to its resolution.
 """
 
 import math
@@ -28,11 +27,7 @@ GAUSS = 0.5 - 0.5 / math.sqrt(3.0), 0.5 + 0.5 / math.sqrt(3.0)
 
 
 def crossed(field: IndexField, instrument: FLDI, focus: np.ndarray) -> tuple[float, float] | None:
-    """Return the distances along the axis from a focus [m] between which light is in the field's box; None if none is.
-
-    Raises:
-        ValueError: The beams never leave the box.
-    """
+    """Return the distances along the axis from a focus [m] between which light is in the field's box, or None."""
     low, high = field.box
     there = np.isfinite(low)
     away = np.linalg.norm(np.where(there, focus - low, 0.0)) + np.linalg.norm(np.where(there, focus - high, 0.0))
@@ -67,11 +62,7 @@ def _span_of_disc(field: IndexField, focus: np.ndarray, axis: np.ndarray, reach:
 
 
 def beam_grid(field: IndexField, instrument: FLDI, ends: tuple[float, float], rays: int | None):
-    """Return positions of rays in units of the radius, shape (n, 2), and their shares of the light, shape (n,).
-
-    Returns:
-        Positions, shares, and the shares on the grid of every other row and column, 0 for the other rays.
-    """
+    """Return positions of rays in units of the radius, shape (n, 2), and their shares of the light, shape (n,)."""
     widest = float(instrument.radius(np.asarray(ends)).max())
     assert instrument.direction is not None
     counts = [
@@ -108,21 +99,11 @@ def gathered(
     coarser: int = 1,
     layers: int | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the optical paths [m] of the rays of both beams, shape (2, n): first the beam toward `direction`.
+    """Return the optical paths [m] of the rays of both beams, the one toward `direction` first, and which rays pass.
 
-    Two Gauss points are used in the part of each layer that is in the field's box.
-
-    Args:
-        field: The refractive index.
-        instrument: The instrument.
-        places: Positions of the rays in units of a beam's radius, shape (n, 2).
-        focus: Focus of the instrument [m], shape (3,).
-        ends: Distances from the focus between which light is in the box [m].
-        coarser: Factor on the thickness of the layers.
-        layers: Number of layers before that factor; None takes as many as the field needs.
-
-    Returns:
-        Optical paths, and a mask of the rays that pass the field's body, of the same shape.
+    Both (2, n), for rays at `places` (n, 2) in units of a beam's radius, and the distances from the focus between which
+    light is in the box [m]. Two Gauss points are used in the part of each layer, `coarser` times as thick, that is in
+    the box.
     """
     count = math.ceil((layer_count(field, instrument, ends) if layers is None else layers) / coarser)
     edges = np.linspace(*ends, count + 1)
@@ -188,16 +169,7 @@ def _in_body(field: IndexField, points: np.ndarray) -> np.ndarray:
 def truncated_share(
     field: IndexField, instrument: FLDI, focus: np.ndarray, ends: tuple[float, float] | None, reach: float
 ) -> float:
-    """Return the share of the light of both beams that loses more than the tolerance by cuts.
-
-    Args:
-        field: The refractive index.
-        instrument: The instrument.
-        focus: Focus of the instrument [m], shape (3,).
-        ends: Distances from the focus along the axis between which light is in the field's box [m]; None if it misses
-            the box.
-        reach: Radii up to which a beam is traced.
-    """
+    """Return the share of the light of both beams that loses more than the tolerance by cuts."""
     tolerance = 1e-3 * instrument.wavelength
     if not may_lose(field, tolerance):
         return 0.0

@@ -1,12 +1,8 @@
 r"""Response of an interferometer to a field or a series of fields.
 
-The phases of both beams' rays are integrated along their undisturbed paths. The detector sees the sum of the
-interference of each ray with its counterpart in the other beam:
+    visibility exp(i phase) = sum over rays of share exp(i (phi_1 - phi_2)),     phi of the rays of the two beams
 
-    visibility exp(i phase) = sum over rays of share exp(i (phi_1 - phi_2))
-
-For weak flows the phase is the mean of phi_1 - phi_2. Deflection is neglected: over the few millimetres around a focus
-it displaces rays by less than a waist.
+Deflection is neglected: over the few millimetres around a focus it displaces rays by less than a waist.
 """
 
 from collections.abc import Iterable
@@ -266,13 +262,9 @@ PLACES, NEAR, ACROSS = 12, 12, 4
 
 
 def field_errors(field: IndexField, instrument: FLDI, focus: np.ndarray, ends: np.ndarray) -> np.ndarray:
-    """Return the errors of phases due to the field [rad], shape (n,); NaN where they are not known.
+    """Return the errors of phases at foci (n, 3) due to the field [rad], shape (n,); NaN where they are not known.
 
-    Args:
-        field: The refractive index.
-        instrument: The instrument.
-        focus: The focus of each phase [m], shape (n, 3).
-        ends: Distances from the focus between which light is in the field's box [m], shape (n, 2).
+    `ends` are the distances from each focus between which light is in the field's box [m], shape (n, 2).
     """
     from scipy.spatial import cKDTree
 

@@ -1,10 +1,7 @@
 """Background-oriented schlieren: pictures of a dot pattern with and without a flow in front, and the displacement.
 
-Each pixel is the mean brightness of the pattern over rays from points of the aperture, so the pictures include the
-lens's depth of field and the blur by the flow. Correlating the pictures (OpenPIV or similar) recovers the displacement,
-which is also available as traced.
-
-Reference: M. Raffel, Background-oriented schlieren (BOS) techniques, Exp. Fluids 56 (2015) 60.
+Each pixel is the mean brightness of the pattern over rays from points of the aperture, which includes the depth of
+field and the blur by the flow. Reference: M. Raffel, Exp. Fluids 56 (2015) 60.
 """
 
 from dataclasses import dataclass
@@ -28,17 +25,12 @@ APERTURE_RAYS, MARGIN = 16, 32
 
 @dataclass(frozen=True, eq=False)
 class Background:
-    """A picture in the plane of the scene.
+    """A picture in the plane of the scene."""
 
-    Attributes:
-        brightness: Brightness 0 to 1, shape (rows, columns), axes [y, x]; its border is continued outside.
-        sample: Spacing of its samples in pixels of the camera's picture.
-        squares: Whether samples are squares of uniform brightness, over which a pixel of the camera takes the exact
-            mean; otherwise they are interpolated by a cubic spline.
-    """
-
-    brightness: np.ndarray
-    sample: float
+    brightness: np.ndarray  # brightness 0 to 1, shape (rows, columns), axes [y, x]; its border is continued outside
+    sample: float  # spacing of its samples in pixels of the camera's picture
+    # Whether samples are squares of uniform brightness, over which a pixel of the camera takes the exact mean;
+    # otherwise they are interpolated by a cubic spline.
     squares: bool = False
 
     @classmethod

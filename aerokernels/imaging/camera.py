@@ -1,12 +1,8 @@
 """Camera model: an entrance pupil before a flow, a lens in it, and pixels behind it.
 
-A pixel at the position p of the sensor looks along the tangent t = p / b from the pupil's middle, b being the image
-distance of the plane in focus: 1 / b = 1 / f - 1 / focus. A ray of the pixel that starts at the point q of the pupil
-goes through the point of the plane in focus that the pixel looks at:
-
-    tangent = t - q / focus,      without a flow it meets a scene at the distance D at D t + q (1 - D / focus)
-
-The second term is the depth of field. Positions are along the two axes of the pupil, x and y if it looks along +z.
+A pixel at the position p of the sensor looks along t = p / b, with 1 / b = 1 / f - 1 / focus. Its ray from the point q
+of the pupil has the tangent t - q / focus, and without a flow meets a scene at D at D t + q (1 - D / focus): the second
+term is the depth of field. Positions are along the two axes of the pupil, x and y if it looks along +z.
 """
 
 from dataclasses import dataclass
@@ -131,11 +127,8 @@ class Camera:
     def shift(self, ends: np.ndarray, point: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
         """Return where rays meet the scene less where they would without the flow [pixels], shape (n, 2).
 
-        Args:
-            ends: End points of the rays [m], or their final directions if the scene is far, shape (n, 3).
-            point: The points of the aperture at which they start [m], shape (2,) or (n, 2).
-            x: Tangents of their pixels along x, shape (n,).
-            y: Tangents along y.
+        `ends` are end points [m], or final directions if the scene is far; `point` are the points of the aperture at
+        which rays start [m], (2,) or (n, 2); x and y the tangents of their pixels, (n,).
         """
         if np.isfinite(self.distance):
             met = (self.across(ends - self.pupil.center) - point) / self.distance
@@ -168,11 +161,7 @@ def along(vectors: np.ndarray, axis: np.ndarray) -> np.ndarray:
 
 
 def rows_and_columns(counts: Any, name: str) -> tuple[int, int]:
-    """Return rows and columns of a picture from one number or two.
-
-    Raises:
-        ValueError: `counts`, called `name` in the message, is not one or two positive whole numbers, or too large.
-    """
+    """Return rows and columns of a picture from one number or two."""
     numbers = np.asarray(counts)
     if numbers.dtype.kind not in "iu" or numbers.shape not in ((), (2,)) or (numbers < 1).any():
         raise ValueError(f"{name} must be one whole number of at least 1, or two, got {counts!r}")

@@ -1,8 +1,4 @@
-"""Errors of a displacement and of a blur, computed again for some pixels whose rays change by each cause; cut views.
-
-The rays are those of the aperture's points, or of fewer such points where there are many. The number of points is the
-cause "sampling": what another number of points makes of the same pixels.
-"""
+"""Errors of a displacement and of a blur, computed again for some pixels whose rays change by each cause; cut views."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -25,22 +21,12 @@ MOST_POINTS = 16
 
 @dataclass(frozen=True, eq=False)
 class KnownView:
-    """A camera in front of a field: finds the pixels that look through disturbed air that was cut off the field.
-
-    Straight rays from the points of the aperture are tested, as for a pupil (tracing/pupil/air.py): a ray counts if it
-    loses more of its optical path than the tolerance. A picture, unlike a Strehl ratio, can mark few such pixels.
-
-    Attributes:
-        field: The refractive index.
-        camera: The camera.
-        aperture: Points of the aperture.
-        tolerance: Greatest OPD that a ray may lose by cuts [m].
-    """
+    """A camera in front of a field: finds the pixels that look through disturbed air that was cut off the field."""
 
     field: IndexField
     camera: Camera
     aperture: Aperture
-    tolerance: float
+    tolerance: float  # greatest OPD that a ray may lose by cuts [m]
 
     def truncated(self, shape: tuple[int, int], stride: tuple[int, int] = (1, 1)) -> np.ndarray:
         """Return the share of the aperture that loses more than the tolerance, for every `stride`-th pixel."""
@@ -56,11 +42,7 @@ class KnownView:
         return found
 
     def check(self, shape: tuple[int, int], allowed: bool) -> None:
-        """Check that at most a thousandth of a view is truncated, unless more is allowed; warn of less.
-
-        Raises:
-            ValueError: More is truncated.
-        """
+        """Check that at most a thousandth of a view is truncated, unless more is allowed; warn of less."""
         if allowed:
             return
         stride = tuple(max(1, count // 32) for count in shape)
@@ -79,11 +61,7 @@ class KnownView:
 
 
 class PixelErrors:
-    """Errors of the maps of a camera's view.
-
-    Attributes:
-        pixels: The pixels, their rays and changes.
-    """
+    """Errors of the maps of a camera's view."""
 
     def __init__(self, field: IndexField, camera: Camera, shape: tuple[int, int], own: Aperture, options: dict):
         """Trace rays of some pixels of a shape through an aperture's own points."""
@@ -93,12 +71,7 @@ class PixelErrors:
         self.pixels.trace(field, self._rays(self.few, self.pixels.place), camera.scene_plane, options)
 
     def displacement(self, stored: np.ndarray, other: Aperture | None) -> np.ndarray:
-        """Return the error of the size of a displacement [pixels], shape (rows, columns).
-
-        Args:
-            stored: The displacement [pixels], shape (rows, columns, 2).
-            other: Another number of points of the aperture; None for no cause "sampling".
-        """
+        """Return the error of the size of a displacement [pixels]; `other` points of the aperture tell its sampling."""
         return np.linalg.norm(self._errors(Aperture.mean, stored, other), axis=-1)
 
     def blur(self, stored: np.ndarray, other: Aperture) -> np.ndarray:

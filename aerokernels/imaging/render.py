@@ -1,8 +1,7 @@
 """Render the picture of a scene from point spread functions at nodes over it; through.py has the formula.
 
-The nodes of a row are processed together: patches of the scene around them are blurred by one batch of transforms,
-and the variation of the shift within a patch is followed by a cubic spline. The scene's own spline coefficients are
-blurred, which gives the coefficients of the blurred scene: so no spline is affected by the edge of a patch.
+The nodes of a row are processed together. The scene's own spline coefficients are blurred, which gives the coefficients
+of the blurred scene: so no spline is affected by the edge of a patch.
 """
 
 from dataclasses import dataclass
@@ -25,13 +24,10 @@ Hat = tuple[np.ndarray, np.ndarray]
 
 
 def render(scene: np.ndarray, grid: SpreadGrid, shift: np.ndarray, through: np.ndarray) -> np.ndarray:
-    """Return the picture of a scene, from the kernels at nodes and the shift of each pixel along x and y.
+    """Return the picture of a scene, from the kernels at nodes and the shift of each pixel along x and y [pixels].
 
-    Args:
-        scene: Brightness, shape (rows, columns) or (rows, columns, colours), at least as large as the picture.
-        grid: The kernels.
-        shift: Scene position seen by each pixel minus the one without the flow [pixels], shape (*picture, 2).
-        through: Share of the light that reaches each pixel, of the picture's shape.
+    The scene is (rows, columns) or (rows, columns, colours), at least as large as the picture; `through` is the share
+    of the light that reaches each pixel.
     """
     if scene.ndim == 3:
         return np.stack([render(colour, grid, shift, through) for colour in np.moveaxis(scene, 2, 0)], axis=2)
@@ -61,23 +57,15 @@ def hat(nodes: np.ndarray, index: int, count: int) -> Hat:
 
 @dataclass(frozen=True, eq=False)
 class _View:
-    """A scene prepared for rendering.
+    """A scene prepared for rendering."""
 
-    Attributes:
-        ground: The scene, or its spline's coefficients, with a border that continues its edge.
-        edge: Pixels from the edge of `ground` to the edge of the picture, along rows and columns.
-        still: Whether the shift is constant: then nothing is interpolated.
-        kernel: The nodes' kernels, without rows and columns that are dark in all of them.
-        lead: Rows and columns of a kernel before its middle.
-    """
-
-    ground: np.ndarray
-    edge: tuple[int, int]
-    still: bool
+    ground: np.ndarray  # the scene, or its spline's coefficients, with a border that continues its edge
+    edge: tuple[int, int]  # pixels from the edge of `ground` to the edge of the picture, along rows and columns
+    still: bool  # whether the shift is constant: then nothing is interpolated
     grid: SpreadGrid
     shift: np.ndarray
-    kernel: np.ndarray
-    lead: tuple[int, int]
+    kernel: np.ndarray  # the nodes' kernels, without rows and columns that are dark in all of them
+    lead: tuple[int, int]  # rows and columns of a kernel before its middle
 
     @classmethod
     def of(cls, scene: np.ndarray, grid: SpreadGrid, shift: np.ndarray) -> "_View":

@@ -1,11 +1,8 @@
 """Displacement of a camera's picture by a flow, from rays of points of its aperture.
 
-Rays of one point of the aperture are a bundle, of which `trace` traces few. A pixel's ray meets the scene at L with the
-flow and at L0 without it. In pixels of the picture, averaged over the aperture with its weights,
-
     shift = mean (L - L0) / scene_pixel,      picture with the flow (pixel) = picture without it (pixel + shift)
 
-so the content seen in a pixel is displaced by minus the shift. For a far scene, tangents replace L / D.
+A pixel's ray meets the scene at L with the flow and at L0 without it; for a far scene, tangents replace L / D.
 """
 
 from collections.abc import Callable

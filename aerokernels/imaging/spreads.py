@@ -1,9 +1,6 @@
-"""Point spread functions of a camera through a flow, at nodes over its picture.
+"""Point spread functions of a camera through a flow, at nodes over its picture, by matrix Fourier transforms.
 
-At a node, rays from a grid of points of the pupil go to the point of the scene that the node's pixel looks at. Their
-OPD, without the tilt that corresponds to the displacement, gives the point spread function by a matrix Fourier
-transform. It is integrated over pixels of the scene and of the camera: squares of uniform brightness seen by square
-pixels. If the flow makes a ray land at L beside its point X, the path to X follows from the path to L:
+If the flow makes a ray land at L beside its point X, the path to X follows from the path to L:
 
     far scene      opd - n_0 (L - X) d / (d' d)            d, d' its direction without and with the flow
     near scene     opd - n_0 d' (L - X) + n_0 |L - X|^2 / 2 R     across d', R the distance from the pupil
@@ -30,23 +27,17 @@ NODES_AT_ONCE = 16  # whose point spread functions are computed together; speed 
 
 @dataclass(frozen=True, eq=False)
 class SpreadGrid:
-    """Point spread functions at nodes over a picture.
+    """Point spread functions at nodes over a picture."""
 
-    Attributes:
-        rows: Rows of the nodes, shape (m,).
-        columns: Columns of the nodes, shape (n,).
-        kernel: Share of a pixel's light that comes from each of the scene's pixels around it, by node, shape (m, n,
-            size, size), axes [.., y, x]; each kernel sums to 1.
-        offset: Shift of each node in whole pixels, along y and x, shape (m, n, 2): the middle of a kernel, its element
-            size // 2, is the scene's pixel at this offset from the node.
-        kept: Share of the light within the size of the kernels, shape (m, n).
-    """
-
-    rows: np.ndarray
-    columns: np.ndarray
+    rows: np.ndarray  # rows of the nodes, shape (m,)
+    columns: np.ndarray  # columns of the nodes, shape (n,)
+    # Share of a pixel's light that comes from each of the scene's pixels around it, by node, shape (m, n, size, size),
+    # axes [.., y, x]; each kernel sums to 1.
     kernel: np.ndarray
+    # Shift of each node in whole pixels, along y and x, shape (m, n, 2): the middle of a kernel, its element size // 2,
+    # is the scene's pixel at this offset from the node.
     offset: np.ndarray
-    kept: np.ndarray
+    kept: np.ndarray  # share of the light within the size of the kernels, shape (m, n)
 
 
 def nodes_along(count: int, node_count: int) -> np.ndarray:
@@ -70,17 +61,8 @@ def spread_grid(
 ) -> tuple[SpreadGrid, ...]:
     """Return point spread functions of a camera through a field, at each of some wavelengths with one OPD.
 
-    Args:
-        field: The refractive index.
-        camera: The camera.
-        shape: Rows and columns of the picture.
-        shift: Scene position seen by each pixel minus the one without the flow, along x and y [pixels], shape (*shape,
-            2).
-        node_count: Nodes along a side of the picture.
-        size: Side of the kernels [pixels].
-        pupil_pixels: Rays across the pupil.
-        options: Options of `trace`.
-        wavelengths: Vacuum wavelengths [m], shape (n,); None takes the wavelength of the trace.
+    `shift` is the scene position seen by each pixel minus the one without the flow, along x and y [pixels], `size` the
+    side of the kernels [pixels].
     """
     rows, columns = nodes_along(shape[0], node_count), nodes_along(shape[1], node_count)
     coordinate, step, weight, _ = pupil_grid(camera.pupil, pupil_pixels)
@@ -132,8 +114,7 @@ def node_paths(
 ) -> tuple[np.ndarray, np.ndarray, float]:
     """Return the OPD [m] at points q (n, 2) of the pupil [m] for light from the scene at tangents (m, 2), with defocus.
 
-    Returns:
-        OPD; 1 where it is known, else 0, both of shape (m, n); the wavelength [m].
+    Also 1 where it is known, else 0, both of shape (m, n); and the wavelength [m].
     """
     pupil, distance = camera.pupil, camera.distance
     first, second = pupil.axes
@@ -210,15 +191,8 @@ def pixel_spreads(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the light from scene pixels around nodes, shape (n, size, size), each sums to 1; share of all light (n,).
 
-    Args:
-        wave: Complex amplitudes over the pupil's pixels, shape (n, y, x); if one is zero, all light is in the middle
-            pixel.
-        step: Side of the pupil's pixels [m].
-        fraction: Centres of the point spread functions along x and y [pixels], shape (n, 2).
-        tangent: Tangents of the nodes, shape (n, 2).
-        camera: The camera.
-        wavelength: Wavelength in the ambient medium [m].
-        size: Side of the kernels [pixels].
+    `wave` holds complex amplitudes over the pupil's pixels of side `step` [m], shape (n, y, x); `fraction` the centres
+    of the point spread functions along x and y [pixels], `tangent` the tangents of the nodes, both (n, 2).
     """
     power = np.sum(wave.real**2 + wave.imag**2, axis=(1, 2))
     square = 1.0 + np.sum(tangent**2, axis=1, keepdims=True)
@@ -285,12 +259,7 @@ class Spectrum:
 
     @classmethod
     def of(cls, wavelengths, weights=None, scene: np.ndarray | None = None) -> "Spectrum":
-        """Check and make a spectrum; for a scene with colours the weights may have a column for each.
-
-        Raises:
-            ValueError: There are no wavelengths, one is outside 0.1 to 20 um, or weights have another shape, are
-                negative or all 0.
-        """
+        """Check and make a spectrum; for a scene with colours the weights may have a column for each."""
         colours = scene.shape[2] if scene is not None and scene.ndim == 3 else None
         return cls(*check_spectrum(wavelengths, weights, colours))
 

@@ -1,12 +1,9 @@
 """Render a picture of an extended scene through a flow.
 
-The brightness of a pixel is the one of the scene where the pixel looks, blurred by the point spread function there:
-
     picture(p) = sum over nodes of h(p) (K * scene)(p + shift(p) - shift(node)),     K centred on shift(node)
 
-with hat functions h between the nodes, which sum to 1. A constant shift is in the kernels alone, which the Fourier
-transform shifts exactly by fractions of a pixel; only the variation of the shift from node to pixel is interpolated.
-Radiance is conserved along rays, so nothing brightens where the flow magnifies.
+with hat functions h between the nodes. A constant shift is in the kernels alone, which the Fourier transform shifts
+exactly; only its variation is interpolated. Radiance is conserved: nothing brightens where the flow magnifies.
 """
 
 import warnings
@@ -228,12 +225,7 @@ def image_through(
 
 
 def _brightness(scene_image: Any) -> np.ndarray:
-    """Return a scene as float64, shape (rows, columns) or (rows, columns, colours).
-
-    Raises:
-        TypeError: It is not an array of real numbers.
-        ValueError: It has another shape, or numbers that are not finite.
-    """
+    """Return a scene as float64, shape (rows, columns) or (rows, columns, colours)."""
     refuse_masked(scene_image, "scene_image")
     given = np.asarray(scene_image)
     if given.dtype.kind not in "buif":

@@ -6,9 +6,8 @@ and the spline's inverse, which is a convolution, commutes with the sum over the
 
     g(line) = inverse  sum over the planes k of  w_k sum_ab B_a B_b f_k(node of the line + shift_k + a, b)
 
-g is then interpolated, by the same spline, to the requested lines. Samples are read as they are: on a GPU, where those
-on the GPU stay, by a kernel (sheared_device.py), on the processor by products of matrices. The node at offset (du, dv)
-from a line's own node contributes in plane k with a weight C[(du, dv), k] that is the same for all lines:
+g is then interpolated, by the same spline, to the requested lines. The node at offset (du, dv) from a line's own node
+contributes in plane k with a weight C[(du, dv), k] that is the same for all lines:
 
     g(u, v) = sum over (du, dv) of  P[(du, dv)](u + du, v + dv),      P = C f,   f(k, node) = samples - offset
 
@@ -18,60 +17,45 @@ fewer offsets. Fourth order, like the spline; along an axis without shift there 
 """
 
 from concurrent.futures import ThreadPoolExecutor
-from functools import cached_property
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from scipy import sparse
 
 from aerokernels.medium import spline
+from aerokernels.medium.spline import node_values
 from aerokernels.process.machine import core_count
-from aerokernels.series.plane_values import PlaneValues
 
 BEYOND = 3  # cells beyond an edge to which samples are extrapolated, by the cubic through the last four
 AT_ONCE = 1_000_000  # samples at a time; speed only
 
 
 class ShearedLattice:
-    """The map from samples to sums along lines.
-
-    Attributes:
-        shape: Nodes along each axis of the volume.
-        axis: The main axis.
-        others: The other two axes.
-        shift: Offset of the first node of each plane from a line's own node [cells], shape (plane_count, 2).
-        blends: Weights of the nodes from there on along each axis, shapes (plane_count, taps).
-        weights: Of the planes [m], shape (plane_count,).
-        low: The lattice's first line along each axis [cells], shape (2,).
-        size: Its lines along each axis, shape (2,).
-        values: From the lattice to the requested lines.
-    """
+    """The map from samples of a volume to sums along parallel lines, on the processor's cores."""
 
     def __init__(self, shape, axis: int, places: np.ndarray, slope, middle: int, weights, within, averages: bool):
         """Compute the geometry.
 
         Args:
-            shape: Nodes along each axis of the volume, four or more.
-            axis: The main axis.
-            places: Where the lines cross the plane `middle` [cells], shape (n, 2).
+            shape: Nodes along each axis of the volume, four or more; those along `axis` count the planes.
+            axis: The main axis, across the planes.
+            places: Where the lines cross the plane number `middle` [cells], shape (n, 2).
             slope: Their shift from one plane to the next [cells], shape (2,).
-            middle: Number of that plane.
+            middle: See `places`.
             weights: Of the planes [m], shape (plane_count,).
             within: Which lines are needed; the others' sums are zero, shape (n,).
-            averages: The samples are cell averages.
+            averages: Whether the samples are cell averages.
         """
-        self.shape, self.axis = tuple(shape), axis
-        self.others = [k for k in range(3) if k != axis]
-        counts = [shape[k] for k in self.others]
+        self._axis = axis
+        self._counts = counts = [shape[k] for k in range(3) if k != axis]
         shift = np.asarray(slope)[None, :] * (np.arange(shape[axis]) - middle)[:, None]
         sheared = np.abs(shift).max(axis=0) > 1e-9  # a smaller shift over the box counts as none
         base = np.where(sheared, np.floor(shift), 0.0)
-        self.blends = [
+        blends = [
             spline.weights("cubic", shift[:, a] - base[:, a])[0].T if sheared[a] else np.ones((len(shift), 1))
             for a in range(2)
         ]
-        self.shift = (base - sheared).astype(np.int32)
-        self.weights = np.asarray(weights)
         wanted = places[within] if within.any() else np.zeros((1, 2))
         margin = np.where(sheared, 2, 8)  # cells beyond the requested lines
         low = np.floor(wanted.min(axis=0)).astype(int) - margin
@@ -79,63 +63,20 @@ class ShearedLattice:
         for a in range(2):  # without shift no line is beyond the box
             if not sheared[a]:
                 low[a], high[a] = max(low[a], 0), min(high[a], counts[a] - 1)
-        self.low, self.size = low, high - low + 1
-        self.values = PlaneValues(places - low, self.size, within, "cubic", False, averages, tuple(sheared))
-        self._devices: dict[tuple[str, str], Any] = {}
-
-    def __call__(self, samples: np.ndarray, offset: float = 0.0) -> np.ndarray:
-        """Return sums of samples minus a constant, on the processor's cores, shape (n,), float64."""
-        return self.values(self._products(samples, offset))
-
-    @cached_property
-    def _products(self) -> "ShearedProducts":
-        counts = [self.shape[k] for k in self.others]
-        return ShearedProducts(self.axis, counts, self.shift, self.blends, self.weights, self.low, self.size)
-
-    def on_device(self, samples: Any, device: str, offset: float = 0.0) -> np.ndarray:
-        """Return the same sums, computed entirely on a Warp device.
-
-        Args:
-            samples: Samples; a Warp array on a GPU is summed there.
-            device: By its name in Warp, for other samples.
-            offset: The constant.
-        """
-        from aerokernels.series.sheared_device import DeviceLattice, to_device
-
-        there = to_device(samples, device)
-        key = there.dtype.__name__, str(there.device)
-        if key not in self._devices:
-            self._devices[key] = DeviceLattice(self, *key)
-        return np.asarray(self._devices[key](there, offset))
-
-
-class ShearedProducts:
-    """The map from samples to sums along lines through the nodes."""
-
-    def __init__(self, axis: int, counts, shift: np.ndarray, blends, weights: np.ndarray, low, size):
-        """Prepare the part that depends on the direction.
-
-        Args:
-            axis: The array axis across the planes.
-            counts: Nodes along the other two axes, four or more.
-            shift: First node's offset from the line's own node in each plane, shape (plane_count, 2).
-            blends: Weights of the nodes from there on along each axis, shapes (plane_count, taps).
-            weights: Of the planes, shape (plane_count,).
-            low: Node of the first line along each axis; it may be outside.
-            size: Lines along each axis.
-        """
-        self._axis, self._counts, self._low, self._size = axis, counts, low, size
-        found = [_parts(shift, blends, weights, count) for count in (1, 2, 3, 4, 6, 8) if count <= len(weights)]
+        self._low, self._size = low, high - low + 1  # the lattice's first line [cells] and its lines, along each axis
+        self._values = PlaneValues(places - low, self._size, within, "cubic", False, averages, tuple(sheared))
+        first_node = (base - sheared).astype(np.int32)  # from a line's own node, in each plane
+        found = [_parts(first_node, blends, np.asarray(weights), n) for n in (1, 2, 3, 4, 6, 8) if n <= len(weights)]
         self._parts = min(found, key=_cost)
         offsets = np.concatenate([offset for _, offset, _ in self._parts])
         first = np.clip(low + offsets.min(axis=0), -BEYOND, np.add(counts, BEYOND - 1))
-        last = np.clip(low + size - 1 + offsets.max(axis=0), -BEYOND, np.add(counts, BEYOND - 1))
+        last = np.clip(high + offsets.max(axis=0), -BEYOND, np.add(counts, BEYOND - 1))
         self._first, self._stop = first, last + 1  # range of the nodes that are needed, along each axis
         self._drift = int(offsets[:, 0].min()), int(offsets[:, 0].max())
         self._matrices: dict[np.dtype, list[np.ndarray]] = {}
 
-    def __call__(self, samples: np.ndarray, offset: float) -> np.ndarray:
-        """Return sums of samples minus a constant, shape `size`, in the samples' precision."""
+    def __call__(self, samples: np.ndarray, offset: float = 0.0) -> np.ndarray:
+        """Return sums of samples minus a constant, shape (n,), float64."""
         if samples.dtype not in self._matrices:
             self._matrices[samples.dtype] = [part[2].astype(samples.dtype) for part in self._parts]
         first, stop, count = int(self._first[0]), int(self._stop[0]), self._counts[0]
@@ -152,7 +93,7 @@ class ShearedProducts:
         with ThreadPoolExecutor(max(1, min(core_count(), len(blocks)))) as pool:
             for line, part in pool.map(summed, blocks):  # in a fixed order, so that results are reproducible
                 total[line : line + len(part)] += part
-        return total
+        return self._values(total)
 
     def _summed(self, moved: np.ndarray, begin: int, end: int, offset: float) -> tuple[int, np.ndarray]:
         """Return the contribution of some rows of nodes to the lines that pass them: the first line, and the sums."""
@@ -250,3 +191,107 @@ def _parts(shift: np.ndarray, blends, weights: np.ndarray, count: int) -> list[t
 def _cost(parts: list[tuple[slice, np.ndarray, np.ndarray]]) -> float:
     """Return the work of a division of the planes; shifting a value of P costs as much as 50 multiplications."""
     return sum(len(matrix) * (matrix.shape[1] + 50.0) for _, _, matrix in parts)
+
+
+REST = 1e-13
+SPARSEST = 4.0  # grid points for each place on the grid; above it places are interpolated one by one; speed only
+
+
+def to_coefficients(count: int, interpolation: str, even: bool, cell_averages: bool) -> np.ndarray:
+    """Return the matrix from the samples of an axis to its coefficients, shape (coefficient_count, count)."""
+    unit = np.eye(count)
+    samples = to_nodes(count, interpolation, even) if cell_averages else unit
+    return samples if interpolation == "linear" else spline.spline_along(samples, 0, even)
+
+
+def to_nodes(count: int, interpolation: str, even: bool) -> np.ndarray:
+    """Return the matrix from averages over the cells of an axis to values at its nodes, shape (count, count)."""
+    unit = np.eye(count)
+    return np.stack([node_values(unit[:, k], interpolation, even) for k in range(count)], axis=1)
+
+
+def nodes_along(samples: np.ndarray, axes: Any, interpolation: str, even: bool) -> np.ndarray:
+    """Convert cell averages to values at the nodes along some of the axes, in the samples' own precision."""
+    for axis in axes:
+        matrix = to_nodes(samples.shape[axis], interpolation, even and axis == 0).astype(samples.dtype)
+        if axis == samples.ndim - 1:
+            samples = samples @ matrix.T
+        else:
+            flat = samples.reshape(*samples.shape[: axis + 1], -1)
+            samples = np.matmul(matrix, flat).reshape(samples.shape)
+    return samples
+
+
+def basis_rows(places: np.ndarray, count: int, interpolation: str) -> tuple[np.ndarray, np.ndarray]:
+    """Return the first coefficient and the weights of places [cells] along an axis, shapes (n,) and (n, support)."""
+    held = np.clip(places, 0.0, count - 1.0)
+    cell = np.minimum(held.astype(np.int64), count - 2)
+    return cell, spline.weights(interpolation, held - cell)[0].T
+
+
+def thinned(matrix: np.ndarray) -> sparse.csr_matrix:
+    """Return a matrix without its entries below REST of the greatest one."""
+    return sparse.csr_matrix(np.where(np.abs(matrix) > REST * np.abs(matrix).max(initial=0.0), matrix, 0.0))
+
+
+class PlaneValues:
+    """The map from the samples of a plane to the values at points of it."""
+
+    def __init__(
+        self,
+        places: np.ndarray,
+        counts: Any,
+        within: np.ndarray,
+        interpolation: str,
+        even: bool = False,
+        cell_averages: bool = False,
+        inverted: tuple[bool, ...] = (False, False),
+    ):
+        """Compute the map for points at `places` [cells], shape (n, 1 or 2); values are zero where not `within`.
+
+        `counts` are the nodes along each axis; an `even` plane is mirrored at the first node of its first one. Along
+        `inverted` axes the samples are sums of the spline's basis functions.
+        """
+        inverses = []
+        for axis, count in enumerate(counts):
+            once = to_coefficients(count, interpolation, even and axis == 0, False)
+            twice = once @ once[1:-1] if inverted[axis] else once
+            inverses.append(twice @ to_nodes(count, interpolation, even and axis == 0) if cell_averages else twice)
+        self._within = within
+        unique = [np.unique(np.round(places[:, k], 9), return_inverse=True) for k in range(len(counts))]
+        cells = int(np.prod([len(values) for values, _ in unique]))
+        self._index: np.ndarray | None = None
+        if len(counts) == 1 or cells <= SPARSEST * len(places):
+            self._maps = [
+                thinned(tensor_rows(values[:, None], [count], interpolation) @ inverse)
+                for (values, _), count, inverse in zip(unique, counts, inverses, strict=True)
+            ]
+            self._index = np.ravel_multi_index([where for _, where in unique], [len(values) for values, _ in unique])
+        else:
+            self._maps = [thinned(inverse) for inverse in inverses]
+            self._rows = tensor_rows(places, counts, interpolation)
+
+    def __call__(self, plane: np.ndarray) -> np.ndarray:
+        """Return values at the points, shape (n,), float64."""
+        found = np.asarray(plane, np.float64)
+        for axis, one in enumerate(self._maps):
+            found = one @ found if axis == 0 else (one @ np.ascontiguousarray(found.T)).T
+        values = self._rows @ found.ravel() if self._index is None else np.take(found, self._index)
+        return np.where(self._within, values, 0.0)
+
+
+def tensor_rows(places: np.ndarray, counts, interpolation: str, keep: np.ndarray | None = None) -> sparse.csr_matrix:
+    """Return the matrix from a plane's coefficients to values at places [cells], shape (n, axes); 0 unless `keep`."""
+    columns = np.zeros((len(places), 1), dtype=np.int64)
+    values = np.ones((len(places), 1)) if keep is None else keep[:, None].astype(np.float64)
+    size = 1
+    for axis, count in enumerate(counts):
+        cell, weight = basis_rows(places[:, axis], count, interpolation)
+        support = weight.shape[1]
+        total = count + support - 2
+        column = cell[:, None] + np.arange(support)
+        columns = (columns[:, :, None] * total + column[:, None, :]).reshape(len(places), -1)
+        values = (values[:, :, None] * weight[:, None, :]).reshape(len(places), -1)
+        size *= total
+    starts = np.arange(len(places) + 1) * columns.shape[1]
+    return sparse.csr_matrix((values.ravel(), columns.ravel(), starts), shape=(len(places), size))

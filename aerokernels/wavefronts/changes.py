@@ -1,9 +1,8 @@
 """Errors of a wavefront's numbers: each computed again on a map that changes by cause, and on finer pixels.
 
-A traced map changes as some of its rays do (tracing/variants): each pixel as the nearest of them. Of a map from
-elsewhere the error of the OPD is known at most: it changes by smooth patterns of that size, from a tenth of the pupil's
-radius to all of it. The error due to the pixels is three times what the number changes by on pixels of a third of the
-side (finer.py): eight ninths of what a number of second order is off by, more of a steep or rough wavefront.
+A traced map changes as some of its rays do, each pixel as the nearest of them; a map from elsewhere by smooth patterns
+as large as its error. The error due to the pixels is three times the change on pixels of a third of the side: eight
+ninths of what a number of second order is off by, more of a steep or rough wavefront.
 """
 
 from collections.abc import Callable
@@ -28,21 +27,13 @@ Number = Callable[[Any], Any]
 
 @dataclass(frozen=True, eq=False)
 class Changes:
-    """Some places of a wavefront's pupil, and how the OPD there changes by cause.
+    """Some places of a wavefront's pupil, and how the OPD there changes by cause."""
 
-    Attributes:
-        points: The places [m], shape (k, 2).
-        weight: Their shares, shape (k,); they sum to 1.
-        found: Their changes.
-        nearest: The place nearest to each pixel inside the pupil, shape (lit count,).
-        counting: The changes without those by causes that do not count in a sum of squares.
-    """
-
-    points: np.ndarray
-    weight: np.ndarray
-    found: Variants
-    nearest: np.ndarray
-    counting: Variants
+    points: np.ndarray  # the places [m], shape (k, 2)
+    weight: np.ndarray  # their shares, shape (k,); they sum to 1
+    found: Variants  # their changes
+    nearest: np.ndarray  # the place nearest to each pixel inside the pupil, shape (lit count,)
+    counting: Variants  # the changes without those by causes that do not count in a sum of squares
 
     def applied(self, wave: Any, rays: Rays) -> Any:
         """Return the wavefront with the OPD changed as that of the places, without the terms removed from it."""
@@ -120,10 +111,7 @@ def _total(number: Callable[[Rays], np.ndarray], changes: Changes) -> np.ndarray
 
 
 def of_samples(wave: Any) -> np.ndarray:
-    """Return the errors of Strehl ratio, OPD rms [m] and slopes along x and y [rad], shape (4,).
-
-    The ratio and the others are computed on the rays whose changes are known: no map is needed.
-    """
+    """Return the errors of Strehl ratio, OPD rms [m] and slopes along x and y [rad], shape (4,)."""
     changes = wave.changes
     if changes is None:
         return np.full(4, np.nan)

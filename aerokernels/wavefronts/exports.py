@@ -72,11 +72,7 @@ def to_hcipy(wavefront: Any):
 
 
 def package(name: str) -> Any:
-    """Import a module of another package.
-
-    Raises:
-        ModuleNotFoundError: The package is not installed; the message says how to install it.
-    """
+    """Import a module of another package."""
     own = name.split(".")[0]
     try:
         return import_module(name)
@@ -189,13 +185,7 @@ def to_xarray(wavefront: Any):
 
 
 def from_xarray(dataset) -> dict[str, Any]:
-    """Return the attributes of the wavefront by name.
-
-    Raises:
-        TypeError: `dataset` is not a dataset.
-        ValueError: The dataset is not one of `to_xarray`, has another sign or unit, or its map was cut, thinned out or
-            flipped.
-    """
+    """Return the attributes of the wavefront by name."""
     if not hasattr(dataset, "attrs") or not hasattr(dataset, "data_vars"):
         raise TypeError(f"dataset must be an xarray.Dataset, as `to_xarray` makes one, got {type(dataset).__name__}")
     lost = [name for name in ("opd", "weight") if name not in dataset] + [
@@ -268,11 +258,7 @@ def _map(dataset, name: str) -> np.ndarray:
 
 
 def _check_coordinates(dataset, shape: tuple[int, ...], pixel: float) -> None:
-    """Check that x and y, where the dataset has them, are those of pixels about the pupil's centre, ascending.
-
-    Raises:
-        ValueError: They are not: the map was cut, thinned out or turned round, and its numbers belong elsewhere.
-    """
+    """Check that x and y, where the dataset has them, are those of pixels about the pupil's centre, ascending."""
     for name, count in zip(("y", "x"), shape, strict=True):
         if name not in dataset.coords:
             continue

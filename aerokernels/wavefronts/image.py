@@ -1,7 +1,4 @@
-"""The image of a wavefront: width of its spot, light of several wavelengths, and the errors of its arrays and numbers.
-
-An error is that of the number computed again on changed maps and on finer pixels (changes.py).
-"""
+"""The image of a wavefront: width of its spot, light of several wavelengths, and the errors of its numbers."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -30,7 +27,6 @@ def _spot(wave: Any) -> tuple[np.ndarray, float, float, float] | None:
     """Return middle (y, x) and half width of a window about the spot, the spot's width and its error [rad].
 
     A coarse PSF over all angles shows where the peak is, and how far from it other places come near half of the peak.
-    A window of that width about the peak is computed finely; if half of the peak reaches its edge, one twice as wide.
     """
     resolution, padding = wave.wavelength / (len(wave.opd) * wave.pixel), 4
     coarse = wave.psf(padding=padding)
@@ -59,19 +55,7 @@ def _turned(wave: Any, middle: np.ndarray) -> Any:
 def polychromatic_psf(
     wavefront: Any, wavelengths, weights, angle=None, half_width: float | None = None, padding: int = 8
 ) -> PointSpread:
-    r"""Return the point spread function of all wavelengths on one grid of angles; arguments as in `Wavefront.psf`.
-
-    A share w of the light at a wavelength l has a perfect peak proportional to w / l^2 (light per solid angle), so
-
-        PSF(a) = sum_l w_l PSF_l(a) / l^2 / sum_l w_l / l^2
-
-    is normalised to the perfect peak of all the light. Without `angle` there are `padding` angles per shortest
-    wavelength over the map's width, up to `half_width`, by default half of the period of the map's pixels.
-
-    Raises:
-        ValueError: There are no wavelengths, one is outside 0.1 to 20 um, weights are negative or all zero, or there
-            would be too many angles.
-    """
+    """Return the point spread function of all wavelengths on one grid of angles; arguments as in `Wavefront.psf`."""
     lengths, shares = check_spectrum(wavelengths, weights)
     shortest = float(lengths.min())
     if angle is None:
@@ -137,11 +121,7 @@ def transfer_errors(wave: Any, of_magnitude: bool) -> np.ndarray:
 
 
 def _coincident(wave: Any) -> np.ndarray:
-    """Return how much more light edges along rows and columns have in common where they lie on one another.
-
-    The mean product of two pixels' amplitudes is that of their means and at most that of their spreads more. Edges
-    askew to the pixels have parts of all sizes in common: that cancels.
-    """
+    """Return how much more light edges along rows and columns have in common where they lie on one another."""
     weight = np.asarray(wave.weight)
     spread = np.sqrt(np.maximum(np.asarray(wave.intensity) - weight**2, 0.0))
     alike = [np.abs(np.roll(weight, step, axis) - weight) < 1e-6 for axis in (0, 1) for step in (1, -1)]

@@ -55,11 +55,7 @@ class StructureFunction:
 
 
 def fit_zernike(wavefront: Any, count: int) -> np.ndarray:
-    """Return the least-squares coefficients of the first `count` Zernike polynomials [m], shape (count,).
-
-    Raises:
-        ValueError: The pupil's samples cannot distinguish so many polynomials.
-    """
+    """Return the least-squares coefficients of the first `count` Zernike polynomials [m], shape (count,)."""
     opd, weight = wavefront.samples
     most = len(opd)
     if count <= most:

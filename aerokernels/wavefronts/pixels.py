@@ -13,12 +13,8 @@ LEAST_COVER = 1e-9
 def pupil_grid(pupil: Pupil | Projected, pixel_count: int | None) -> tuple[np.ndarray, float, np.ndarray, np.ndarray]:
     """Return the smallest square grid that holds a pupil.
 
-    Returns:
-        Coordinates of the pixels along x and y [m], shape (n,); side of a pixel [m]; mean amplitude and mean intensity
-        of each pixel, both of shape (n, n).
-
-    Raises:
-        ValueError: `pixel_count` is not a whole number of at least 2, or needs more memory than is free.
+    Coordinates of the pixels along x and y [m], shape (n,); side of a pixel [m]; mean amplitude and mean intensity of
+    each pixel, both (n, n).
     """
     if pixel_count is None:
         pixel_count = 128

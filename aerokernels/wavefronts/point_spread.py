@@ -2,8 +2,7 @@ r"""Point spread function of a wavefront, by a discrete Fourier transform of whi
 
     A(a) = sum_x w exp(i k OPD) exp(-i k a x) / sum_x w,      PSF = |A|^2
 
-with a the angle at which light leaves the pupil: OPD = a0 x has its peak at a0. A part of the transform is computed by
-two matrix products (R. Soummer et al., Opt. Express 15 (2007) 15935), which give the same values.
+a being the angle at which light leaves the pupil (parts by matrix products: R. Soummer, Opt. Express 15 (2007) 15935).
 """
 
 from collections.abc import Callable
@@ -73,24 +72,13 @@ def complex_amplitude(opd: np.ndarray, weight: np.ndarray, wavelength: float) ->
 def far_field(
     wave: np.ndarray, coordinates: tuple[np.ndarray, np.ndarray], angle: np.ndarray, wavelength: float
 ) -> np.ndarray:
-    """Return the sum of wave exp(-i k a x) at angles a of rows and columns [rad], shape (m, m).
-
-    Args:
-        wave: Complex amplitude, shape (rows, columns), axes [y, x].
-        coordinates: x of the columns and y of the rows [m].
-        angle: Angles [rad], shape (m,).
-        wavelength: Wavelength [m].
-    """
+    """Return the sum of wave exp(-i k a x) at angles a of rows and columns [rad], (m, m); coordinates x, y [m]."""
     along_x, along_y = (np.exp(-2j * np.pi / wavelength * np.outer(angle, axis)) for axis in coordinates)
     return steady_product(steady_product(along_y, wave), along_x.T)
 
 
 def steady_product(left: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """Return the product of two matrices, with the same bits on any number of threads.
-
-    BLAS splits a large product among its threads, so that the order of rounding depends on their number. Here BLAS
-    multiplies one small block after the other, in a fixed order.
-    """
+    """Return the product of two matrices, with the same bits on any number of threads."""
     found = np.zeros((left.shape[0], right.shape[1]), dtype=np.result_type(left, right))
     columns = [np.ascontiguousarray(right[:, at : at + BLOCK]) for at in range(0, right.shape[1], BLOCK)]
     for row in range(0, left.shape[0], BLOCK):
@@ -103,10 +91,7 @@ def steady_product(left: np.ndarray, right: np.ndarray) -> np.ndarray:
 
 
 def _padded_transform(wave: np.ndarray, size: int, kept: np.ndarray) -> np.ndarray:
-    """Return the rows `kept`, shape (m, columns), of the discrete Fourier transform of columns padded to a size.
-
-    By FFT, since the last bits of a BLAS product depend on the number of threads; in blocks, to save memory.
-    """
+    """Return the rows `kept`, shape (m, columns), of the discrete Fourier transform of columns padded to a size."""
     found = np.empty((len(kept), wave.shape[1]), dtype=np.complex128)
     for begin in range(0, wave.shape[1], 64):
         block = slice(begin, begin + 64)
@@ -178,13 +163,8 @@ def point_spread_function(
 def width_at_half(angle: np.ndarray, intensity: np.ndarray) -> tuple[float, float]:
     """Return the full width at half maximum [rad] and its error due to the sampling; NaN if it reaches the edge.
 
-    The area above half of the maximum is the one within contours through the samples. Straight lines between them leave
-    out an area of second order in the sampling, so the area within contours through every second sample gives a better
-    one (Richardson) and its error. The maximum is that of a paraboloid through the greatest sample and its neighbours.
-
-    Args:
-        angle: Angles of rows and columns [rad], shape (n,).
-        intensity: Intensity, shape (n, n).
+    The area above half of the maximum is within contours through the samples; every second sample gives a better one
+    (Richardson) and its error. The maximum is a paraboloid's through the greatest sample and its neighbours.
     """
     half = 0.5 * _maximum(angle, intensity)
     if max(intensity[0].max(), intensity[-1].max(), intensity[:, 0].max(), intensity[:, -1].max()) >= half:

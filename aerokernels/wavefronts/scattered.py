@@ -1,10 +1,7 @@
 """Map of a wavefront from samples scattered over a pupil, such as random rays or a sensor's lenslets.
 
-Zernike polynomials are fitted first, so that the part they represent is transferred exactly. The residual is
-interpolated over triangles (Clough and Tocher's cubics), and extrapolated beyond the outermost samples by parabolas.
-The error is measured: every fourth sample is predicted from the others, and off by what the map is off by between
-samples. If there are few, each one is predicted once, a quarter at a time: the error is greatest at the rim, where few
-samples are.
+Zernike polynomials are fitted first; the residual is interpolated over triangles (Clough and Tocher's cubics), and
+extrapolated by parabolas. The error is measured: every fourth sample is predicted from the others.
 """
 
 from dataclasses import replace

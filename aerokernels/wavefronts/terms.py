@@ -1,8 +1,7 @@
 r"""Fit and remove piston, tilt and focus of a wavefront by least squares; mean phasor of a wavefront.
 
-A wavefront is the optical path difference at points of a pupil. Its tilt is fitted as OPD ~ c + a x + b y, with slopes
-a, b in radians: the angle by which the beam that leaves the pupil is deflected. Several terms are fitted together,
-always with the mean: OPD ~ c + a x + b y + d (x^2 + y^2).
+Several terms are fitted together, always with the mean: OPD ~ c + a x + b y + d (x^2 + y^2). The slopes a, b [rad] are
+the angle by which the beam that leaves the pupil is deflected.
 """
 
 from dataclasses import dataclass
@@ -54,11 +53,7 @@ def check_wavefront(opd, weights) -> tuple[np.ndarray, np.ndarray]:
 
 
 def check_metres(opd: np.ndarray, weights: np.ndarray) -> None:
-    """Check that the rms of a flat wavefront, with weights that sum to 1, is plausible in metres.
-
-    Raises:
-        ValueError: The rms is above a hundredth of a metre.
-    """
+    """Check that the rms of a flat wavefront, with weights that sum to 1, is plausible in metres."""
     rms = float(np.sqrt(weighted_mean(weights, np.square(opd - weighted_mean(weights, opd)))))
     if rms > GREATEST_OPD:
         raise ValueError(
@@ -160,12 +155,7 @@ def remove_named(
 ) -> np.ndarray:
     """Return the wavefront without terms of `remove_terms` and Zernike polynomials "Z4", ...: see `Wavefront.removed`.
 
-    Args:
-        opd: Optical path difference [m], shape (n,).
-        weights: Shares of the samples, shape (n,); they sum to 1.
-        points: Their coordinates in the pupil [m], shape (n, 2).
-        removed: The names.
-        radius: Radius of the polynomials' disc [m].
+    Points (n, 2) and the radius of the polynomials' disc are in metres; weights sum to 1.
     """
     terms = [name for name in removed if name in TERMS]
     indices = [int(name[1:]) for name in removed if name[:1] == "Z" and name[1:].isdigit()]
@@ -200,19 +190,12 @@ NUMBERS = ("value", "marechal", "opd_rms", "boresight_x", "boresight_y")
 
 @dataclass(frozen=True, eq=False)
 class PupilNumbers:
-    """Computes NUMBERS: Strehl ratio, Marechal's, OPD rms [m], and the beam's deflection along two axes [rad].
+    """Computes NUMBERS: Strehl ratio, Marechal's, OPD rms [m], and the beam's deflection along two axes [rad]."""
 
-    Attributes:
-        points: Coordinates of the rays across the pupil [m], shape (n, 2).
-        weight: Their shares, shape (n,).
-        wavelength: Vacuum wavelength [m].
-        remove: Terms removed before the first three.
-    """
-
-    points: np.ndarray
-    weight: np.ndarray
-    wavelength: float
-    remove: tuple[str, ...] = ("piston",)
+    points: np.ndarray  # coordinates of the rays across the pupil [m], shape (n, 2)
+    weight: np.ndarray  # their shares, shape (n,)
+    wavelength: float  # vacuum wavelength [m]
+    remove: tuple[str, ...] = ("piston",)  # terms removed before the first three
 
     def __call__(self, rays: Rays) -> np.ndarray:
         """Return NUMBERS of rays, shape (5,)."""

@@ -1,12 +1,9 @@
 r"""Optical transfer function of a wavefront on a square grid, and from it MTF and encircled energy.
 
-With A = w exp(i k OPD) at the pixels x of a pupil, and frequencies f in cycles per radian of field angle,
-
     OTF(f) = sum_x A(x) A*(x + lambda f) / P                           the Fourier transform of the PSF; 1 at f = 0
     E(a) = p^2 sum_f OTF(f) exp(2 pi i f c) a J1(2 pi a |f|) / |f|     light within the angle a about c
 
-P is the pupil's power (a pixel crossed by an edge holds more of it than |A|^2) and p the spacing of f. E is the exact
-integral of the pixels' PSF over a circle, without truncation.
+A = w exp(i k OPD), frequencies f in cycles per radian, p their spacing, P the pupil's power. E is exact for the pixels.
 """
 
 from collections.abc import Callable
@@ -138,12 +135,7 @@ def transfer_function(wavefront: Any) -> Transfer:
 
 
 def encircler(frequency: np.ndarray, angle: np.ndarray) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
-    """Return the function that returns shares of the light within angles [rad] of a transfer function about a point.
-
-    Args:
-        frequency: Frequencies of the transfer function's rows and columns [cycles / rad], shape (n,).
-        angle: The angles, any shape.
-    """
+    """Return the function that returns shares of the light within angles [rad] of a transfer function about a point."""
     from scipy.special import j1
 
     if len(frequency) < 2:

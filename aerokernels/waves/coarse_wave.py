@@ -1,14 +1,8 @@
-r"""Change of a Strehl ratio by diffraction: a coarse split-step wave, compared with its bent rays.
+"""Change of a Strehl ratio by diffraction: a coarse split-step wave and bent rays through the same thin screens.
 
-Wave and rays pass the same thin screens: the phase of each slab at its middle, with free space in between. The Strehl
-ratio is the squared sum of the amplitude, which free space conserves, so that propagation behind the last screen does
-not matter. The number of slabs is doubled until the error is small enough to decide on which side of its limit the
-change is: the splitting error is of second order in the thickness, and most of it cancels since both pass the same
-screens.
-
-The window is wide enough that light which re-enters through its sides changes the Strehl ratio by less than 1e-3, and
-its pixels are as coarse as the finest phase allows. In a planar field seen across its axis Fourier components along x
-do not mix, and the sum contains only the constant one: one column of pixels is enough.
+The Strehl ratio is the squared sum of the amplitude, which free space conserves, so that propagation behind the last
+screen does not matter. In a planar field seen across its axis Fourier components along x do not mix, and the sum
+contains only the constant one: one column of pixels is enough.
 """
 
 import math
@@ -29,27 +23,17 @@ FINEST = 64
 
 @dataclass(frozen=True, eq=False)
 class Slabs:
-    """FINEST slabs of equal thickness of the disturbed air in the view of a window.
+    """FINEST slabs of equal thickness of the disturbed air in the view of a window."""
 
-    Attributes:
-        wave: The pupil's light on the window.
-        paths: Optical paths [m], float32, shape (FINEST, rows, columns), without a delay common to all lines of a slab.
-        opaque: Masks of where light ends on a body, of the same shape; None if it does not.
-        light: Amplitude of the light whose rays pass the body, shape (rows, columns).
-        first: Start of the slabs along the line of sight [m].
-        last: End of the slabs [m].
-        end: End of the field's box [m].
-        disturbed: Length over which the light is disturbed [m].
-    """
-
-    wave: Wave
+    wave: Wave  # the pupil's light on the window
+    # Optical paths [m], float32, shape (FINEST, rows, columns), without a delay common to all lines of a slab.
     paths: np.ndarray
-    opaque: np.ndarray | None
-    light: np.ndarray
-    first: float
-    last: float
-    end: float
-    disturbed: float
+    opaque: np.ndarray | None  # masks of where light ends on a body, of the same shape; None if it does not
+    light: np.ndarray  # amplitude of the light whose rays pass the body, shape (rows, columns)
+    first: float  # start of the slabs along the line of sight [m]
+    last: float  # end of the slabs [m]
+    end: float  # end of the field's box [m]
+    disturbed: float  # length over which the light is disturbed [m]
 
     @property
     def path(self) -> np.ndarray:
@@ -70,11 +54,7 @@ class Slabs:
 
 
 def slabs_of(field: IndexField, pupil: Pupil, wavelength: float) -> Slabs:
-    """Return the slabs of a field in the view of a pupil, on pixels that resolve the finest phase.
-
-    Raises:
-        ValueError: The pupil does not see the field, or a body blocks all of its light.
-    """
+    """Return the slabs of a field in the view of a pupil, on pixels that resolve the finest phase."""
     from scipy.fft import next_fast_len
 
     reach, flat = max(pupil.half_extent), field.geometry == "planar" and abs(float(pupil.normal[0])) < 1e-15
@@ -117,9 +97,8 @@ def slabs_of(field: IndexField, pupil: Pupil, wavelength: float) -> Slabs:
 def finest_phase(path: np.ndarray, pixel: float, wavelength: float) -> float:
     """Return the half period [m] of the finest phase of a map above 0.03 rad rms; infinite if there is none.
 
-    `path` [m] is NaN outside the pupil, shape (n, n) or (n, 1). Second differences at increasing distance do not depend
-    on tilt and on the pupil's edge: a component of period p has its full amplitude at a distance of p / 2, where its
-    second difference is four times that amplitude.
+    `path` [m] is NaN outside the pupil, shape (n, n) or (n, 1). A component of period p has its full amplitude in
+    second differences at a distance of p / 2, four times its own; they do not depend on tilt and the pupil's edge.
     """
     wave_number, stride = 2.0 * np.pi / wavelength, 1
     while 2 * stride < len(path):
@@ -145,8 +124,7 @@ def _continued(paths: np.ndarray, dark: np.ndarray) -> np.ndarray:
 def _disturbed(field: IndexField, wave: Wave, begin: float, end: float) -> tuple[float, float, float]:
     """Return between which distances [m] the air differs across a coarse window, and the length of the disturbance.
 
-    At either end a phase of 0.01 rad is left out. The length is that of an even distribution with the standard
-    deviation of the variance across the pupil's light along the path.
+    At either end a phase of 0.01 rad is left out. The length is that of an even distribution of the same variance.
     """
     paths, opaque = mean_layers(field, wave, begin, end, 4 * FINEST, most_parts=4)
     step, wave_number = (end - begin) / len(paths), 2.0 * np.pi / wave.wavelength
@@ -170,27 +148,15 @@ def _disturbed(field: IndexField, wave: Wave, begin: float, end: float) -> tuple
 
 @dataclass(frozen=True, eq=False)
 class WaveAndRays:
-    """A wave and rays through slabs.
-
-    Attributes:
-        slabs: The slabs.
-        straight: Whether the slabs' rays are straight, near foci.
-        traced: Strehl ratio of traced rays; None if there are none.
-        by_traced: Whether the wave is compared with the traced rays.
-    """
+    """A wave and rays through slabs."""
 
     slabs: Slabs
-    straight: bool
-    traced: float | None = None
-    by_traced: bool = False
+    straight: bool  # whether the slabs' rays are straight, near foci
+    traced: float | None = None  # Strehl ratio of traced rays; None if there are none
+    by_traced: bool = False  # whether the wave is compared with the traced rays
 
     def change(self, limit: float) -> tuple[float, float]:
-        """Return the Strehl ratio of the wave minus the one of the rays, and its error, well enough for a limit.
-
-        The error is the difference from half as many slabs, and that of the slabs' rays from traced ones; it is
-        infinite if straight rays replace bent ones. With an opaque wall the result does not converge smoothly with the
-        thickness: then all slabs are used, and the error is NaN.
-        """
+        """Return the Strehl ratio of the wave minus the one of the rays, and its error, well enough for a limit."""
         if self.slabs.opaque is not None:
             wave = self._wave(FINEST)
             return abs(wave) ** 2 - self._rays(FINEST), math.nan

@@ -16,11 +16,7 @@ MOST_LAYERS, FEWEST_STEPS = 512, 2
 
 
 def path_range(field: IndexField, wave: Wave) -> tuple[float, float]:
-    """Return the distances along the wave's normal between which its window meets the field's box [m].
-
-    Raises:
-        ValueError: The window does not meet the box.
-    """
+    """Return the distances along the wave's normal between which its window meets the field's box [m]."""
     across, up = (np.linspace(axis[0], axis[-1], 17) for axis in wave.coordinates)
     start = _points(wave, across, up)
     span = box_span(field, start, np.broadcast_to(wave.normal, start.shape).copy())
@@ -42,10 +38,7 @@ def along_z(field: IndexField, normal: np.ndarray) -> bool:
 
 
 def layer_count(field: IndexField, length: float, step_count: int | None, most: int = MOST_LAYERS) -> int:
-    """Return the number of layers of a path of a length [m]: a power of two, or a multiple of `step_count`.
-
-    At least one per cell, but `most` limits the number of cells that count.
-    """
+    """Return the number of layers of a path of a length [m]: a power of two, or a multiple of `step_count`."""
     cells = min(math.ceil(length / float(np.min(field.spacing))), most)
     if step_count is None:
         return 2 ** math.ceil(math.log2(max(cells, FEWEST_STEPS)))
@@ -61,23 +54,11 @@ def mean_layers(
     cells_apart: float = 1.0,
     most_parts: int | None = None,
 ) -> tuple[np.ndarray, np.ndarray | None]:
-    """Sample layers as `sample_layers` does, with several samples in a layer that is thicker than `cells_apart` cells.
+    """Return optical paths [m] of `count` layers, float32, (count, rows, columns), and a mask of where they are opaque.
 
-    So a thin shock crossed at a slant is not missed between two samples. There is no air inside a body: light that
-    starts inside it begins where it leaves the body, as rays do, and other light ends on it.
-
-    Args:
-        field: The refractive index.
-        wave: The window.
-        begin: Start of the layers along the normal [m].
-        end: Their end.
-        count: Number of layers.
-        cells_apart: Greatest distance of samples [cells].
-        most_parts: Most samples in a layer; None takes 16.
-
-    Returns:
-        Optical paths [m], float32, shape (count, rows, columns), and a mask of where layers are opaque, of that shape;
-        None without a body.
+    A layer thicker than `cells_apart` cells is the mean of several samples, of `most_parts` (16 if None) at most, so
+    that a thin shock crossed at a slant is not missed. Light that starts inside a body begins where it leaves it, as
+    rays do, and other light ends on it; the mask is None without a body.
     """
     cell = cells_apart * float(cell_along(field, wave.normal[None])[0])
     parts = min(max(math.ceil((end - begin) / (count * cell) - 1e-9), 1), most_parts or 16)
@@ -111,11 +92,7 @@ def _in_body(field: IndexField, wave: Wave, distance: float) -> np.ndarray:
 
 
 def check_memory(count: int, pixels: int) -> None:
-    """Check that layers, each of so many pixels, do not need too much memory.
-
-    Raises:
-        ValueError: They do.
-    """
+    """Check that layers, each of so many pixels, do not need too much memory."""
     memory = 4 * count * pixels
     if memory > 2 << 30:
         raise ValueError(
@@ -127,10 +104,7 @@ def check_memory(count: int, pixels: int) -> None:
 def sample_layers(field: IndexField, wave: Wave, begin: float, end: float, count: int) -> np.ndarray:
     """Return the optical paths [m] of layers between two distances along the normal [m], sampled at their middles.
 
-    Of a layer that a face of the box cuts, the part in the box counts: the contrast ends there.
-
-    Returns:
-        Paths, float32, shape (count, rows, columns).
+    Float32, shape (count, rows, columns). Of a layer that a face of the box cuts, the part in the box counts.
     """
     edges = np.linspace(begin, end, count + 1)
     if along_z(field, wave.normal):

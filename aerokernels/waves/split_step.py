@@ -1,14 +1,8 @@
-r"""Propagate a wave through a field by alternating steps of free space and phase: rays with diffraction.
+"""Propagate a wave through a field by alternating steps of free space and phase: rays with diffraction.
 
-    A(z + h) = D(h / 2) exp(i k \int m dz) D(h / 2) A(z)
-
-D is free propagation at the ambient index by the angular spectrum, m the contrast, integrated over the step along
-straight lines, through the same interpolant as the rays (J. A. Fleck, J. R. Morris, M. D. Feit, Appl. Phys. 10 (1976)
-129). The splitting error is of second order in h; neglected terms are of the order of contrast times angle squared. The
-field is sampled once, in layers no thicker than its cells, and the layers of a step are summed: a run with half as many
-steps costs only its transforms, and its difference gives their error; that of the layers comes from half as many of
-them on every second pixel. Edges of a pupil are accounted for to second order in the pixels in the error of the Strehl
-ratio.
+A step is half a step of free space, by the angular spectrum, the phase of the contrast integrated along straight lines,
+and half a step of free space (J. A. Fleck, J. R. Morris, M. D. Feit, Appl. Phys. 10 (1976) 129). The splitting error is
+of second order in the step. Layers are sampled once: half as many steps cost only their transforms.
 """
 
 from collections.abc import Callable
@@ -146,11 +140,7 @@ def split_step(
 
 
 def plane_wave(pupil: Pupil, wavelength: float, pixel_count: int, window: float, ambient_index: float) -> Wave:
-    """Return the plane wave behind a pupil, along its normal.
-
-    Raises:
-        ValueError: `pixel_count` is below 8, or the window is narrower than the pupil.
-    """
+    """Return the plane wave behind a pupil, along its normal."""
     check_count(pixel_count, "pixel_count", FEWEST_PIXELS)
     if not (np.isfinite(window) and window >= 1.0):
         raise ValueError(f"window must be at least 1, the pupil's own width, got {window!r}")
@@ -183,8 +173,7 @@ def _refined(
 ) -> tuple[np.ndarray, np.ndarray | None, int, float]:
     """Double the steps until the error is within the tolerance, or there is one per layer.
 
-    Return the amplitude, the one of half as many steps (None if their number is odd), the number of steps, and the
-    error.
+    Return the amplitude, that of half as many steps (None if their number is odd), the number of steps, and the error.
     """
     if step_count is not None:
         found = propagate(step_count)
@@ -232,19 +221,12 @@ def _changes(light: Wave, path: np.ndarray, other: np.ndarray) -> tuple[float, f
 
 @dataclass(frozen=True)
 class ArrayLibrary:
-    """NumPy, CuPy or PyTorch: layers are copied to the device once, and every step stays there.
+    """NumPy, CuPy or PyTorch: layers are copied to the device once, and every step stays there."""
 
-    Attributes:
-        module: The library.
-        fft: Its module of Fourier transforms; SciPy's for NumPy.
-        array: Converts a NumPy array to the library's array.
-        numpy: Converts the library's array to a NumPy array.
-    """
-
-    module: Any
-    fft: Any
-    array: Callable[[np.ndarray], Any]
-    numpy: Callable[[Any], np.ndarray]
+    module: Any  # the library
+    fft: Any  # its module of Fourier transforms; SciPy's for NumPy
+    array: Callable[[np.ndarray], Any]  # converts a NumPy array to the library's array
+    numpy: Callable[[Any], np.ndarray]  # converts the library's array to a NumPy array
 
     def phase_factor(self, layers: Any, wave_number: float, kind: type) -> Any:
         """Return exp(i k p) of the sum p of layers (count, rows, columns) [m] for a wave number k [1/m]."""
@@ -257,11 +239,7 @@ class ArrayLibrary:
 
 
 def fourier_library(device: str | None = None) -> ArrayLibrary:
-    """Return the library for a device: SciPy for "cpu" (None), CuPy or PyTorch for "gpu", whichever is installed.
-
-    Raises:
-        ValueError: The device is unknown, or it is "gpu" and neither CuPy nor PyTorch is installed and finds one.
-    """
+    """Return the library for a device: SciPy for "cpu" (None), CuPy or PyTorch for "gpu", whichever is installed."""
     if device not in (None, "cpu", "gpu"):
         raise ValueError(f"device {device!r} is not known: choose one of cpu, gpu")
     if device != "gpu":

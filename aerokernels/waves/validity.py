@@ -168,10 +168,7 @@ def _is_whole(wavefront: Wavefront, wavelength: float) -> bool:
 
 
 def _rim_fresnel_number(slabs: Slabs) -> float:
-    """Return the Fresnel number of the light that passes a body; infinite if no body is near.
-
-    It is the squared radius of a disc of its area, over wavelength times the distance from the rim to the box's end.
-    """
+    """Return the Fresnel number of the light that passes a body; infinite if no body is near."""
     if slabs.opaque is None:
         return math.inf
     first = int(np.argmax(slabs.opaque.any(axis=(1, 2))))
@@ -182,17 +179,12 @@ def _rim_fresnel_number(slabs: Slabs) -> float:
 
 @dataclass(frozen=True)
 class Crossings:
-    """Crossing and focusing of rays over a distance.
+    """Crossing and focusing of rays over a distance."""
 
-    Attributes:
-        crossed: Share of the pupil where rays cross.
-        curvature: Greatest focusing curvature times the distance.
-        near: Share of the pupil near a focus, where this product exceeds 0.5: there the second order in their
-            deflection does not give the paths of rays.
-    """
-
-    crossed: float
-    curvature: float
+    crossed: float  # share of the pupil where rays cross
+    curvature: float  # greatest focusing curvature times the distance
+    # Share of the pupil near a focus, where this product exceeds 0.5: there the second order in their deflection does
+    # not give the paths of rays.
     near: float
 
 

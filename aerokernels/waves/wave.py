@@ -2,9 +2,7 @@ r"""A monochromatic wave, and its way through homogeneous air by the angular spe
 
     A(x, z) = F^-1 [ F[A](f) exp(i z (sqrt(k^2 - K^2) - k)) ],      K = 2 pi f, k = 2 pi n / lambda
 
-The phase k z of a plane wave along the axis is removed. The paraxial equation has -K^2 / (2 k) in place of the root
-minus k (J. W. Goodman, Introduction to Fourier Optics, 3.10). The window is periodic: light that leaves it on one side
-enters on the other. Evanescent waves (K > k) decay.
+or -K^2 / (2 k) in place of the root minus k (J. W. Goodman, Introduction to Fourier Optics, 3.10).
 """
 
 from dataclasses import dataclass, field, replace
@@ -36,11 +34,7 @@ def transfer_exponent(
 
 
 def as_amplitude(values) -> np.ndarray:
-    """Return complex or real numbers as a complex array.
-
-    Raises:
-        TypeError: They are not numbers.
-    """
+    """Return complex or real numbers as a complex array."""
     try:
         return np.asarray(values, dtype=np.complex128)
     except (TypeError, ValueError, OverflowError):
@@ -99,13 +93,6 @@ def wrapped_share(
 
     A component of the angular spectrum with the slope t moves by the distance times t. All light starts within the lit
     part of the window: if the whole lit part, moved so far, is beyond a side, the component's light has left.
-
-    Args:
-        amplitude: Complex amplitude over square pixels, shape (rows, columns).
-        pixel: Side of a pixel [m].
-        wavelength: Vacuum wavelength [m].
-        distance: Distance of propagation [m].
-        ambient_index: Refractive index of the air.
     """
     from scipy.fft import fft2, fftfreq
 
