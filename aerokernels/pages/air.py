@@ -151,7 +151,9 @@ class Air:
             for ray, off in zip(place, stray, strict=True)
         ]
         y = Axis(f"displacement along {second} [nm]", unit="nm")
-        shown = Lines(Axis("z [mm]", (float(np.nanmin(place[..., 2])), float(np.nanmax(place[..., 2]))), "mm"), y, lines)
+        shown = Lines(
+            Axis("z [mm]", (float(np.nanmin(place[..., 2])), float(np.nanmax(place[..., 2]))), "mm"), y, lines
+        )
         most = float(np.nanmax(np.abs(stray)))
         return Panel(
             "bending",

@@ -101,9 +101,17 @@ def _waveforms(number: int, one: "LabelComparison") -> Panel:
         Line(time, one.simulated, "simulated", "two"),
     ]
     limits = [("y", wave.edge_level, f"edge at {wave.edge_level:.3g} V")]
-    shown = Lines(Axis("time since the pulse left [ns]", _span(one), "ns"), Axis("voltage [V]", unit="V"), lines, limits=limits)
+    shown = Lines(
+        Axis("time since the pulse left [ns]", _span(one), "ns"), Axis("voltage [V]", unit="V"), lines, limits=limits
+    )
     says = f"r = {wave.correlation:.4f}, peak {100.0 * wave.peak_error:+.2f} %, {one.recorded.count} echoes."
-    return Panel(f"waveform-{number}", f"{name}: waveforms", says.replace("-", "−"), f"Recorded and simulated echo of {name}.", shown)
+    return Panel(
+        f"waveform-{number}",
+        f"{name}: waveforms",
+        says.replace("-", "−"),
+        f"Recorded and simulated echo of {name}.",
+        shown,
+    )
 
 
 def _residual(number: int, one: "LabelComparison") -> Panel:
@@ -144,7 +152,9 @@ def _peaks(labels: "Sequence[LabelComparison]") -> Panel:
         Line(place + 0.06, simulated, "simulated", "twosolid", told, dots=True),
     ]
     says = "Peak voltages of the mean echo and of the simulated one, with their errors."
-    return Panel("peaks", "Peaks", says, "Peak voltages by label.", Lines(_names(labels), Axis("peak [V]", unit="V"), lines))
+    return Panel(
+        "peaks", "Peaks", says, "Peak voltages by label.", Lines(_names(labels), Axis("peak [V]", unit="V"), lines)
+    )
 
 
 def _correlations(labels: "Sequence[LabelComparison]") -> Panel:

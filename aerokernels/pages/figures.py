@@ -16,7 +16,15 @@ if TYPE_CHECKING:
 
 INK, SOFT, BLUE, ORANGE, GREY, BELOW = "#1b2430", "#5a6573", "#1f5fa8", "#b4500f", "#8a94a0", "#c9ced4"
 COLORS = {"one": BLUE, "two": ORANGE, "twosolid": ORANGE, "plain": GREY, "free": GREY}
-SHADES = ("#440154", "#46327e", "#375b8d", "#277e8e", "#1fa188", "#48c16e", "#9bd93c")  # of ordered lines, dark to light
+SHADES = (
+    "#440154",
+    "#46327e",
+    "#375b8d",
+    "#277e8e",
+    "#1fa188",
+    "#48c16e",
+    "#9bd93c",
+)  # of ordered lines, dark to light
 COLORS |= {f"c{k}": color for k, color in enumerate(SHADES)}
 DASHES = {"two": "--", "free": ":"}
 DELAY = ["#08305f", "#2d6fae", "#93c1e0", "#f6f5f1", "#f0b587", "#c05a22", "#6b2204"]
@@ -292,7 +300,12 @@ class Raster:
         """Return the picture for the page's script."""
         spec: dict[str, Any] = {"kind": "raster", "id": name, "x": self.x.spec(()), "y": self.y.spec(())}
         spec |= {"z": self.z.spec(self.frames), "map": self.colors, "error": self.error, "shape": self.shape}
-        return {**spec, "missing": not self.even, "frames": [packed(one) for one in self.frames], "times": list(self.times)}
+        return {
+            **spec,
+            "missing": not self.even,
+            "frames": [packed(one) for one in self.frames],
+            "times": list(self.times),
+        }
 
     def static(self, frame: int = 0) -> str:
         """Return one frame for paper, as a data URL."""

@@ -175,7 +175,9 @@ class Front:
             Line(self.axis, values[middle], f"along {across}", "one"),
             Line(self.axis, values[:, middle], f"along {up}", "two"),
         ]
-        return Lines(Axis(f"{across} or {up} [mm]", self.span, "mm"), Axis("OPD [nm]", unit="nm"), lines, band=self.grey)
+        return Lines(
+            Axis(f"{across} or {up} [mm]", self.span, "mm"), Axis("OPD [nm]", unit="nm"), lines, band=self.grey
+        )
 
     def _spot(self) -> Raster:
         angle = 1e6 * self.dataset["angle_x"].values

@@ -15,6 +15,7 @@ from aerokernels.display.plain_text import plain
 from aerokernels.display.quantities import Quantity
 from aerokernels.display.shown import told
 from aerokernels.pages.figures import color_tables
+from aerokernels.process.foreign_files import fault_text
 from aerokernels.process.opened import OPENED
 
 if TYPE_CHECKING:
@@ -120,7 +121,7 @@ class Panel:
         caption: A remark below.
         tools: Controls: "air", "terms", "scale", or nothing.
         rows, mark: Bars, and a mark across them [%].
-        fault: Why there is no picture.
+        again: Makes a second static picture, for paper.
     """
 
     name: str
@@ -178,27 +179,21 @@ class Page:
         specs: list[Mapping[str, Any]] = list(self.plots)
         panels = []
         for panel in self.panels:
-            film = 0
-            if panel.shown is not None:
-                spec = panel.shown.spec(panel.name)
-                film = len(spec.get("times", ()))
-                if spec.get("kind"):
-                    specs.append(spec)
-            panels.append(
-                {
-                    **{name: getattr(panel, name) for name in ("name", "title", "says", "alt", "caption", "tools", "mark")},
-                    "rows": panel.rows,
-                    "film": film if film > 1 else 0,
-                    "is_live": panel.shown is not None,
-                    "picture": panel.shown.static() if panel.shown is not None else "",
-                    "second": panel.again() if panel.again is not None else "",
-                }
-            )
+            spec, pictures, says = _drawn(panel)
+            if spec.get("kind"):
+                specs.append(spec)
+            film = len(spec.get("times", ()))
+            own = {name: getattr(panel, name) for name in ("name", "title", "alt", "caption", "tools", "rows", "mark")}
+            live = bool(pictures) and panel.shown is not None
+            panels.append({**own, "says": says, "film": film if film > 1 else 0, "is_live": live, "pictures": pictures})
         maps = {"density", "delay", "light", "value"}
         data = {"plots": specs, "colors": color_tables(maps)} if specs else {}
         template, parts = OPENED.once("template of reports", _template)
         content = {name: getattr(self, name) for name in self.__dataclass_fields__ if name not in ("panels", "words")}
-        tables = [(caption, columns, [[_typeset(cell) for cell in row] for row in rows]) for caption, columns, rows in self.tables]
+        tables = [
+            (caption, columns, [[_typeset(cell) for cell in row] for row in rows])
+            for caption, columns, rows in self.tables
+        ]
         content |= {
             "panels": panels,
             "tables": tables,
@@ -207,6 +202,17 @@ class Page:
             "has_budget": any(panel.name == "budget" for panel in self.panels),
         }
         return template.render(page=content, plots=_script_json(data) if data else "", citation=CITATION, **parts)
+
+
+def _drawn(panel: Panel) -> tuple[dict[str, Any], list[str], str]:
+    """Return a panel's data for the script, its static pictures, and what it says: why, if it cannot be drawn."""
+    if panel.shown is None:
+        return {}, [], panel.says
+    try:
+        pictures = [panel.shown.static(), *([panel.again()] if panel.again is not None else [])]
+        return panel.shown.spec(panel.name), pictures, panel.says
+    except Exception as fault:  # a report needs no picture
+        return {}, [], f"No picture: {fault_text(fault, None)}"
 
 
 def shown(number: Quantity, factor: float = 1.0, unit: str = "", signed: bool = False) -> str:

@@ -379,9 +379,7 @@ def _remedy(cause: str) -> str:
     return f"{words[:1].upper()}{words[1:]}." if words else ""
 
 
-def _numbers(
-    dataset: "xarray.Dataset", summary: Mapping[str, Any], echo: _Echo | None
-) -> list[tuple[str, list[Row]]]:
+def _numbers(dataset: "xarray.Dataset", summary: Mapping[str, Any], echo: _Echo | None) -> list[tuple[str, list[Row]]]:
     """Return the numbers in groups, in the units that people use."""
 
     def row(key: str, word: str, remark: str = "", unit: str = "") -> Row:

@@ -38,9 +38,7 @@ def series_page(maps: "xarray.Dataset", found: "xarray.Dataset", summary: Mappin
     ]
     lost = 1.0 - float(summary["known_share"])
     if lost > 1e-3:
-        remarks.append(
-            ("Known air", f"{100.0 * lost:.3g} % of the pupil has no optical path; no number includes it.")
-        )
+        remarks.append(("Known air", f"{100.0 * lost:.3g} % of the pupil has no optical path; no number includes it."))
     return Page(
         "series",
         str(summary.get("title") or summary["scene"]),
@@ -50,9 +48,15 @@ def series_page(maps: "xarray.Dataset", found: "xarray.Dataset", summary: Mappin
         _numbers(found, summary),
         remarks=remarks,
         scene=scene,
-        repeat=("aerokernels series scene.toml --out out", "import aerokernels as ak\n\nak.optical_series(series, pupil)"),
+        repeat=(
+            "aerokernels series scene.toml --out out",
+            "import aerokernels as ak\n\nak.optical_series(series, pupil)",
+        ),
         details=[
-            ("How the maps were computed", [f"{summary['plan']}.", *([str(summary["ends"])] if summary["ends"] else [])]),
+            (
+                "How the maps were computed",
+                [f"{summary['plan']}.", *([str(summary["ends"])] if summary["ends"] else [])],
+            ),
             ("Origin of the flow", [f"{summary['provenance']}."]),
         ],
         words=("opd", "strehl", "jitter", "error"),
@@ -99,7 +103,9 @@ def _answers(summary: Mapping[str, Any]) -> list[Answer]:
     if jitter:
         axis = max(jitter, key=lambda one: jitter[one].value)
         others = ", ".join(f"{shown(one, 1e6, 'µrad')} along {name}" for name, one in jitter.items() if name != axis)
-        answers.append(Answer.of("The image jitters by", jitter[axis].scaled(1e6, "µrad"), f"rms along {axis}.", others))
+        answers.append(
+            Answer.of("The image jitters by", jitter[axis].scaled(1e6, "µrad"), f"rms along {axis}.", others)
+        )
     return answers
 
 
@@ -168,7 +174,9 @@ class _Pictures:
         ]
         scale = Axis("OPD [nm], + is delayed", (-most, most), "nm")
         shown = Raster(self.x, self.y, values[:, ::thin, ::thin], scale, "delay", times=times)
-        return Panel("film", title, times[0], "Optical path difference over the pupil, in time.", shown, "Tilt removed.")
+        return Panel(
+            "film", title, times[0], "Optical path difference over the pupil, in time.", shown, "Tilt removed."
+        )
 
     def _map(self, name: str, title: str, even: bool) -> Panel:
         values, error = self.found[name].values, STANDARD_ERRORS * _greatest(self.found[f"{name}_error"])

@@ -61,7 +61,11 @@ def _asked(dataset: "xarray.Dataset", definition: Definition) -> list[tuple[str,
         if values.dtype.kind in "fiu":
             span = f"{np.min(values):.5g} to {np.max(values):.5g}"
         rows.append((words, f"{span}, {np.unique(values).size} values"))
-    return [*rows, ("Machine", str(dataset.attrs.get("machine", ""))), ("Run by", str(dataset.attrs.get("executor", "")))]
+    return [
+        *rows,
+        ("Machine", str(dataset.attrs.get("machine", ""))),
+        ("Run by", str(dataset.attrs.get("executor", ""))),
+    ]
 
 
 def _command(definition: Definition) -> str:
@@ -207,7 +211,10 @@ def _place(values: np.ndarray, words: str) -> tuple[np.ndarray, Axis]:
 def _lines(dataset: "xarray.Dataset", values: Any, error: Any, dims: list[str], each: Column, *, joined: bool) -> Lines:
     """Return lines with error bars along the first key, one for each value of the second."""
     place, x = _place(*axis_of(dataset, dims[0]))
-    rows, bars = (one.transpose(..., dims[0]).values.reshape(-1, len(place)) if joined else one.values[None] for one in (values, error))
+    rows, bars = (
+        one.transpose(..., dims[0]).values.reshape(-1, len(place)) if joined else one.values[None]
+        for one in (values, error)
+    )
     bars = np.nan_to_num(bars, posinf=0.0)
     if each.number.is_ratio:  # within 0 and 1
         bars = np.minimum(bars, np.maximum(rows, 1.0 - rows))
