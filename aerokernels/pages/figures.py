@@ -2,8 +2,9 @@
 
 import base64
 import io
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -333,29 +334,21 @@ class Raster:
             return data_url(figure, "png")
 
 
-class figure_of:  # noqa: N801 - used as a function
-    """Make a static figure in the page's style, and its axes: `with figure_of(height, bar) as (figure, axes)`.
+@contextmanager
+def figure_of(height: float, bar: bool = False) -> "Iterator[tuple[Figure, Axes]]":
+    """Make a static figure in the page's style, and its axes.
 
     Args:
         height: Its height [in]; the width is that of all.
         bar: Whether there is room on the right for a color bar.
     """
+    from matplotlib.figure import Figure
 
-    def __init__(self, height: float, bar: bool = False) -> None:
-        self.size, self.bar, self.style = (WIDTH, height), bar, house_style(STYLE)
-
-    def __enter__(self) -> "tuple[Figure, Axes]":
-        from matplotlib.figure import Figure
-
-        self.style.__enter__()
-        width, height = self.size
-        figure = Figure(figsize=self.size, dpi=DPI)
-        right = 0.8 if self.bar else 0.12
-        box = (0.62 / width, 0.48 / height, 1.0 - (0.62 + right) / width, 1.0 - (0.48 + 0.1) / height)
-        return figure, figure.add_axes(box)
-
-    def __exit__(self, *fault: object) -> None:
-        self.style.__exit__(None, None, None)
+    left, bottom, top, right = 0.62, 0.48, 0.1, 0.8 if bar else 0.12  # room for labels [in]
+    with house_style(STYLE):
+        figure = Figure(figsize=(WIDTH, height), dpi=DPI)
+        size = 1.0 - (left + right) / WIDTH, 1.0 - (bottom + top) / height
+        yield figure, figure.add_axes((left / WIDTH, bottom / height, *size))
 
 
 def color_bar(figure: "Figure", image: Any, label: str) -> Any:

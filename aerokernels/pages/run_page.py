@@ -222,8 +222,8 @@ class _Echo:
         if self.late is None or self.late <= 0.0 or not height < 1.0:
             return words.strip()
         return (
-            f"The flow takes {100.0 * (1.0 - height):.2g} % off the pulse, and a lower pulse crosses the fixed threshold "
-            f"of {self.threshold:g} V {_duration(self.late)} later.{words}"
+            f"The flow takes {100.0 * (1.0 - height):.2g} % off the pulse, and a lower pulse crosses the fixed "
+            f"threshold of {self.threshold:g} V {_duration(self.late)} later.{words}"
         )
 
     def panels(self) -> list[Panel]:
@@ -434,8 +434,8 @@ def _numbers(dataset: "xarray.Dataset", summary: Mapping[str, Any], echo: _Echo 
 
 def _details(summary: Mapping[str, Any]) -> list[tuple[str, list[str]]]:
     """Return the folded lists: plan, and origin of the flow with the time of each stage."""
-    seconds = {key: value for key, value in flat(summary.get("seconds") or {})}
-    times = ", ".join(f"{name.replace('.', ' ')} {float(value):.2f} s" for name, value in seconds.items())
+    rows = flat(summary.get("seconds") or {})
+    times = ", ".join(f"{name.replace('.', ' ')} {float(value):.2f} s" for name, value in rows)
     origin = [f"Flow: {summary.get('provenance', '')}.", f"Time: {times}."]
     return [
         ("Plan: what was done, what was skipped, and why", list((summary.get("plan") or {}).get("reasons", []))),

@@ -1,4 +1,4 @@
-"""Reports stand alone, show the data they were given, escape what strangers wrote, and their script works in a browser."""
+"""Reports stand alone, show the data that they were given, escape texts of strangers; their script works."""
 
 import html
 import json
@@ -62,7 +62,7 @@ def test_a_report_loads_nothing_and_is_small(run: Path):
 
 
 def test_answers_are_those_of_the_summary(run: Path):
-    """The three answers in words, from summary.json; the budget's total; no key of summary.json outside the raw values."""
+    """The three answers in words, from summary.json; no key of summary.json outside the raw values."""
     page = (run / "report.html").read_text(encoding="utf-8")
     summary = json.loads((run / "summary.json").read_text())
     big = re.findall(r"<b>(.*?)<small>(.*?)</small>", page.replace("\n", " "))
@@ -81,7 +81,7 @@ def test_every_plot_of_a_run_is_drawn_and_terms_can_be_removed(run: Path):
     told = "document.title = JSON.stringify(TOLD)"
     script = (
         "const w = report.wavefront, first = {rms: w.state.rms, peak: w.state.psf[80 * 161 + 80]};"
-        "document.querySelectorAll('[data-term]').forEach(b => { if (['tilt', 'focus'].includes(b.dataset.term)) b.checked = true; });"
+        "for (const b of document.querySelectorAll('[data-term]')) b.checked = ['tilt', 'focus'].includes(b.dataset.term);"
         "w.refresh();"
         + told.replace(
             "TOLD",
@@ -115,7 +115,8 @@ def test_a_pointer_reads_values(tmp_path: Path):
     )
     panels = [Panel(name, name, shown=shown) for name, shown in (("line", line), ("film", film), ("map", named))]
     script = """
-    const read = (id, u, v) => { const p = report[id]; p.show(p.left + u * p.w, p.top + (1 - v) * p.h); return p.read.textContent; };
+    const at = (p, u, v) => p.show(p.left + u * p.w, p.top + (1 - v) * p.h);
+    const read = (id, u, v) => { at(report[id], u, v); return report[id].read.textContent; };
     const out = [read("line", 0.5, 0.5), read("film", 0.9, 0.1), read("map", 0.9, 0.1), read("map", 0.1, 0.9)];
     const slider = document.querySelector("[data-film]"); slider.value = 1; slider.dispatchEvent(new Event("input"));
     out.push(read("film", 0.1, 0.9), document.querySelector("#film .says").textContent);
