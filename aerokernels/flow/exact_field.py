@@ -1,13 +1,9 @@
 """A density field made from a formula: exact averages over rectangular cells, together with the formula.
 
-A density f that depends only on the direction from the origin (a wedge, a plane shock, an expansion fan) is homogeneous
-of degree 0. Hence div(f x) = 2 f, and the integral over a cell becomes one over the cell's edges:
-
-    2 int f dA = z+ int_{z+} f dy - z- int_{z-} f dy + y+ int_{y+} f dz - y- int_{y-} f dz
-
-An edge is split where it crosses a shock, a Mach line or a contact, and each part is integrated by Gauss's rule: the
-area behind a shock in a cell is exact at any angle, and so is the average over a cell at the origin, where a fan has
-all its densities. Rounding error: 1e-16 of the change within a cell, times the number of cells from the origin.
+A density f of the direction from the origin alone has div(f x) = 2 f, and the integral over a cell becomes one over its
+edges: 2 int f dA = z+ int_{z+} f dy - z- int_{z-} f dy + y+ int_{y+} f dz - y- int_{y-} f dz. An edge is split at
+shocks and Mach lines and each part integrated by Gauss's rule. Rounding error: 1e-16 of the change within a cell, times
+the number of cells from the origin.
 """
 
 import math
@@ -83,9 +79,6 @@ class ExactField(CellDensity):
         """Return the formula's density [kg/m3], shape (n,), at points (x, y, z) [m], shape (n, 3).
 
         NaN inside the body and at points that are NaN; the ambient density outside the mesh.
-
-        Raises:
-            ValueError: Points of another shape.
         """
         local = local_points(points, self.geometry)
         low, high = self.mesh.box
@@ -134,13 +127,7 @@ def unit_gauss(points: int) -> tuple[np.ndarray, np.ndarray]:
 def piecewise_means(
     function: Callable[[np.ndarray], np.ndarray], edges: np.ndarray, breaks: Sequence[float]
 ) -> np.ndarray:
-    """Return means of a function over the intervals between edges, shape (len(edges) - 1,).
-
-    Args:
-        function: Takes an array of any shape; smooth between breaks.
-        edges: Increasing, shape (n,).
-        breaks: Positions of jumps and kinks.
-    """
+    """Return means over the intervals between increasing edges of a function that is smooth between `breaks`."""
     share, weight = unit_gauss(12)
     low, high = edges[:-1], edges[1:]
     cuts = np.stack([low, *(np.clip(place, low, high) for place in sorted(breaks)), high])
@@ -155,13 +142,10 @@ def piecewise_means(
 def direction_averages(
     function: Callable[[np.ndarray], np.ndarray], breaks: Sequence[float], y: np.ndarray, z: np.ndarray
 ) -> np.ndarray:
-    """Return averages over rectangular cells of a function of the direction from the origin.
+    """Return averages over rectangles, with edges y and z [m], of a function of the direction from the origin.
 
-    Args:
-        function: Takes the angle from the downstream direction -z towards +y [rad], -pi to pi.
-        breaks: Angles of its jumps and kinks [rad], -pi to pi.
-        y: Edges of the cells along y [m], increasing, shape (ny + 1,).
-        z: Edges of the cells along z [m], increasing, shape (nz + 1,).
+    The direction is the angle from -z towards +y [rad], -pi to pi; `breaks` are those of the function's jumps and
+    kinks.
     """
     cosine, sine = np.cos(breaks), np.sin(breaks)
     # Means along the edges of constant y and of constant z: each edge belongs to two cells and is integrated once.

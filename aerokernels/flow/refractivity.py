@@ -1,18 +1,10 @@
-"""Refractivity and index contrast from density.
+"""Refractivity and index contrast from density; refractivities n - 1 are never differences of numbers near 1.
 
     Lorentz-Lorenz (the paper's eq 1):  (n^2 - 1) / (n^2 + 2) = 2/3 K rho
     Gladstone-Dale (eq 3):              n = 1 + K rho                     the linear limit, lower by (K rho)^2 / 6
-    K (eq 2):                           K = 2.23e-4 (1 + 7.52e-3 / lambda^2) m3/kg, lambda in um
 
-A pulse travels by the group index n_g = n - lambda dn/dlambda. Dispersion formulas are functions of s = 1 / lambda^2:
-
-    n_g = n + 2 s dn/ds,    K_g = K + 2 s dK/ds
-
-K_g is called the group constant. In the linear form n_g = 1 + K_g rho. A given K is a number without dispersion: its
-group constant is itself. A relation for air is a row of `AIR`, a gas a row of species.py.
-
-Results are refractivities n - 1 or contrasts n - n_ambient, and no step subtracts numbers near 1: at 1 kg/m3 the index
-differs from 1 by only 2e-4.
+A pulse travels by n_g = n + 2 s dn/ds, s = 1 / lambda^2, with the group constant K_g = K + 2 s dK/ds. A relation for
+air is a row of `AIR`, a gas a row of species.py.
 """
 
 from collections.abc import Callable, Mapping
@@ -39,7 +31,7 @@ SHORTEST_WAVELENGTH = 200e-9
 def gladstone_dale_constant(wavelength: float, *, group: bool = False) -> float:
     """Return the Gladstone-Dale constant of air [m3/kg] at a vacuum wavelength [m], the paper's eq 2.
 
-    At 905 nm it is 2.250475e-4, 0.46 % above Ciddor's dry air.
+    K = 2.23e-4 (1 + 7.52e-3 / lambda^2), lambda in um; at 905 nm 0.46 % above Ciddor's dry air.
 
     Args:
         wavelength: [m].
@@ -83,9 +75,7 @@ def index_contrast(
 ):
     """Return the contrast n - n_ambient of densities of any shape and an ambient density [kg/m3].
 
-    With a = 2/3 K rho, Lorentz-Lorenz gives n^2 - 1 = q = 3 a / (1 - a), so the contrast is
-    (q - q_ambient) / (n + n_ambient) with q - q_ambient = 3 (a - a_ambient) / ((1 - a) (1 - a_ambient)). The only
-    difference taken is that of the densities.
+    The only difference taken is that of the densities.
 
     Raises:
         ValueError: An unknown relation, a constant outside 1e-5 to 1e-2 m3/kg, or densities for which Lorentz-Lorenz
@@ -114,8 +104,7 @@ def index_contrast(
 def group_refractivity(density, gladstone_dale, group_constant, relation: str):
     """Return n_g - 1 at densities [kg/m3], from K and the group constant [m3/kg], all of them arrays or numbers.
 
-    n depends on the wavelength through K alone: n_g = n + (K_g - K) dn/dK, and by Lorentz-Lorenz, with a = 2/3 K rho,
-    dn/dK = rho / (n (1 - a)^2).
+    n_g = n + (K_g - K) dn/dK, and by Lorentz-Lorenz, with a = 2/3 K rho, dn/dK = rho / (n (1 - a)^2).
     """
     if relation == "gladstone-dale":
         return group_constant * density
@@ -196,10 +185,7 @@ class RefractivityModel:
     def constant(self, wavelength: float, *, ambient: bool = False, group: bool = False):
         """Return the constant K [m3/kg] at a vacuum wavelength [m], an array if the composition varies in space.
 
-        Args:
-            wavelength: [m].
-            ambient: Return the constant of the ambient gas, which is always a number.
-            group: Return the group constant.
+        `ambient` returns that of the ambient gas, which is a number; `group` the group constant.
 
         Raises:
             ValueError: A wavelength outside the model's range.
@@ -217,11 +203,7 @@ class RefractivityModel:
     def refractivity(self, density, wavelength: float, *, ambient: bool = False, group: bool = False):
         """Return the refractivity n - 1 at densities [kg/m3] of any shape and a vacuum wavelength [m].
 
-        Args:
-            density: [kg/m3].
-            wavelength: [m].
-            ambient: Return that of the ambient gas.
-            group: Return n_g - 1 of the group index.
+        `ambient` returns that of the ambient gas, `group` n_g - 1 of the group index.
 
         Raises:
             ValueError: A wavelength outside the model's range, or a composition by cell of another shape.
@@ -237,12 +219,7 @@ class RefractivityModel:
         return 1.0 + float(self.refractivity(density, wavelength, ambient=True, group=group))
 
     def upstream(self, wavelength: float, column: float = 0.0) -> Upstream:
-        """Return the errors of an index made by this model.
-
-        Args:
-            wavelength: Vacuum wavelength [m].
-            column: Root mean square error of integrals of the density along lines [kg/m2].
-        """
+        """Return the errors of an index made by this model; `column` is that of columns of density, rms [kg/m2]."""
         constant = float(np.max(self.constant(wavelength)))
         return Upstream(constant * column, self.uncertainty, f"{self.name}: {self.source}")
 
@@ -251,12 +228,8 @@ class RefractivityModel:
     ) -> dict[str, Any]:
         """Return ambient_index, wavelength and upstream of an index field, as IndexField's constructors take them.
 
-        Args:
-            ambient_density: [kg/m3].
-            wavelength: Vacuum wavelength [m].
-            column: As for `upstream`.
-            group: Whether the field is that of the group index.
-            again: Makes the same field anew, with `group=True` that of the group index.
+        `column` is as for `upstream`; `again(group=True)` makes the field of the group index, and `group` says that it
+        is the one that is being made.
         """
         uncertainty = self.uncertainty
         if uncertainty == self._air.uncertainty:
@@ -275,11 +248,7 @@ class RefractivityModel:
     def contrast(self, density, ambient_density: float, wavelength: float, *, group: bool = False):
         """Return the contrast n - n_ambient of densities of any shape and an ambient one [kg/m3] at a wavelength [m].
 
-        Args:
-            density: [kg/m3].
-            ambient_density: [kg/m3].
-            wavelength: [m].
-            group: Return that of the group index.
+        `group` returns that of the group index.
 
         Raises:
             ValueError: A wavelength outside the model's range, or a composition by cell of another shape.
@@ -320,14 +289,13 @@ def refractivity_model(
             K(wavelength) unless `constant` or `composition` is given. None is "ciddor", or "gladstone-dale" where one
             of these is given.
         constant: K [m3/kg] for "gladstone-dale" or "lorentz-lorenz".
-        composition: For these two a `Composition`, or mole fractions by species, for example
-            {"N2": 0.79, "O2": 0.21}. For "ciddor" the mole fractions {"H2O": in the moist air, "CO2": in the dry air},
-            each of which may be omitted.
+        composition: For these two a `Composition`, or mole fractions by species, {"N2": 0.79, "O2": 0.21} say. For
+            "ciddor" the mole fractions {"H2O": in the moist air, "CO2": in the dry air}, each of which may be omitted.
 
     Raises:
         TypeError: A composition that is neither a mapping nor a Composition.
-        ValueError: An unknown relation, a constant that is not positive, unknown species, fractions that do not add up
-            to 1, or a constant or composition that the relation does not take.
+        ValueError: An unknown relation, species or fraction, or a constant or composition that the relation does not
+            take.
     """
     relation = relation or default_relation(constant is not None, composition is not None)
     check_choice(relation, "relation", MODELS)

@@ -29,9 +29,6 @@ class WallDensity:
     Attributes:
         points: Positions (y, z) or (r, z) [m], shape (n, 2).
         density: [kg/m3], shape (n,).
-
-    Raises:
-        ValueError: Arrays of other shapes, or densities that no gas has.
     """
 
     points: np.ndarray
@@ -73,8 +70,7 @@ class SampledDensity(DensityField):
     def scaled(self, ambient_density: float):
         """Return the same flow at another ambient density [kg/m3], with every density ratio unchanged.
 
-        A solution of the Euler equations remains one, at the same Mach number and temperature, when density and
-        pressure are multiplied by one factor. A viscous flow would change with its Reynolds number.
+        A solution of the Euler equations remains one, at the same Mach number and temperature.
         """
         ratio = check_positive(ambient_density, "ambient_density") / self.ambient_density
         return replace(  # type: ignore[type-var]
@@ -99,21 +95,18 @@ class SampledDensity(DensityField):
     ) -> IndexField:
         """Return the contrast n - n_ambient on the same mesh or grid as the densities.
 
-        The average of n over a cell is taken to be n of the average density. This is exact for Gladstone-Dale. For
-        Lorentz-Lorenz the error is the spread of (K rho)^2 / 6 within a cell, below 1e-8 for air.
+        The average of n over a cell is taken to be n of the average density: exact for Gladstone-Dale, for
+        Lorentz-Lorenz within 1e-8 for air.
 
         Args:
             wavelength: Vacuum wavelength [m], for K; stored with the index field.
-            relation: "paper", "ciddor", "gladstone-dale" or "lorentz-lorenz": see `refractivity_model`. The last two
-                take the paper's K(wavelength) unless `constant` or a composition is given, or the field has a
-                composition. None is "ciddor", or "gladstone-dale" where one of these is given.
+            relation: One of `MODELS`; None is "ciddor", or "gladstone-dale" with a constant or a composition: see
+                `refractivity_model`.
             constant: K [m3/kg].
             composition: A `Composition` or fractions of species from which K is computed; fractions may be arrays with
                 one entry for each density, in the same order. None takes the field's composition.
             interpolation: As in IndexField.from_mesh (None: "bilinear", or "conserving" where the walls have values of
-                their own) or IndexField.from_samples (None: "cubic"). Along rows of cells across a shock the integral
-                of the "bilinear" interpolant differs from the cell averages', at worst by about a per cent of the
-                range of densities.
+                their own) or IndexField.from_samples (None: "cubic").
             group: Make the field of the group index, by which a pulse travels; `trace` needs it only where the gas
                 varies.
 
@@ -209,8 +202,7 @@ class CellDensity(MeshDensity):
 
     Raises:
         TypeError: The mesh is not a QuadMesh.
-        ValueError: Densities that are not positive and finite or are too great for a gas (the message says how many,
-            and where the first is), or a number of densities other than the number of cells.
+        ValueError: Densities that no gas has, or a number of them other than the number of cells.
     """
 
     wall: WallDensity | None = field(default=None, kw_only=True)
@@ -253,9 +245,6 @@ class CellDensity(MeshDensity):
     @checked
     def columns(self, position: Numbers, direction: Numbers) -> np.ndarray:
         """Return integrals of (density - ambient density) along whole lines [kg/m2], exact for the cell averages.
-
-        See `aerokernels.medium.mesh_columns`. Rays see an interpolant of the averages or, with the interpolation
-        "cells", the averages themselves.
 
         Args:
             position: A point on each line [m], shape (line_count, 3) or (3,).

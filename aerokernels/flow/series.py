@@ -1,7 +1,6 @@
 """Series: snapshots of a flow in time, each read when it is requested.
 
-A series has its times and, where all snapshots share one mesh, the mesh. `series[i]` is a DensityField;
-`series.density(i)` is the bare array, with which a hundred thousand snapshots can be processed quickly.
+`series[i]` is a DensityField; `series.density(i)` the bare array, for a hundred thousand snapshots one after another.
 """
 
 import hashlib
@@ -157,11 +156,7 @@ class Series:
         return array
 
     def mark(self, index: int = 0) -> str:
-        """Return a hash of a snapshot's samples, which distinguishes series of other contents.
-
-        The first snapshot of an iterator can still be read afterwards, and its others have no hash. The hash of a
-        formula, which has no samples, is empty.
-        """
+        """Return a hash of a snapshot's samples; empty for a formula, and after the first snapshot of an iterator."""
         number = self._number(index)
         if isinstance(self.get, InOrder) and number > 0:
             return ""
@@ -290,8 +285,7 @@ def times_of(time: Sequence[float] | None, step: float | None, start: float, cou
 def on_known_geometry(flow: DensityField, known: Sequence[DensityField]) -> DensityField:
     """Return a flow with its mesh and body replaced by the equal mesh and body of a known flow, where there are such.
 
-    Geometry computed from a mesh or a body is cached on that object: with the same object, another snapshot or another
-    density field does not compute it again.
+    What is computed from a mesh or a body is cached on that object, and is then not computed again.
     """
     if not isinstance(flow, SampledDensity):
         return flow

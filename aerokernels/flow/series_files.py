@@ -111,11 +111,8 @@ def _zarr(path: Path, what: str, most_axes: float) -> Any:
 def series_of_dataset(data: Any, given: Mapping[str, Any], name: str, identity: Mapping[str, Any]) -> Series:
     """Return the series of an xarray object, of which one time at a time is read.
 
-    Args:
-        data: The object.
-        given: Arguments of `open_series` by name: those of `TAKES[WITH_TIME]` that the caller gives.
-        name: Its name, for messages.
-        identity: What identifies it, in plain JSON types.
+    `given` has the arguments of `open_series` that are for data with a time axis; `name` is for messages, and
+    `identity` tells the series from others, in plain JSON types.
     """
     density, species = given.get("density"), given.get("species")
     own: dict[str, Any] = {key: given.get(key) for key in ("body", "conditions")}

@@ -307,10 +307,8 @@ def _with_own(item: Any, own: Mapping[str, Any]) -> Any:
 class _Reader:
     """Reads files, or one file at several times, as density fields; the first one read is the first snapshot.
 
-    All files get the ambient density of the first one, unless the caller gives it or a function that reads them. That
-    of each file would be the median of its own turbulence: on lines of unequal length through the grid its fluctuations
-    would tilt the wavefront. A file of other flow conditions has a far field that differs by more than turbulence, and
-    gets a warning.
+    All files get the ambient density of the first one, unless the caller gives it or a function that reads them: the
+    median of each file's own turbulence would tilt its wavefront. A file of other flow conditions gets a warning.
     """
 
     def __init__(self, read: Callable[..., DensityField] | None, options: dict[str, Any], own: Mapping[str, Any]):
@@ -324,7 +322,7 @@ class _Reader:
         self._is_watched = read is None and "ambient_density" not in options
 
     def __call__(self, path: Path, **more: Any) -> DensityField:
-        """Read a file, or a time of it. Errors as in `flow.read`."""
+        """Read a file, or a time of it."""
         field = self._read(path, **more)
         if self._is_watched:
             self._watch(path, field)
@@ -339,8 +337,7 @@ class _Reader:
     def _watch(self, path: Path, field: DensityField) -> None:
         """Hold the ambient density of the first file, and warn of the first other one with another far field.
 
-        Its difference is that of another flow if it is three times the scatter of the densities there and changes the
-        optical path by more than the default tolerance.
+        Another flow differs by three times the scatter of the densities there, and by more than the default tolerance.
         """
         assert self.options is not None
         front = import_module("aerokernels.flow.reading.read").far_field(field, self._read.resampling)
@@ -377,8 +374,7 @@ def _matching(pattern: Path) -> list[Path]:
 def in_order(paths: Sequence[Path]) -> list[Path]:
     """Return files ordered by the numbers in their names.
 
-    Files of a run are written at even steps, so the reading in which the numbers grow evenly is the right one; without
-    one they are counters.
+    Files of a run are written at even steps, so the reading in which the numbers grow evenly is the right one.
     """
     for reading in (COUNTERS, DECIMALS):
         ordered = sorted(paths, key=partial(_pieces, reading=reading))

@@ -94,7 +94,7 @@ def _volume(name: str) -> GridDensity:
 
 
 def _free_stream(data) -> FreeStream:
-    """Return the free stream from the stagnation state, by the relations with which the solver was initialised."""
+    """Return the free stream, by the relations with which the solver was initialised."""
     mach, pressure, temperature, gamma, gas = (float(data[name]) for name in ("mach", "p0", "T0", "gamma", "R"))
     return tunnel_conditions(mach, pressure, temperature, gamma=gamma, gas_constant=gas)
 

@@ -1,19 +1,9 @@
-r"""Supersonic flow over a circular cone at zero incidence: the Taylor-Maccoll solution.
+"""Supersonic flow over a circular cone at zero incidence: the Taylor-Maccoll solution.
 
-Behind the attached conical shock the flow depends only on the polar angle t from the axis. With velocities in units of
-the free stream's speed, v_r along the ray from the tip, v_t across it, and the sound speed a,
-
-    v_r' = v_t                                                        (no vorticity)
-    v_t' = -v_r - a^2 (v_r + v_t cot t) / (a^2 - v_t^2)               (mass)
-    a^2  = 1 / M^2 + (g - 1) / 2 (1 - v_r^2 - v_t^2)                  (energy)
-
-from the shock, where the Rankine-Hugoniot relations hold, to the wall, where v_t = 0. The variables integrated are the
-deviations from the free stream, u = v_r - cos t and w = v_t + sin t, and the unknown is the shock's strength
-e = M^2 sin^2 b - 1 with the shock angle b. No step subtracts nearly equal numbers, so slender cones, with e of the
-order of the half angle's fourth power, are as accurate as blunt ones.
-
-References: G. I. Taylor and J. W. Maccoll, Proc. R. Soc. A 139 (1933) 278; J. D. Anderson, Modern Compressible Flow,
-3rd ed., ch. 10. Tables: J. L. Sims, NASA SP-3004 (1964).
+The variables integrated from shock to wall are the deviations from the free stream, u = v_r - cos t and w = v_t + sin
+t, and the unknown is the shock's strength e = M^2 sin^2 b - 1: no step subtracts nearly equal numbers, so slender cones
+are as accurate as blunt ones. References: G. I. Taylor and J. W. Maccoll, Proc. R. Soc. A 139 (1933) 278; J. D.
+Anderson, Modern Compressible Flow, 3rd ed., ch. 10. Tables: J. L. Sims, NASA SP-3004 (1964).
 """
 
 import math
@@ -117,8 +107,7 @@ class ConeShock:
     def velocity_at(self, polar_angle: Numbers) -> tuple[np.ndarray, np.ndarray]:
         """Return the radial and polar velocity about the tip, over the free stream's speed, at polar angles [rad].
 
-        The polar velocity is positive toward greater angles, so it is negative here. Inside the body both have their
-        values at the wall.
+        The polar velocity is positive toward greater angles. Inside the body both have their values at the wall.
         """
         angle = np.asarray(polar_angle, dtype=np.float64)
         ahead = angle > self.shock_angle

@@ -1,13 +1,7 @@
-r"""The isentropic vortex: a steady swirl of uniform entropy, with its density in closed form.
+"""The isentropic vortex: a steady swirl of uniform entropy, with its density in closed form.
 
-    v(r) = a M (r / R) exp((1 - r^2 / R^2) / 2),       T / T1 = 1 - (g - 1) / 2 M^2 exp(1 - r^2 / R^2),
-    rho / rho1 = (T / T1)^(1 / (g - 1)),               p / p1 = (T / T1)^(g / (g - 1))
-
-with the sound speed a far away. v has its maximum M a at the radius R. The vortex satisfies the Euler equations:
-dp / dr = rho v^2 / r.
-
-Reference: C.-W. Shu, in Advanced Numerical Approximation of Nonlinear Hyperbolic Equations, LNM 1697 (1998), where its
-strength is epsilon = 2 pi M sqrt(g), in units of R and of p / rho far away.
+v(r) = a M (r / R) exp((1 - r^2 / R^2) / 2), with the sound speed a far away and its maximum M a at R, satisfies the
+Euler equations. Reference: C.-W. Shu, LNM 1697 (1998), where its strength is epsilon = 2 pi M sqrt(g).
 """
 
 import math
@@ -94,12 +88,9 @@ def vortex(
         spacing: Greatest side of the square cells [m]; None takes 1/40 of the radius.
         gamma: Ratio of specific heats.
 
-    Returns:
-        The field; `solution` is the vortex with its relations.
-
     Raises:
-        ValueError: A quantity that is not positive, a Mach number at which the middle reaches vacuum (the message gives
-            the limit), gamma not above 1, or a spacing that exceeds half a radius or gives too many cells.
+        ValueError: A quantity that is not positive, a Mach number at which the middle reaches vacuum, gamma not above
+            1, or a spacing that exceeds half a radius or gives too many cells.
     """
     swirl = Vortex(float(mach), float(radius), float(gamma))
     check_density(density, "density")
