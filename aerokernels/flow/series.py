@@ -12,13 +12,12 @@ import numpy as np
 
 from aerokernels.derived import Derived
 from aerokernels.device_arrays import device_array, host_array, own_copy
-from aerokernels.display.plain_text import cut
 from aerokernels.display.shown import shown
 from aerokernels.flow.density_field import DensityField
 from aerokernels.flow.gas import FreeStream, check_density
 from aerokernels.flow.sampled_density import CellDensity, GridDensity, SampledDensity, VertexDensity
 from aerokernels.inputs.arguments import seconds
-from aerokernels.inputs.checks import check_choice, check_positive
+from aerokernels.inputs.checks import check_choice
 from aerokernels.medium import Body, QuadMesh, SolidBody
 from aerokernels.medium.grid import checked_axes
 from aerokernels.medium.mesh import GEOMETRIES
@@ -259,27 +258,6 @@ class InOrder:
             return next(self._items)
         except StopIteration:
             raise ValueError(f"the iterator ended before snapshot {number}: fewer snapshots than times") from None
-
-
-def times_of(time: Sequence[float] | None, step: float | None, start: float, count: int | None) -> np.ndarray:
-    """Return the times of a series [s], from a list of times or from a step."""
-    if time is not None and step is not None:
-        raise ValueError("give either time, one for each snapshot, or time_step")
-    if time is not None:
-        try:
-            times = np.array(seconds(np.asarray(time))).reshape(-1)
-        except (TypeError, ValueError):
-            got = cut(repr(time))
-            raise ValueError(f"time must be numbers of seconds, or dates, one for each snapshot, got {got}") from None
-        if count is not None and len(times) != count:
-            raise ValueError(f"{len(times)} times for {count} snapshots: give one for each")
-        return times
-    if step is None:
-        raise ValueError("a series needs times: give time, one for each snapshot in seconds, or time_step")
-    check_positive(step, "time_step", "s")
-    if count is None:
-        raise ValueError("an iterator does not say how many snapshots it has: give time, one for each, or count")
-    return start + step * np.arange(count)
 
 
 def on_known_geometry(flow: DensityField, known: Sequence[DensityField]) -> DensityField:

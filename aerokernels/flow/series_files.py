@@ -12,8 +12,6 @@ from aerokernels.files.netcdf_reading import open_netcdf
 from aerokernels.flow.reading.arrays import ambient_attribute, known_names, stated_unit
 from aerokernels.flow.reading.density import DENSITY_NAMES
 from aerokernels.flow.reading.formats import files_behind, stamp
-from aerokernels.flow.reading.fractions import Fractions, mass_fractions, mixture_in_words, species_arrays
-from aerokernels.flow.sampled_density import GridDensity
 from aerokernels.flow.series import GridMesh, Series
 from aerokernels.inputs.arguments import seconds
 from aerokernels.inputs.checks import listed
@@ -24,57 +22,6 @@ from aerokernels.process.foreign_files import FileFault, check_file, check_folde
 TIME_NAMES = ("time", "t", "Time")
 # Fraction of a spacing by which nodes may deviate from an even grid: coordinates may be rounded to single precision.
 UNEVEN = 1e-3
-
-
-class Mixture:
-    """The variables of an xarray object that hold the fractions of species.
-
-    Attributes:
-        said: The variables used, in words.
-        identity: The variables used, as plain JSON types.
-    """
-
-    def __init__(self, name: str, data: Any, axes: tuple[str, ...], species: Any):
-        """Find the variables."""
-        if not hasattr(data, "data_vars"):
-            raise ValueError(
-                f"{name}: a single array has no species: give a dataset with the density and the fractions"
-            )
-        self._basis, self._arrays = species_arrays(name, [str(one) for one in data.data_vars], species)
-        self._name, self._clock, self._shares = name, axes[0], []
-        for variable in self._arrays.values():
-            own = data[variable]
-            if set(own.dims) not in (set(axes), set(axes[1:])):
-                raise ValueError(
-                    f"{name}: {variable} has axes {', '.join(map(str, own.dims))}, the density "
-                    f"{', '.join(axes)}: give both on the same ones"
-                )
-            self._shares.append(own.transpose(*(axis for axis in axes if axis in own.dims)))
-        self.said = mixture_in_words(self._basis, self._arrays)
-        self.identity = [self._basis, *map(list, self._arrays.items())]
-
-    def field(self, density: np.ndarray, where: GridMesh, ambient: float, own: dict, number: int) -> GridDensity:
-        """Return the density field of a snapshot, with its composition.
-
-        Args:
-            density: [kg/m3], on the grid.
-            where: The grid.
-            ambient: Density around the grid [kg/m3].
-            own: The body and the free stream, by name.
-            number: Number of the snapshot.
-        """
-        variables = [one.isel({self._clock: number}) if self._clock in one.dims else one for one in self._shares]
-        fractions = np.stack([np.asarray(one.values, dtype=np.float64).ravel() for one in variables])
-        label = f"{self._name}, snapshot {number}"
-        mass = mass_fractions(label, fractions, "node", self._arrays, self._basis)
-        density = np.array(density, dtype=np.float64)
-        partial = (mass * density.ravel()).reshape(-1, *density.shape)
-        ambient_partial = partial[..., -1].reshape(len(partial), -1).mean(axis=1)  # greatest z: the inflow
-        composition = Fractions(tuple(self._arrays), [], self.said).composition(partial, ambient_partial)
-        return GridDensity(
-            density, where.origin, where.spacing, where.geometry, ambient, where.cell_averages,
-            own["body"], own["conditions"], f"{label}; {self.said}", composition=composition,
-        )  # fmt: skip
 
 
 def opened(path: Path) -> tuple[Any, dict[str, Any]]:
@@ -114,7 +61,7 @@ def series_of_dataset(data: Any, given: Mapping[str, Any], name: str, identity: 
     `given` has the arguments of `open_series` that are for data with a time axis; `name` is for messages, and
     `identity` tells the series from others, in plain JSON types.
     """
-    density, species = given.get("density"), given.get("species")
+    density = given.get("density")
     own: dict[str, Any] = {key: given.get(key) for key in ("body", "conditions")}
     unit = given.get("length_unit")
     if unit is not None:
@@ -169,13 +116,6 @@ def series_of_dataset(data: Any, given: Mapping[str, Any], name: str, identity: 
         return values if factor == 1.0 else values * factor
 
     identity = {**identity, "variable": array.name}
-    if species is not None:
-        mixture = Mixture(name, data, array.dims, species)
-        identity["species"] = mixture.identity
-        return Series(
-            lambda number: mixture.field(get(number), where, float(around), own, number),
-            times, where, float(around), **own, provenance=f"{described}; {mixture.said}", identity=identity,
-        )  # fmt: skip
     return Series(get, times, where, float(around), **own, provenance=described, identity=identity)
 
 

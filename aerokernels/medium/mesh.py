@@ -1,8 +1,4 @@
-"""Quadrilateral meshes in a plane: geometry, checks, and finding the cell that contains a point.
-
-Cells are found by uniform bins: each bin lists the cells whose bounding box touches it. Those whose box contains the
-point are tested against their four edges.
-"""
+"""Quadrilateral meshes in a plane: geometry, checks, and finding the cell that contains a point."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -14,6 +10,7 @@ import numpy as np
 from aerokernels.derived import Derived
 from aerokernels.display.shown import shown
 from aerokernels.inputs.arguments import Numbers, checked
+from aerokernels.medium.bins import Bins, bins_of
 from aerokernels.medium.grid import as_points, check_finite
 from aerokernels.medium.mesh_cells import (
     EDGE_TOLERANCE,
@@ -23,23 +20,11 @@ from aerokernels.medium.mesh_cells import (
     contains,
     invert_bilinear,
     oriented,
-    parts_across,
 )
 
 GEOMETRIES = ("volume", "planar", "axisymmetric")
 # Gauss points of the unit interval, exact for cubic polynomials.
 GAUSS_2 = (0.5 - 0.5 / 3.0**0.5, 0.5 + 0.5 / 3.0**0.5)
-
-
-@dataclass(frozen=True, eq=False)
-class CellBins:
-    """Uniform bins over a mesh: bin (i, j) lists `cell[start[k]:start[k + 1]]` with k = i * count[1] + j."""
-
-    origin: np.ndarray
-    size: np.ndarray
-    count: tuple[int, int]
-    start: np.ndarray
-    cell: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -234,46 +219,16 @@ class QuadMesh(Derived):
         Edges are identified by their vertices: cells at a seam with separate vertices on either side are not
         neighbours.
         """
-        if self.whole is not None and len(self.cells) == 4 * len(self.whole.cells):
-            return parts_across(self.whole.neighbors)
         return cells_across(self.cells, len(self.vertices))
 
     @cached_property
-    def bins(self) -> CellBins:
-        """Uniform bins, about as many as cells."""
-        from scipy.sparse import coo_matrix
-
-        low, high = self.box
-        extent = np.maximum(high - low, 1e-300)
-        count = np.maximum(1, np.sqrt(len(self.cells) * extent / extent[::-1]).astype(int))
-        count = np.minimum(count, 4096)
-        size = extent / count
-        tolerance = EDGE_TOLERANCE * extent
-        x = self.corners.T  # (2, 4, cell_count)
-        first, last = (
-            np.clip(((end - low[:, None]) / size[:, None]).astype(np.int32), 0, count[:, None].astype(np.int32) - 1)
-            for end in (x.min(axis=1) - tolerance[:, None], x.max(axis=1) + tolerance[:, None])
-        )
-        rows, columns = last - first + 1
-        cell = np.repeat(np.arange(len(self.cells), dtype=np.int32), rows * columns)
-        within = np.arange(len(cell), dtype=np.int32) - np.repeat(
-            np.cumsum(rows * columns, dtype=np.int32) - rows * columns, rows * columns
-        )
-        key = (first[0, cell] + within // columns[cell]) * np.int32(count[1]) + first[1, cell] + within % columns[cell]
-        # A sparse matrix of bins and cells sorts by counting.
-        found = coo_matrix(
-            (np.ones(len(key), np.int8), (key, cell)), shape=(int(count.prod()), len(self.cells))
-        ).tocsr()
-        start, listed = found.indptr.astype(np.int32), found.indices.astype(np.int32)
-        return CellBins(low, size, (int(count[0]), int(count[1])), start, listed)
-
-    @cached_property
-    def cell_boxes(self) -> tuple[np.ndarray, np.ndarray]:
-        """Lowest and highest coordinates of each cell, with a tolerance [m], shape (2, cell_count) each."""
+    def bins(self) -> Bins:
+        """Bins over the cells' bounding boxes, which have a tolerance."""
         low, high = self.box
         tolerance = (EDGE_TOLERANCE * (high - low))[:, None]
         x = self.corners.T  # (2, 4, cell_count)
-        return np.ascontiguousarray(x.min(axis=1) - tolerance), np.ascontiguousarray(x.max(axis=1) + tolerance)
+        first, last = (np.ascontiguousarray(end) for end in (x.min(axis=1) - tolerance, x.max(axis=1) + tolerance))
+        return bins_of(first, last, low, high - low)
 
     @checked
     def locate(self, points: Numbers) -> np.ndarray:
@@ -289,35 +244,9 @@ class QuadMesh(Derived):
 
     def holding(self, points: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
         """Yield all pairs of a point's index and a cell that contains it, for some points at a time; cells ascend."""
-        bins = self.bins
-        low, high = self.box
-        tolerance = EDGE_TOLERANCE * (high - low)
-        rows = np.flatnonzero(np.all((points >= low - tolerance) & (points <= high + tolerance), axis=1))
-        place = np.floor((points[rows] - bins.origin) / bins.size).astype(np.int64)
-        place = np.clip(place, 0, np.array(bins.count) - 1)
-        key = place[:, 0] * bins.count[1] + place[:, 1]
-        listed = (bins.start[key + 1] - bins.start[key]).astype(np.int64)
-        ends = np.cumsum(listed)
-        first = 0
-        while first < len(rows):
-            # A million pairs are tested together, which limits the size of arrays.
-            last = max(first + 1, int(np.searchsorted(ends, 1_000_000 + (ends[first - 1] if first else 0), "right")))
-            part = slice(first, last)
-            yield self._holding(points, rows[part], bins.start[key[part]], listed[part])
-            first = last
-
-    def _holding(self, points, rows, start, listed) -> tuple[np.ndarray, np.ndarray]:
-        """Return the pairs for some rows, whose bins' lists begin at `start` and have the lengths `listed`."""
-        row = np.repeat(rows, listed)
-        before = np.cumsum(listed) - listed
-        cell = self.bins.cell[np.arange(len(row)) - np.repeat(before - start, listed)]
-        low, high = self.cell_boxes
-        for axis in (0, 1):
-            place = points[row, axis]
-            near = np.flatnonzero((place >= low[axis][cell]) & (place <= high[axis][cell]))
-            row, cell = row[near], cell[near]
-        holds = contains(self.corners[cell], points[row])
-        return row[holds], cell[holds]
+        for row, cell in self.bins.pairs(points):
+            holds = contains(self.corners[cell], points[row])
+            yield row[holds], cell[holds]
 
     def places(self, points: np.ndarray) -> Places:
         """Return the cells in which points (n, 2) [m] lie, as found by `locate`."""

@@ -25,23 +25,6 @@ def cells_across(cells: np.ndarray, vertex_count: int) -> np.ndarray:
     return result.reshape(-1, 4)
 
 
-def parts_across(across: np.ndarray) -> np.ndarray:
-    """Return the cells across each edge of the parts of cells cut in four, part k of cell i at 4 i + k, shape (4 n, 4).
-
-    `across` has those of the cells before the cut, shape (n, 4).
-    Part k begins with corner k of its cell; its edges go to the middle of the cell's edge k, to the middle of the cell,
-    to the middle of edge k - 1, and back.
-    """
-    cell = np.arange(len(across), dtype=np.int32)[:, None]
-    # The number of the same edge in the cell behind it, which runs the other way round.
-    back = (across[np.maximum(across, 0)] == cell[:, :, None]).argmax(axis=2).astype(np.int32)
-    parts = 4 * cell + np.arange(4, dtype=np.int32)
-    at_start = np.where(across < 0, np.int32(-1), 4 * across + (back + 1) % 4)
-    at_end = np.where(across < 0, np.int32(-1), 4 * across + back)
-    rows = [at_start, np.roll(parts, -1, axis=1), np.roll(parts, 1, axis=1), np.roll(at_end, 1, axis=1)]
-    return np.stack(rows, axis=2).reshape(-1, 4)
-
-
 def check_duplicates(vertices: np.ndarray) -> None:
     """Reject two vertices in one place: cells on either side would look like neighbours without being connected."""
     _, first, inverse = np.unique(vertices, axis=0, return_index=True, return_inverse=True)
