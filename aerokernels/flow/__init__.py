@@ -10,7 +10,7 @@ from aerokernels.flow.blunt_body import BluntBodyFlow, BowShock, blunt_body, bow
 from aerokernels.flow.ciddor import ciddor_constant, ciddor_refractivity, moist_air_density, water_fraction
 from aerokernels.flow.conical_field import ConicalFlow, cone
 from aerokernels.flow.density_field import DensityField
-from aerokernels.flow.exact_field import ExactField, uniform_air
+from aerokernels.flow.exact_field import ExactField, Vortex, uniform_air, vortex
 from aerokernels.flow.gas import (
     GAMMA_AIR,
     GAS_CONSTANT_AIR,
@@ -48,7 +48,6 @@ from aerokernels.flow.shipped import shipped, shipped_names
 from aerokernels.flow.shocks import PrandtlMeyer, Shock, maximum_deflection, normal_shock, oblique_shock, prandtl_meyer
 from aerokernels.flow.species import SPECIES, SPECIES_NAMES, Composition, Species, species_constant
 from aerokernels.flow.taylor_maccoll import ConeShock, cone_shock, maximum_cone_angle
-from aerokernels.flow.vortex import Vortex, vortex
 
 __all__ = [
     "GAMMA_AIR",

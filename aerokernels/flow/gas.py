@@ -65,20 +65,6 @@ class FreeStream:
     gamma: float = GAMMA_AIR
     gas_constant: float = GAS_CONSTANT_AIR
 
-    @property
-    def dynamic_pressure(self) -> float:
-        """Half the density times the velocity squared [Pa]."""
-        return 0.5 * self.density * self.velocity**2
-
-    @property
-    def reynolds_per_metre(self) -> float:
-        """Reynolds number of a length of one metre, in air [1/m].
-
-        The viscosity is Sutherland's, 1.458e-6 T^1.5 / (T + 110.4) Pa s (U.S. Standard Atmosphere 1976, eq 51).
-        """
-        viscosity = 1.458e-6 * self.temperature**1.5 / (self.temperature + 110.4)
-        return self.density * self.velocity / viscosity
-
     @checked
     def at_density(self, density: float) -> "FreeStream":
         """Return the stream of the same Mach number and temperature at another density [kg/m3]; pressures scale too."""

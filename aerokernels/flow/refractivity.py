@@ -101,18 +101,6 @@ def index_contrast(
     return difference_of_squares / (index + ambient_index)
 
 
-def group_refractivity(density, gladstone_dale, group_constant, relation: str):
-    """Return n_g - 1 at densities [kg/m3], from K and the group constant [m3/kg], all of them arrays or numbers.
-
-    n_g = n + (K_g - K) dn/dK, and by Lorentz-Lorenz, with a = 2/3 K rho, dn/dK = rho / (n (1 - a)^2).
-    """
-    if relation == "gladstone-dale":
-        return group_constant * density
-    excess = index_contrast(density, 0.0, gladstone_dale, relation)
-    slope = density / ((1.0 + excess) * (1.0 - 2.0 / 3.0 * gladstone_dale * density) ** 2)
-    return excess + (group_constant - gladstone_dale) * slope
-
-
 def _check(gladstone_dale: float | np.ndarray, relation: str) -> None:
     check_choice(relation, "relation", RELATIONS)
     if not (np.size(gladstone_dale) and np.isfinite(gladstone_dale).all() and np.greater(gladstone_dale, 0.0).all()):
@@ -137,18 +125,17 @@ class _AirRelation(NamedTuple):
     group_length: float = 0.0
 
 
-def _of_paper(wavelength: float, *, water: float, co2: float, group: bool) -> float:
-    return gladstone_dale_constant(wavelength, group=group)
-
-
 # Eq 2 exceeds Ciddor's constant by 1.2 % at 400 nm, 0.84 % at 532 nm, 0.46 % at 905 nm and 0.31 % at 1.6 um, its group
 # constant by 2.5 %, 1.8 %, 0.9 % and 0.5 %.
 AIR = {
-    "paper": _AirRelation((SHORTEST_WAVELENGTH, LONGEST), 1.2e-2, "the paper's eq 2", _of_paper, 1e-8),
+    "paper": _AirRelation(
+        (SHORTEST_WAVELENGTH, LONGEST), 1.2e-2, "the paper's eq 2",
+        lambda wavelength, *, group, **moisture: gladstone_dale_constant(wavelength, group=group), 1e-8,
+    ),
     "ciddor": _AirRelation(
         ciddor.RANGE, ciddor.UNCERTAINTY, "P. E. Ciddor, Applied Optics 35 (1996) 1566", ciddor.ciddor_constant
     ),
-}
+}  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -212,30 +199,31 @@ class RefractivityModel:
         if not group:
             return refractivity(density, constant, self.form)
         of_group = self._at(density, self.constant(wavelength, ambient=ambient, group=True))
-        return group_refractivity(density, constant, of_group, self.form)
+        if self.form == "gladstone-dale":
+            return of_group * density
+        # n_g = n + (K_g - K) dn/dK, and with a = 2/3 K rho dn/dK = rho / (n (1 - a)^2).
+        excess = index_contrast(density, 0.0, constant, self.form)
+        slope = density / ((1.0 + excess) * (1.0 - 2.0 / 3.0 * constant * density) ** 2)
+        return excess + (of_group - constant) * slope
 
     def ambient_index(self, density: float, wavelength: float, *, group: bool = False) -> float:
         """Return the refractive index of the ambient gas at a density [kg/m3] and a vacuum wavelength [m]."""
         return 1.0 + float(self.refractivity(density, wavelength, ambient=True, group=group))
-
-    def upstream(self, wavelength: float, column: float = 0.0) -> Upstream:
-        """Return the errors of an index made by this model; `column` is that of columns of density, rms [kg/m2]."""
-        constant = float(np.max(self.constant(wavelength)))
-        return Upstream(constant * column, self.uncertainty, f"{self.name}: {self.source}")
 
     def field_arguments(
         self, ambient_density: float, wavelength: float, column: float, group: bool, again: Callable[..., IndexField]
     ) -> dict[str, Any]:
         """Return ambient_index, wavelength and upstream of an index field, as IndexField's constructors take them.
 
-        `column` is as for `upstream`; `again(group=True)` makes the field of the group index, and `group` says that it
-        is the one that is being made.
+        `column` is the rms error of columns of the density [kg/m2]; `again(group=True)` makes the field of the group
+        index, and `group` says that it is the one that is being made.
         """
         uncertainty = self.uncertainty
         if uncertainty == self._air.uncertainty:
             uncertainty = max(uncertainty, self._air.group_length / wavelength)
         constant, of_group = (self.constant(wavelength, ambient=True, group=one) for one in (False, True))
-        made = self.upstream(wavelength, column)
+        columns = float(np.max(self.constant(wavelength))) * column
+        made = Upstream(columns, self.uncertainty, f"{self.name}: {self.source}")
         if group:
             made = replace(made, refractivity=uncertainty)
         else:

@@ -22,34 +22,6 @@ from aerokernels.medium.mesh import GEOMETRIES
 from aerokernels.medium.mesh_samples import MeshSamples
 
 
-@dataclass(frozen=True, eq=False)
-class WallDensity:
-    """Densities at points of walls: at the ends and the midpoints of the cells' edges.
-
-    Attributes:
-        points: Positions (y, z) or (r, z) [m], shape (n, 2).
-        density: [kg/m3], shape (n,).
-    """
-
-    points: np.ndarray
-    density: np.ndarray
-
-    def __post_init__(self):
-        """Check the densities."""
-        points, density = np.array(self.points, dtype=np.float64), np.array(self.density, dtype=np.float64)
-        if density.ndim != 1 or points.shape != (len(density), 2):
-            raise ValueError(f"walls have points of shape (n, 2) and n densities, got {points.shape}, {density.shape}")
-        if wrong := no_gas(density):
-            raise ValueError(f"{wrong[1]} of {len(density)} densities at walls are {wrong[0]}: repair the flow file")
-        for name, values in (("points", points), ("density", density)):
-            values.setflags(write=False)
-            object.__setattr__(self, name, values)
-
-    def scaled(self, ratio: float) -> "WallDensity":
-        """Return the wall densities multiplied by a ratio."""
-        return replace(self, density=self.density * ratio)
-
-
 class SampledDensity(DensityField):
     """Base class of density fields given by samples on a mesh or a grid."""
 
@@ -58,7 +30,7 @@ class SampledDensity(DensityField):
     conditions: FreeStream | None
     composition: Composition | None
     density: np.ndarray
-    wall: WallDensity | None = None
+    wall: tuple[np.ndarray, np.ndarray] | None = None
     _column_error = 0.0  # error of the integral of density along z [kg/m2] from resampling
 
     @property
@@ -79,7 +51,7 @@ class SampledDensity(DensityField):
             ambient_density=float(ambient_density),
             conditions=None if self.conditions is None else self.conditions.at_density(self.conditions.density * ratio),
             provenance=f"{self.provenance}; densities multiplied by {ratio:.8g}".lstrip("; "),
-            **({} if self.wall is None else {"wall": self.wall.scaled(ratio)}),
+            **({} if self.wall is None else {"wall": (self.wall[0], self.wall[1] * ratio)}),
         )
 
     @checked
@@ -127,8 +99,8 @@ class SampledDensity(DensityField):
         again = partial(self.index_field, wavelength, relation, composition=composition, interpolation=interpolation)
         walls = {}
         if self.wall is not None and not composition:
-            at_walls = model.contrast(self.wall.density, self.ambient_density, wavelength, group=group)
-            walls["walls"] = self.wall.points, at_walls
+            points, density = self.wall
+            walls["walls"] = points, model.contrast(density, self.ambient_density, wavelength, group=group)
         return self._index(
             contrast,
             interpolation,
@@ -198,14 +170,14 @@ class CellDensity(MeshDensity):
         conditions: The free stream, or None where the gas is at rest.
         provenance: Where the field comes from, in words.
         composition: The gas, where it is a mixture that is known cell by cell; None for one gas.
-        wall: The solver's densities at walls, or None.
+        wall: Points of walls (y, z) or (r, z) [m], shape (n, 2), and the solver's densities there [kg/m3]; or None.
 
     Raises:
         TypeError: The mesh is not a QuadMesh.
         ValueError: Densities that no gas has, or a number of them other than the number of cells.
     """
 
-    wall: WallDensity | None = field(default=None, kw_only=True)
+    wall: tuple[np.ndarray, np.ndarray] | None = field(default=None, kw_only=True)
 
     def __post_init__(self):
         """Check the densities."""
@@ -215,6 +187,9 @@ class CellDensity(MeshDensity):
         density = density.ravel()
         if wrong := no_gas(density):
             self._refuse(density, *wrong)
+        if self.wall is not None and (wrong := no_gas(self.wall[1])):
+            total = len(self.wall[1])
+            raise ValueError(f"{wrong[1]} of {total} densities at walls are {wrong[0]}: repair the flow file")
         density.setflags(write=False)
         object.__setattr__(self, "density", density)
 
@@ -253,7 +228,7 @@ class CellDensity(MeshDensity):
         Raises:
             ValueError: Directions that are not unit vectors, or lines along x of a planar field.
         """
-        from aerokernels.medium.mesh_columns import mesh_columns
+        from aerokernels.medium.mesh_samples import mesh_columns
 
         return mesh_columns(self.mesh, self.density - self.ambient_density, position, direction)
 

@@ -8,6 +8,7 @@ Anderson, Modern Compressible Flow, 3rd ed., ch. 10. Tables: J. L. Sims, NASA SP
 
 import math
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -20,39 +21,6 @@ LEAST_HALF_ANGLE = 1e-6
 TOLERANCE = 1e-13
 # Profile entries per step of the integrator: the cubics between entries are then accurate to 1e-12.
 PARTS = 16
-
-
-@dataclass(frozen=True, eq=False)
-class ConicalProfile:
-    """The flow between wall and shock as a function of the angle below the shock, s = shock_angle - polar angle [rad].
-
-    Attributes:
-        depth: Increasing s, from 0 at the shock to the wall, shape (n,).
-        radial: u = v_r - cos t over the free stream's speed, shape (n,).
-        polar: w = v_t + sin t over the free stream's speed, shape (n,).
-        polar_slope: dw / ds, shape (n,).
-    """
-
-    depth: np.ndarray
-    radial: np.ndarray
-    polar: np.ndarray
-    polar_slope: np.ndarray
-
-    def deviation(self, depth: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the deviation (u, w) at each s between shock and wall, by cubics through values and slopes."""
-        right = np.clip(np.searchsorted(self.depth, depth), 1, len(self.depth) - 1)
-        width = self.depth[right] - self.depth[right - 1]
-        x = (depth - self.depth[right - 1]) / width
-        # du / ds = -w: the flow has no vorticity.
-        radial = _hermite(x, width, right, self.radial, -self.polar)
-        return radial, _hermite(x, width, right, self.polar, self.polar_slope)
-
-
-def _hermite(x, width, right, value, slope):
-    before, after = value[right - 1], value[right]
-    y = 1.0 - x
-    ends = before + x**2 * (3.0 - 2.0 * x) * (after - before)
-    return ends + width * x * y * (y * slope[right - 1] - x * slope[right])
 
 
 @dataclass(frozen=True)
@@ -74,7 +42,8 @@ class ConeShock:
         surface_pressure_ratio: Pressure at the wall over that of the free stream.
         surface_temperature_ratio: Temperature at the wall over that of the free stream.
         gamma: Ratio of specific heats.
-        profile: The flow between wall and shock.
+        profile: SciPy's spline of u = v_r - cos t and w = v_t + sin t, over the free stream's speed, in the angle below
+            the shock s = shock_angle - t [rad], t the polar angle.
     """
 
     mach: float
@@ -91,14 +60,14 @@ class ConeShock:
     surface_pressure_ratio: float
     surface_temperature_ratio: float
     gamma: float
-    profile: ConicalProfile = field(repr=False, compare=False)
+    profile: Any = field(repr=False, compare=False)
 
     @checked
     def density_ratio_at(self, polar_angle: Numbers) -> np.ndarray:
         """Return density over that of the free stream at polar angles [rad]; inside the body the value at the wall."""
         angle = np.asarray(polar_angle, dtype=np.float64)
         ahead = angle > self.shock_angle  # NaN is not, and stays NaN
-        u, w = self.profile.deviation(self._depth(angle))
+        u, w = self._deviation(angle)
         excess = temperature_excess(self.mach, self.gamma, np.clip(angle, self.half_angle, self.shock_angle), u, w)
         ratio = self.stagnation_pressure_ratio * (1.0 + excess) ** (1.0 / (self.gamma - 1.0))
         return np.where(ahead, 1.0, ratio)
@@ -112,11 +81,12 @@ class ConeShock:
         angle = np.asarray(polar_angle, dtype=np.float64)
         ahead = angle > self.shock_angle
         outside = np.maximum(angle, self.half_angle)
-        u, w = self.profile.deviation(self._depth(angle))
+        u, w = self._deviation(angle)
         return np.cos(outside) + np.where(ahead, 0.0, u), np.where(ahead, 0.0, w) - np.sin(outside)
 
-    def _depth(self, angle: np.ndarray) -> np.ndarray:
-        return np.clip(self.shock_angle - angle, 0.0, self.profile.depth[-1])
+    def _deviation(self, angle: np.ndarray) -> np.ndarray:
+        """Return (u, w), shape (2, ...), at polar angles [rad], those outside moved to the shock or to the wall."""
+        return np.moveaxis(self.profile(np.clip(self.shock_angle - angle, 0.0, self.profile.x[-1])), -1, 0)
 
 
 def temperature_excess(mach, gamma, angle, u, w):
@@ -272,6 +242,8 @@ def _wall_angle(mach: float, strength: float, gamma: float, floor: float) -> flo
 
 
 def _assemble(mach: float, half_angle: float, gamma: float, strength: float) -> ConeShock:
+    from scipy.interpolate import CubicHermiteSpline
+
     shock_angle, solution, slope = _integrate(mach, strength, gamma, half_angle, wall=False, dense=True)
     steps = solution.t
     depth = np.append((steps[:-1, None] + np.diff(steps)[:, None] * np.arange(PARTS) / PARTS).ravel(), steps[-1])
@@ -279,9 +251,8 @@ def _assemble(mach: float, half_angle: float, gamma: float, strength: float) -> 
     polar_slope = np.array(
         [slope(s, state)[1] for s, state in zip(depth, zip(radial, polar, strict=True), strict=True)]
     )
-    for array in (depth, radial, polar, polar_slope):
-        array.setflags(write=False)
-
+    # du / ds = -w: the flow has no vorticity.
+    profile = CubicHermiteSpline(depth, np.stack([radial, polar], axis=1), np.stack([-polar, polar_slope], axis=1))
     density = density_jump(1.0 + strength, gamma)
     pressure = 1.0 + 2.0 * gamma / (gamma + 1.0) * strength
     stagnation = stagnation_ratio(density, pressure, gamma)
@@ -312,5 +283,5 @@ def _assemble(mach: float, half_angle: float, gamma: float, strength: float) -> 
         surface_pressure_ratio=stagnation * wall_temperature ** (gamma / (gamma - 1.0)),
         surface_temperature_ratio=wall_temperature,
         gamma=gamma,
-        profile=ConicalProfile(depth, radial, polar, polar_slope),
+        profile=profile,
     )

@@ -1,8 +1,7 @@
 """The index contrast on a uniform grid: one interpolant of one scalar, differentiated analytically.
 
-The scalar is the optical potential s = (n^2 - a^2) / 2 = m (a + m / 2), with contrast m and ambient index a. Its
-gradient is the force in the ray equation r'' = grad s, and the optical path is the integral of a^2 + 2 s. In air s
-equals the contrast to one part in 10^4; in strong media a quadratic n^2 is represented exactly.
+The scalar is the optical potential s = (n^2 - a^2) / 2 = m (a + m / 2), with contrast m and ambient index a: its
+gradient is the force in the ray equation r'' = grad s, and the optical path is the integral of a^2 + 2 s.
 """
 
 from dataclasses import dataclass
@@ -106,14 +105,7 @@ def check_starts_on_axis(origin: np.ndarray, spacing: np.ndarray) -> None:
 
 @dataclass(frozen=True, eq=False)
 class GridPlaces(Derived):
-    """The positions of a uniform grid's nodes, and the results that later stages have computed from them.
-
-    Attributes:
-        shape: Number of nodes along each axis.
-        origin: Coordinates of the first node [m], shape (d,).
-        spacing: Node spacing [m], shape (d,).
-        even_first_axis: Mirror symmetry at the first node of axis 0.
-    """
+    """The positions of a uniform grid's nodes, and the results that later stages have computed from them."""
 
     shape: tuple[int, ...]
     origin: np.ndarray
@@ -122,10 +114,7 @@ class GridPlaces(Derived):
 
 
 def places_of(shape: tuple[int, ...], origin: np.ndarray, spacing: np.ndarray, even_first_axis: bool) -> GridPlaces:
-    """Return the positions of such nodes: one object for all grids that exist at the same time.
-
-    The results cached on it live as long as one of these grids. The arguments are the attributes of GridPlaces.
-    """
+    """Return the positions of such nodes: one object, with the results cached on it, for all grids that exist now."""
     in_use: WeakValueDictionary[tuple, GridPlaces] = OPENED.once("positions of nodes in use", WeakValueDictionary)
     key = shape, origin.tobytes(), spacing.tobytes(), even_first_axis
     return in_use.get(key) or in_use.setdefault(key, GridPlaces(shape, origin, spacing, even_first_axis))
@@ -226,10 +215,7 @@ class UniformGrid(Derived):
 
     @cached_property
     def coefficients(self) -> np.ndarray:
-        """Coefficient array of the potential's interpolant (see spline.py), of the type of the samples.
-
-        Computed when it is first read, or copied from the device where it was computed: see tracing/grid_tables.py.
-        """
+        """Coefficient array of the potential's interpolant; copied from the device where it was computed, if it was."""
         fetch = self.held(FETCH)
         if fetch is not None:
             return np.asarray(fetch())
@@ -299,10 +285,7 @@ def _product(factors: list[np.ndarray], out: np.ndarray) -> np.ndarray:
 
 
 def eq5_step(difference: np.ndarray, size) -> np.ndarray:
-    """Return the step length of the paper's eq 5: a fraction of the cell size that falls with the index difference.
-
-    The paper does not cover a difference of exactly 1e-5; here it belongs to the tier below.
-    """
+    """Return the step length of the paper's eq 5: a fraction of the cell size that falls with the index difference."""
     share = np.select(
         [difference <= 1e-5, difference <= 1e-4, difference <= 1e-3, difference <= 1e-2], [1.0, 0.5, 0.2, 0.1], 0.05
     )

@@ -29,14 +29,7 @@ GAUSS_2 = (0.5 - 0.5 / 3.0**0.5, 0.5 + 0.5 / 3.0**0.5)
 
 @dataclass(frozen=True, eq=False)
 class Places:
-    """The cells of a mesh in which points lie.
-
-    Attributes:
-        mesh: The mesh.
-        points: The points [m], shape (n, 2).
-        rows: Indices of the points that are in a cell, shape (m,).
-        cell: The cells of these points, shape (m,).
-    """
+    """The cells of a mesh in which points [m], shape (n, 2), lie: the points `rows` that are in one, and its `cell`."""
 
     mesh: "QuadMesh"
     points: np.ndarray
@@ -108,11 +101,7 @@ class QuadMesh(Derived):
             self._refuse_overlaps()
 
     def _refuse_overlaps(self) -> None:
-        """Reject cells in other cells: one of two values would count.
-
-        Where meshes overlap, the boundary of one of them is within the other. Edges of parts that do not match may
-        cross by less than half a cell.
-        """
+        """Reject cells in other cells. The boundary of one of two meshes that overlap is within the other."""
         rim = np.flatnonzero((self.neighbors < 0).any(axis=1))
         middle = self.corners[rim].mean(axis=1)
         count = np.zeros(len(rim), np.int64)
@@ -183,11 +172,7 @@ class QuadMesh(Derived):
 
     @cached_property
     def corner_weights(self) -> np.ndarray:
-        """Weights of the corners in the integral of a bilinear function over each cell, shape (cell_count, 4).
-
-        The integral is the sum of the weights times the values at the corners; the weights are in m2 (if axisymmetric
-        in m3 per radian). Exact by 2 x 2 Gauss points.
-        """
+        """Weights of the corners in integrals of bilinear functions over cells [m2, or m3 per radian], shape (n, 4)."""
         weights = np.zeros((len(self.cells), 4))
         for a, b, _, measure in self._gauss_points(GAUSS_2, (0.5, 0.5)):
             weights += measure[:, None] * np.array([(1 - a) * (1 - b), a * (1 - b), a * b, (1 - a) * b])
@@ -216,8 +201,7 @@ class QuadMesh(Derived):
     def neighbors(self) -> np.ndarray:
         """Cell across each edge of each cell, -1 at the boundary, shape (cell_count, 4); edge k joins corners k, k + 1.
 
-        Edges are identified by their vertices: cells at a seam with separate vertices on either side are not
-        neighbours.
+        Edges are identified by their vertices: cells at a seam with separate vertices are not neighbours.
         """
         return cells_across(self.cells, len(self.vertices))
 

@@ -1,9 +1,4 @@
-"""The cells of a quadrilateral mesh: bilinear map, orientation, faults, and the cells across their edges.
-
-With corners a, b, c, d in order around the cell, xi increasing from a to b and eta from a to d, the bilinear map is
-
-    p(xi, eta) = a + xi e + eta f + xi eta g,    e = b - a,  f = d - a,  g = (a - b) + (c - d).
-"""
+"""The cells of a quadrilateral mesh: bilinear map, orientation, faults, and the cells across their edges."""
 
 import numpy as np
 

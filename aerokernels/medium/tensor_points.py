@@ -1,7 +1,4 @@
-"""Evaluate a uniform grid's contrast, without gradient, at the points of a tensor product of coordinates or at points.
-
-On a tensor product of coordinates the evaluation is one sparse matrix product for each axis.
-"""
+"""Evaluate a uniform grid's contrast, without gradient, at a tensor product of coordinates or at points."""
 
 import numpy as np
 
@@ -10,14 +7,9 @@ from aerokernels.medium.grid import UniformGrid
 
 
 def contrast_on_axes(grid: UniformGrid, axes: list[np.ndarray]) -> np.ndarray:
-    """Return the contrast at every combination of coordinates along the grid's axes; zero outside its box.
+    """Return the contrast at every combination of coordinates along the grid's axes [m]; zero outside its box.
 
-    The interpolant is that of `UniformGrid.evaluate`. Because it is a tensor product, this takes a small fraction of
-    that function's time.
-
-    Args:
-        grid: The samples.
-        axes: Coordinates along each of its axes [m], in any order.
+    One sparse matrix product for each axis takes a small fraction of the time of `UniformGrid.evaluate`.
     """
     from scipy.sparse import csr_array
 
@@ -44,10 +36,7 @@ def contrast_on_axes(grid: UniformGrid, axes: list[np.ndarray]) -> np.ndarray:
 
 
 def contrast_without_gradient(field, points: np.ndarray) -> np.ndarray:
-    """Return the contrast of an index field at points (n, 3), shape (n,), in a sixth of the time of `contrast_at`.
-
-    SciPy's compiled splines take the coefficients of cubic grids as they are; other interpolants use `contrast_at`.
-    """
+    """Return the contrast of an index field at points (n, 3), shape (n,), for cubic grids in a sixth of the time."""
     if not field.is_uniform or field.interpolation != "cubic":
         return np.asarray(field.contrast_at(points))
     from scipy.ndimage import map_coordinates

@@ -1,17 +1,8 @@
-r"""Vertex values from finite-volume cell averages, and gradients at vertices.
+"""Vertex values from finite-volume cell averages, and gradients at vertices.
 
-Averages are converted to values at faces, one mesh direction after the other, by the fourth-order finite-volume formula
-
-    f_(i+1/2) = linear between the two centroids  -  (d1 / 12) [ (f_(i+2) - f_(i+1)) / d2  -  (f_i - f_(i-1)) / d0 ]
-
-(on equal cells: (7, 7, -1, -1) / 12), with the distances d0, d1, d2 between centroids. Beside a captured shock the
-second term is left out: it would oscillate, and any limiter on it changes the sums. The linear term alone keeps line
-integrals across the shock exact on equal cells, for any position of the shock in its cell and any tilt. The result is
-finally limited to the range of the two cells that it joins. At an edge of the mesh the two nearest cells are
-extrapolated; on the axis the field is even.
-
-Node gradients are the paper's eq 7, the five-point "Barron" difference in index space, divided by the metric of the
-mesh (which the paper omits), with one-sided fourth-order forms at the two outermost nodes on either side.
+Averages become values at faces, one mesh direction after the other, by the fourth-order finite-volume formula, linear
+between centroids minus (d1 / 12) [(f_(i+2) - f_(i+1)) / d2 - (f_i - f_(i-1)) / d0]; beside a captured shock without the
+second term, which keeps line integrals across it exact. Gradients are the paper's eq 7, divided by the mesh's metric.
 """
 
 import numpy as np
@@ -67,8 +58,7 @@ def _along_both_axes(mesh: QuadMesh, average, smooth, limited: bool = True, less
 def linear_values_and_smooth(mesh: QuadMesh, average: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """As `values_and_smooth`, but exact for linear densities on skewed and uneven cells too.
 
-    The same formula applied to the coordinates of the centroids shows by how much it misses the vertices, and thus its
-    error for a known slope.
+    The formula applied to the coordinates of the centroids shows by how much it misses the vertices.
     """
     if mesh.shape is None or min(mesh.shape) < 3:
         return _unstructured_vertex_values(mesh, average)

@@ -1,7 +1,5 @@
 """A solid body in a volume: a closed surface of triangles, points inside it, and where lines cross it.
 
-Intersections of rays with the triangles are exact, as with the profile of a `Body`: see crossings.py.
-
 A point is inside by the number of triangles ahead of it along one fixed direction, found by bins of their projections.
 """
 
@@ -150,10 +148,7 @@ class SolidBody(Derived):
 
     @checked
     def nearest_wall(self, points: Numbers) -> np.ndarray:
-        """Return the exact point of the surface nearest to each point (n, 3) [m], shape (n, 3).
-
-        See triangle_distances.py.
-        """
+        """Return the exact point of the surface nearest to each point (n, 3) [m], shape (n, 3)."""
         points = as_points(points, 3)
         check_finite(points, "the points")
         return self._nearest(points)
@@ -217,10 +212,6 @@ def outlines(vertices: np.ndarray, triangles: np.ndarray) -> list[np.ndarray]:
     """Return the closed lines in which a surface crosses the plane x = 0, each as its corners (y, z) [m], shape (n, 2).
 
     A vertex on the plane counts as lying on its negative side, so that the lines are closed for any surface.
-
-    Args:
-        vertices: Corners of the triangles [m], shape (vertex_count, 3).
-        triangles: Corners of each triangle, shape (triangle_count, 3); every edge belongs to two of them.
     """
     above = vertices[:, 0] > 0.0
     side = above[triangles]

@@ -1,16 +1,7 @@
-r"""Find the points of a surface of triangles that are nearest to points in space, exactly, in float64.
+"""Find the points of a surface of triangles that are nearest to points in space, exactly, in float64.
 
-The triangles with the nearest centroids give an upper bound of each point's distance. Of the others only those whose
-bounding boxes are nearer are evaluated; all points descend the tree of boxes together, level by level.
-
-With the corner a, the edges p = b - a and q = c - a and the offset o of a point from a, the foot on the plane is
-a + v p + w q, with v and w from the normal equations
-
-    (p.p) v + (p.q) w = p.o,    (p.q) v + (q.q) w = q.o
-
-It counts if it is inside the triangle. If not, the nearest point is on the edge whose own foot is nearest. All of that
-are sums of the products above, of which only o's are not known in advance. Source: C. Ericson, Real-Time Collision
-Detection (2005).
+The triangles with the nearest centroids give an upper bound of each point's distance; of the others only those whose
+boxes are nearer are evaluated. Source of the feet: C. Ericson, Real-Time Collision Detection (2005).
 """
 
 import numpy as np

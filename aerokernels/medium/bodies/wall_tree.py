@@ -1,14 +1,8 @@
-"""The surface of a body for kernels: its pieces in a tree of bounding boxes.
+"""The surface of a body for kernels: segments of a profile, or triangles, in a tree of bounding boxes.
 
-Pieces are segments of a profile, or triangles of a surface in space. Nodes are in depth-first order: the first child
-follows its parent, and each node has a link to the node where the traversal continues if its box is missed. Kernels
-therefore need no stack.
-
-Normals are given at the corners of pieces and linear between them. The normals of a chain of chords jump from one chord
-to the next, those of the curve through the corners do not: at a corner between chords of lengths L0 and L, which turn
-by the angle a, the tangent of the circle through three corners is a L / (L0 + L) off the second chord. Where the angles
-at the ends of a chord differ, the smaller one is taken. Corners that turn by more than SMOOTH are edges of the body. A
-triangle has at each corner the mean normal of the triangles there that lean from it by less, weighted by their angles.
+Nodes are in depth-first order, with a link to the node that follows if a box is missed: kernels need no stack. Normals
+at the corners are those of the circle through three corners, at an angle a L / (L0 + L) off the second of two chords
+that turn by a. Corners that turn by more than SMOOTH are edges of the body.
 """
 
 from dataclasses import dataclass
@@ -43,11 +37,7 @@ class WallTree:
 
     @property
     def kernel_rows(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Corners, normals and boxes as kernels take them, in rows of four numbers.
-
-        In the plane a row is a segment, its normals, or a box. In space a row is a corner of a triangle, the normal
-        there, or a corner of a box, padded with a zero.
-        """
+        """Corners, normals and boxes as kernels take them, in rows of four numbers; in space padded with a zero."""
         all_rows = self.corners, self.normals, self.boxes
         if self.corners.shape[-1] == 2:
             return tuple(rows.reshape(-1, 4) for rows in all_rows)  # type: ignore[return-value]
@@ -93,12 +83,9 @@ def wall_tree(corners: np.ndarray, normals: np.ndarray) -> WallTree:
 
 
 def segment_normals(start: np.ndarray, end: np.ndarray, axisymmetric: bool) -> np.ndarray:
-    """Return unit normals at both ends of segments, with the body on their left, shape (w, 2, 2).
+    """Return unit normals at both ends of segments (w, 2) [m] with the body on their left, shape (w, 2, 2).
 
-    Args:
-        start: First points [m], shape (w, 2): (y, z) or (r, z).
-        end: Second points [m], shape (w, 2). The next segment begins exactly where one ends.
-        axisymmetric: Whether the segments go on, mirrored, behind the axis.
+    The next segment begins exactly where one ends; axisymmetric ones go on, mirrored, behind the axis.
     """
     step = end - start
     length = np.linalg.norm(step, axis=1)
@@ -128,12 +115,7 @@ def segment_normals(start: np.ndarray, end: np.ndarray, axisymmetric: bool) -> n
 
 
 def triangle_normals(corners: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """Return unit normals at the corners of triangles, shape (w, 3, 3).
-
-    Args:
-        corners: Their corners [m], counter-clockwise seen from outside, shape (w, 3, 3).
-        triangles: Numbers of their corners, shape (w, 3).
-    """
+    """Return unit normals at the corners of triangles, shape (w, 3, 3)."""
     edges = np.roll(corners, -1, axis=1) - corners
     area = np.cross(edges[:, 0], edges[:, 1])
     normal = area / np.maximum(np.linalg.norm(area, axis=1), 1e-300)[:, None]

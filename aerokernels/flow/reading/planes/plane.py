@@ -8,7 +8,6 @@ from aerokernels.flow.reading.dataset import FLAT, QUAD, Block, Cells, Dataset, 
 from aerokernels.flow.reading.density import density_of, in_si
 from aerokernels.flow.reading.frame import Frame
 from aerokernels.flow.reading.planes.polygons import Polygons, joined, merged, quad_mesh
-from aerokernels.flow.sampled_density import WallDensity
 from aerokernels.medium import Body, QuadMesh
 
 ON_AXIS = 1e-12  # of the greatest radius: rounding of points on the axis
@@ -156,7 +155,7 @@ def _structured(path, block: Block) -> np.ndarray:
 SAME = 1e-5  # of a cell's density: the resolution of a file with six digits
 
 
-def wall_density(reading, plane: Plane) -> WallDensity | None:
+def wall_density(reading, plane: Plane) -> tuple[np.ndarray, np.ndarray] | None:
     """Return the solver's densities at points of the walls; None if no wall has others than those of its cells.
 
     An edge's value belongs to its middle. At a corner between two edges the value is interpolated linearly between
@@ -186,7 +185,7 @@ def wall_density(reading, plane: Plane) -> WallDensity | None:
         corners, at_corners = _at_corners(edges, wall)
         points += [edges.mean(axis=1), corners]
         values += [wall, at_corners]
-    return WallDensity(np.concatenate(points), np.concatenate(values)) if points else None
+    return (np.concatenate(points), np.concatenate(values)) if points else None
 
 
 def _at_corners(edges: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
