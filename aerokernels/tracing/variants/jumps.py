@@ -10,8 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from ...medium import IndexField
-from ...medium.mesh_columns import mesh_columns
-from ...medium.mesh_samples import MeshSamples
+from ...medium.mesh_samples import MeshSamples, mesh_columns
 from .orders import in_space
 from .paths import Cause, Contrast, Paths, Rays
 
