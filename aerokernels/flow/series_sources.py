@@ -17,13 +17,11 @@ from aerokernels.device_arrays import host_array
 from aerokernels.display.plain_text import cut
 from aerokernels.flow.density_field import DensityField
 from aerokernels.flow.gas import FreeStream
-from aerokernels.flow.refractivity import refractivity_model
 from aerokernels.flow.sampled_density import CellDensity, GridDensity, VertexDensity
 from aerokernels.flow.series import GridMesh, InOrder, Series, mesh_of
 from aerokernels.flow.series_files import opened, series_of_dataset
 from aerokernels.inputs.arguments import seconds
 from aerokernels.inputs.checks import check_path, check_positive, warn_caller
-from aerokernels.inputs.wavelength import DEFAULT_WAVELENGTH
 from aerokernels.medium import Body, QuadMesh
 
 FILES, WITH_TIME = "files that are read one by one", "data with a time axis"
@@ -98,11 +96,6 @@ def open_series(
         species: Fractions of the species of which the gas of files is a mixture, as in `flow.read`; they may vary in
             time. Density fields have their own; arrays and data with a time axis have none.
         options: For `read`: the frame, the unit of length, and so on. Files with a time axis take `length_unit`.
-
-    Warns:
-        UserWarning: The density at the upstream end of a later file differs from that of the first one by more than
-            turbulence there explains, and by more than a thousandth of a wave along the box: the series holds several
-            flow conditions, but has one ambient density.
 
     Raises:
         TypeError: A source of none of these kinds, or an option that it does not have.
@@ -319,7 +312,7 @@ class _Reader:
     """Reads files, or one file at several times, as density fields; the first one read is the first snapshot.
 
     All files get the ambient density of the first one, unless the caller gives it or a function that reads them: the
-    median of each file's own turbulence would tilt its wavefront. A file of other flow conditions gets a warning.
+    median of each file's own turbulence would tilt its wavefront.
     """
 
     def __init__(self, read: Callable[..., DensityField] | None, options: dict[str, Any], own: Mapping[str, Any]):
@@ -329,14 +322,13 @@ class _Reader:
         if read is None:
             self._read = import_module("aerokernels.flow.reading.read").Reader(**options)
             self.options = self._read.options
-        self._own, self._first = own, np.empty(0)
-        self._is_watched = read is None and "ambient_density" not in options
+        self._own = own
 
     def __call__(self, path: Path, time: float | None = None) -> DensityField:
         """Read a file, or a time of it."""
         field = self._read(path) if time is None else self._read(path, time=time)
-        if self._is_watched:
-            self._watch(path, field)
+        if self.options is not None:
+            self.options.setdefault("ambient_density", field.ambient_density)
         changed: DensityField = _with_own(field, self._own)
         return changed
 
@@ -344,32 +336,6 @@ class _Reader:
         """Return a text that changes when one of the files is written again that are read for a path at a time."""
         behind = import_module("aerokernels.flow.reading.formats")
         return str(behind.stamp(behind.files_behind(path, self.options, time)))
-
-    def _watch(self, path: Path, field: DensityField) -> None:
-        """Hold the ambient density of the first file, and warn of the first other one with another far field.
-
-        Another flow differs by three times the scatter of the densities there, and by more than the default tolerance.
-        """
-        assert self.options is not None
-        front = import_module("aerokernels.flow.reading.read").far_field(field, self._read.resampling)
-        low, middle, high = np.quantile(front[:: max(1, front.size // 2**17)], (0.16, 0.5, 0.84))
-        here = np.array([middle, 0.5 * (high - low)])
-        if not self._first.size:
-            self.options["ambient_density"], self._first = field.ambient_density, here
-            return
-        difference, scatter = abs(here[0] - self._first[0]), max(here[1], self._first[1])
-        length = float(field.box[1][-1] - field.box[0][-1])
-        constant = float(refractivity_model("gladstone-dale").constant(DEFAULT_WAVELENGTH))
-        waves = constant * difference * length / DEFAULT_WAVELENGTH
-        if difference > 3.0 * scatter and waves > 1e-3:
-            self._is_watched = False  # one warning for a series
-            warn_caller(
-                f"{path}: the density at its upstream end is {here[0]:.6g} kg/m3, in the first snapshot "
-                f"{self._first[0]:.6g} kg/m3, but all snapshots are taken to be in air of {field.ambient_density:.6g} "
-                f"kg/m3: {waves:.2g} waves along the box at {1e9 * DEFAULT_WAVELENGTH:.0f} nm. Open snapshots of "
-                "different flow conditions as separate series, or give density fields, which keep their own "
-                "ambient_density; if the conditions are the same, give ambient_density"
-            )
 
 
 def _matching(pattern: Path) -> list[Path]:

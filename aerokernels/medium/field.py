@@ -199,7 +199,7 @@ class IndexField(Derived):
             contrast: n - ambient_index at the vertices, shape (vertex_count,), or finite-volume averages over the
                 cells, shape (cell_count,); the shape decides. On a structured mesh also (ni, nj), (ni - 1, nj - 1).
             ambient_index: Index outside the mesh, in holes of it and in one about the axis too.
-            interpolation: "bilinear", "bilinear-barron", "idw" or "cells" (see mesh_samples.py); or "conserving":
+            interpolation: "bilinear", "bilinear-barron" or "idw" (see mesh_samples.py); or "conserving":
                 bilinear on cells cut in four, with values that keep the averages (see kept_averages.py).
             body: Solid body in the field.
             wavelength: Vacuum wavelength for which `contrast` was computed [m]; None if it is of no wavelength.
@@ -234,7 +234,7 @@ class IndexField(Derived):
             if interpolation == "conserving":
                 mesh, values, averages = cut_and_kept(mesh, averages, vacuum, walls)
                 interpolation = "bilinear"
-            elif interpolation in ("bilinear", "cells"):
+            elif interpolation == "bilinear":
                 values = conserving_values(mesh, averages, vacuum)
             else:
                 values = vertex_values(mesh, averages)

@@ -1,8 +1,7 @@
 """The index contrast on a quadrilateral mesh: values at vertices, interpolated in the cell that contains the point.
 
 "bilinear" has value and gradient of the bilinear map's interpolant; "bilinear-barron" the gradients of eq 7 at nodes;
-"idw" eq 6 of the paper for both, for comparison only: it jumps at cell edges. "cells" is the average of the cell, with
-straight rays: line integrals are those of the averages; the reference backend traces it.
+"idw" eq 6 of the paper for both, for comparison only: it jumps at cell edges.
 """
 
 from collections.abc import Callable
@@ -20,7 +19,7 @@ from aerokernels.medium.grid import eq5_step, local_coordinates
 from aerokernels.medium.mesh import Places, QuadMesh
 from aerokernels.medium.mesh_cells import PART
 
-MESH_INTERPOLATIONS = ("bilinear", "bilinear-barron", "idw", "cells")
+MESH_INTERPOLATIONS = ("bilinear", "bilinear-barron", "idw")
 # Places along an edge at which both sides are compared: along it the gradient of a bilinear interpolant changes slowly.
 PLACES = (0.0, 0.5, 1.0)
 
@@ -50,8 +49,6 @@ class MeshSamples(Derived):
                 f"interpolation {self.interpolation!r} is not known on a mesh: "
                 f"choose one of {', '.join(MESH_INTERPOLATIONS)}"
             )
-        if self.interpolation == "cells" and self.averages is None:
-            raise ValueError("interpolation 'cells' needs averages over cells, and there are values at vertices only")
 
     @property
     def places(self) -> QuadMesh:
@@ -117,10 +114,6 @@ class MeshSamples(Derived):
         result, gradient = np.zeros(len(points)), np.zeros((len(points), 2))
         rows, cell = places.rows, places.cell
         if len(rows) == 0:
-            return result, gradient
-        if self.interpolation == "cells":
-            assert self.averages is not None
-            result[rows] = self.averages[cell]
             return result, gradient
         at = (0.0, 0.0) if self.interpolation == "idw" else places.local
         result[rows] = np.sum(self._weights(cell, points[rows], *at) * self.values[self.mesh.cells[cell]], axis=1)

@@ -19,7 +19,6 @@ from aerokernels.tracing import Plane
 from aerokernels.tracing.cuts import lost
 from aerokernels.tracing.engines.choice import choose_backend
 from aerokernels.tracing.plan import TracePlan
-from aerokernels.tracing.planning import backend_for
 from aerokernels.tracing.step_bound import step_allowance
 from aerokernels.tracing.stop import stop_distance
 from aerokernels.tracing.trace import rerun
@@ -114,7 +113,7 @@ def straight_variants(
         tolerance: Requested OPD error [waves].
         options: backend and device of rays that are traced.
     """
-    backend = backend_for(field, options.get("backend") or "auto")
+    backend = options.get("backend") or "auto"
     backend, device, _ = choose_backend(backend, options.get("device"))
     allowance = step_allowance(field, "adaptive", None, None)
     plan = TracePlan("adaptive", backend, device, "float64", allowance, None, tolerance)
