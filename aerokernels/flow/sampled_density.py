@@ -137,7 +137,7 @@ class MeshDensity(SampledDensity):
         if not isinstance(self.mesh, QuadMesh):
             raise TypeError(f"mesh must be a QuadMesh, got {type(self.mesh).__name__}: see QuadMesh.structured")
         refuse_masked(self.density, "density")
-        object.__setattr__(self, "ambient_density", check_density(self.ambient_density, "ambient_density"))
+        self.set_fields(ambient_density=check_density(self.ambient_density, "ambient_density"))
 
     def _check_shape(self, density: np.ndarray, shapes: list[tuple[int, ...]], wanted: str) -> None:
         if density.shape not in shapes:
@@ -190,8 +190,7 @@ class CellDensity(MeshDensity):
         if self.wall is not None and (wrong := no_gas(self.wall[1])):
             total = len(self.wall[1])
             raise ValueError(f"{wrong[1]} of {total} densities at walls are {wrong[0]}: repair the flow file")
-        density.setflags(write=False)
-        object.__setattr__(self, "density", density)
+        self.set_fields(density=density)
 
     def _refuse(self, density: np.ndarray, fault: str, count: int, first: int) -> NoReturn:
         place = f"cell {first}"
@@ -261,7 +260,7 @@ class VertexDensity(MeshDensity):
         self._check_mesh()
         density = _checked(self.density, "at vertices")
         self._check_shape(density, self.mesh.array_shapes[0], f"{len(self.mesh.vertices)} vertices")
-        object.__setattr__(self, "density", density.reshape(-1))
+        self.set_fields(density=density.reshape(-1))
 
     @checked
     def density_at(self, points: Numbers) -> np.ndarray:
@@ -326,9 +325,8 @@ class GridDensity(SampledDensity):
         origin, spacing = checked_axes(density.shape, self.origin, self.spacing)
         if self.geometry == "axisymmetric":
             check_starts_on_axis(origin, spacing)
-        for name, value in (("density", density), ("origin", origin), ("spacing", spacing)):
-            object.__setattr__(self, name, value)
-        object.__setattr__(self, "ambient_density", float(self.ambient_density))
+        ambient_density = float(self.ambient_density)
+        self.set_fields(density=density, origin=origin, spacing=spacing, ambient_density=ambient_density)
 
     @property
     def box(self) -> tuple[np.ndarray, np.ndarray]:

@@ -52,8 +52,7 @@ class GridMesh(Derived):
         if len(shape) != dimension:
             raise ValueError(f"a {self.geometry} series has arrays of {dimension} axes, got shape {shape}")
         origin, spacing = checked_axes(shape, self.origin, self.spacing)
-        for name, value in (("origin", origin), ("spacing", spacing), ("shape", shape)):
-            object.__setattr__(self, name, value)
+        self.set_fields(origin=origin, spacing=spacing, shape=shape)
 
     @property
     def box(self) -> tuple[np.ndarray, np.ndarray]:

@@ -111,7 +111,8 @@ def open_series(
     if start_time != 0.0 and time_step is None:
         raise ValueError(f"start_time={start_time!r} goes with time_step: give it too")
     times = partial(times_of, time, time_step, start_time)
-    call = _Call({name: value for name, value in named.items() if value is not None}, options, times)
+    given = {name: value for name, value in named.items() if value is not None}
+    call = _Call(given, options, times, time is None)
     if isinstance(source, (str, bytes, os.PathLike)):
         series = _of_path(check_path(source, "source"), call)
     elif type(source).__module__.partition(".")[0] == "xarray":
@@ -132,6 +133,7 @@ class _Call:
     named: dict[str, Any]
     options: dict[str, Any]
     times: Callable[[int | None], np.ndarray]
+    are_even: bool
 
     def check(self, source: str, kind: str) -> None:
         """Reject an argument that a kind of source has no use for: a TypeError for a name that there is not."""
@@ -264,7 +266,7 @@ def _of_numbered(paths: list[Path], call: _Call, name: str) -> Series:
     call.check(name, FILES)
     times = call.times(len(paths))
     series = _of_files(paths, times, call, name)
-    if call.times.args[0] is None:  # type: ignore[attr-defined]
+    if call.are_even:
         _warn_of_gaps(paths)
     return series
 

@@ -95,9 +95,8 @@ class IndexField(Derived):
     def __post_init__(self):
         """Check the attributes that grids and meshes have in common."""
         check_positive(self.ambient_index, "ambient_index")
-        object.__setattr__(self, "ambient_index", float(self.ambient_index))
-        if self.wavelength is not None:
-            object.__setattr__(self, "wavelength", check_wavelength(self.wavelength))
+        wavelength = None if self.wavelength is None else check_wavelength(self.wavelength)
+        self.set_fields(ambient_index=float(self.ambient_index), wavelength=wavelength)
         least = self.samples.extremes[0] if isinstance(self.samples, UniformGrid) else self.samples.values.min()
         if least + self.ambient_index <= 0.0:
             raise ValueError(

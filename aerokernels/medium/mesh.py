@@ -10,11 +10,12 @@ import numpy as np
 from aerokernels.derived import Derived
 from aerokernels.display.shown import shown
 from aerokernels.inputs.arguments import Numbers, checked
-from aerokernels.medium.bins import Bins, bins_of
 from aerokernels.medium.grid import as_points, check_finite
 from aerokernels.medium.mesh_cells import (
     EDGE_TOLERANCE,
+    Bins,
     bilinear_point,
+    bins_of,
     cells_across,
     check_duplicates,
     contains,
@@ -92,11 +93,8 @@ class QuadMesh(Derived):
             parents = np.array(self.parents)
             if parents.shape != (len(cells),) or not np.issubdtype(parents.dtype, np.integer) or parents.min() < 0:
                 raise ValueError(f"parents must be a number from 0 on for each of {len(cells)} cells")
-            parents.setflags(write=False)
-            object.__setattr__(self, "parents", parents)
-        for name, value in (("vertices", vertices), ("cells", cells)):
-            value.setflags(write=False)
-            object.__setattr__(self, name, value)
+            self.set_fields(parents=parents)
+        self.set_fields(vertices=vertices, cells=cells)
         if self.whole is None:
             self._refuse_overlaps()
 

@@ -64,8 +64,7 @@ class Body(Derived):
             profile[near_axis, 0] = 0.0
         if self.geometry == "axisymmetric" and profile[:, 0].min() < 0.0:
             raise ValueError("an axisymmetric body profile must not have a negative radius")
-        profile.setflags(write=False)
-        object.__setattr__(self, "profile", profile)
+        self.set_fields(profile=profile)
         if len(self.walls[0]) == 0:
             raise ValueError("the body profile has no wall: its points all coincide, or all lie on the axis")
         if len(self.surface[0]) == 0:
@@ -88,14 +87,6 @@ class Body(Derived):
             keep = (start[:, 0] > 0.0) | (end[:, 0] > 0.0)
             start, end = start[keep], end[keep]
         return start, end
-
-    @cached_property
-    def _oriented_surface(self) -> tuple[np.ndarray, np.ndarray]:
-        """The surface in the direction of the profile, whichever side of that the solid is on."""
-        start, end = self.surface
-        first, second = self.profile.T
-        clockwise = np.sum(first * np.roll(second, -1) - second * np.roll(first, -1)) < 0.0
-        return (end, start) if clockwise else (start, end)
 
     @property
     def normals(self) -> np.ndarray:
@@ -162,7 +153,7 @@ class Body(Derived):
         low = np.minimum.reduceat(points[order], first)
         high = np.maximum.reduceat(points[order], first)
         middle, radius = 0.5 * (low + high), 0.5 * np.linalg.norm(high - low, axis=1)
-        start, end = self._oriented_surface
+        start, end = self.surface
         block = max(1, 1_000_000 // len(start))  # speed only
         for tile in range(0, len(first), block):
             part = slice(tile, tile + block)

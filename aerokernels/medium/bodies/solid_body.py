@@ -12,12 +12,11 @@ import numpy as np
 from aerokernels.derived import Derived
 from aerokernels.inputs.arguments import Numbers, checked
 from aerokernels.inputs.checks import check_count
-from aerokernels.medium.bins import Bins, bins_of
 from aerokernels.medium.bodies.body import Body
 from aerokernels.medium.bodies.crossings import axes_across, edge_side, triangle_crossings
-from aerokernels.medium.bodies.triangle_distances import NearestTriangles
-from aerokernels.medium.bodies.wall_tree import WallTree, triangle_normals, wall_tree
+from aerokernels.medium.bodies.wall_tree import NearestTriangles, WallTree, triangle_normals, wall_tree
 from aerokernels.medium.grid import as_points, check_finite
+from aerokernels.medium.mesh_cells import Bins, bins_of
 
 # Direction of the lines; edges of bodies are unlikely to be parallel to it.
 ASKEW = np.array([0.312_8, 0.541_7, 0.780_2]) / np.linalg.norm([0.312_8, 0.541_7, 0.780_2])
@@ -58,10 +57,7 @@ class SolidBody(Derived):
         if triangles.min() < 0 or triangles.max() >= len(vertices):
             raise ValueError(f"triangles name vertices from {triangles.min()} to {triangles.max()} of {len(vertices)}")
         check_finite(vertices, "the body's surface")
-        triangles = _outward(vertices, triangles.astype(np.int64))
-        for name, value in (("vertices", vertices), ("triangles", triangles)):
-            value.setflags(write=False)
-            object.__setattr__(self, name, value)
+        self.set_fields(vertices=vertices, triangles=_outward(vertices, triangles.astype(np.int64)))
 
     @classmethod
     @checked
