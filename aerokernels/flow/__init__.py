@@ -2,7 +2,7 @@
 
 Relations: `isentropic`, `tunnel_conditions`, `free_stream`, `normal_shock`, `oblique_shock`, `cone_shock`,
 `prandtl_meyer`, `expansion_fan`, `Vortex`, `bow_shock`. Density fields of exact flows: `wedge`,
-`plane_shock`, `cone`, `expansion`, `vortex`; from an approximate correlation: `blunt_body`; shipped:
+`cone`, `expansion`, `vortex`; from an approximate correlation: `blunt_body`; shipped:
 `shipped`. Density to index: `refractivity_model`.
 """
 
@@ -28,7 +28,6 @@ from aerokernels.flow.plane_flows import (
     expansion_fan,
     mach_after_turn,
     maximum_expansion,
-    plane_shock,
     wedge,
 )
 from aerokernels.flow.reading import Contents, Frame, Reader, ReadError, Resampling, VolumeResampling, contents, read
@@ -105,7 +104,6 @@ __all__ = [
     "normal_shock",
     "oblique_shock",
     "open_series",
-    "plane_shock",
     "prandtl_meyer",
     "read",
     "refractivity",

@@ -39,9 +39,17 @@ def ciddor_constant(wavelength: float, *, water: float = 0.0, co2: float = STAND
         ValueError: A wavelength or a fraction outside its range.
     """
     _check(water, co2)
-    dry, vapour = _standard_refractivities(_wavenumber_square(wavelength), co2, group)
+    wavelength, (low, high) = check_wavelength(wavelength), RANGE
+    if not low * (1.0 - SAME) <= wavelength <= high * (1.0 + SAME):
+        raise ValueError(
+            f"wavelength {wavelength:g} m is outside Ciddor's {low * 1e6:g} to {high * 1e6:g} um: "
+            "choose another relation"
+        )
+    dry, vapour = _standard_refractivities(1.0 / (wavelength * 1e6) ** 2, co2, group)
+    dry_density = _molar_mass(co2) * _molar_density(288.15, 101325.0, 0.0)  # both at the standard states
+    vapour_density = WATER_MOLAR_MASS * _molar_density(293.15, 1333.0, 1.0)
     dry_share, vapour_share = (1.0 - water) * _molar_mass(co2), water * WATER_MOLAR_MASS
-    per_mass = dry_share * dry / _standard_air_density(co2) + vapour_share * vapour / _standard_vapour_density()
+    per_mass = dry_share * dry / dry_density + vapour_share * vapour / vapour_density
     return per_mass / (dry_share + vapour_share)
 
 
@@ -128,16 +136,6 @@ def water_fraction(temperature: float, pressure: float, humidity: float) -> floa
     return water
 
 
-def _wavenumber_square(wavelength: float) -> float:
-    wavelength, (low, high) = check_wavelength(wavelength), RANGE
-    if not low * (1.0 - SAME) <= wavelength <= high * (1.0 + SAME):
-        raise ValueError(
-            f"wavelength {wavelength:g} m is outside Ciddor's {low * 1e6:g} to {high * 1e6:g} um: "
-            "choose another relation"
-        )
-    return 1.0 / (wavelength * 1e6) ** 2
-
-
 def _standard_refractivities(square: float, co2: float, group: bool = False) -> tuple[float, float]:
     """Return n - 1, or n_g - 1, of standard dry air and of standard water vapour at a squared wavenumber [1/um2]."""
     first, second = 238.0185 - square, 57.362 - square
@@ -152,14 +150,6 @@ def _standard_refractivities(square: float, co2: float, group: bool = False) -> 
 def _molar_mass(co2: float) -> float:
     """Return the molar mass of dry air [kg/mol]: CO2 replaces O2, which adds the mass of a carbon atom."""
     return 1e-3 * (28.9635 + 12.011 * (co2 - 400e-6))
-
-
-def _standard_air_density(co2: float) -> float:
-    return _molar_mass(co2) * _molar_density(288.15, 101325.0, 0.0)
-
-
-def _standard_vapour_density() -> float:
-    return WATER_MOLAR_MASS * _molar_density(293.15, 1333.0, 1.0)
 
 
 def _molar_density(temperature: float, pressure: float, water: float) -> float:

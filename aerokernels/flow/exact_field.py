@@ -10,7 +10,6 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import Protocol
 
 import numpy as np
@@ -154,22 +153,17 @@ def direction_averages(
         # A break is a ray from the origin: where it meets the line of this height.
         meets = sine * height > 0.0
         places = -height * cosine[meets] / sine[meets]
-        level[row] = piecewise_means(partial(_seen_from_origin, function, height), z, places)
+        level[row] = piecewise_means(lambda z, y=height: function(np.arctan2(y, -z)), z, places)
     upright = np.empty((len(y) - 1, len(z)))
     for column, depth in enumerate(z):
         meets = -cosine * depth > 0.0
         places = -depth * sine[meets] / cosine[meets]
-        upright[:, column] = piecewise_means(partial(_seen_from_origin, function, z=depth), y, places)
+        upright[:, column] = piecewise_means(lambda y, z=depth: function(np.arctan2(y, -z)), y, places)
     # A constant is homogeneous too: subtracting the value in the middle returns uniform gas to the last bit.
     middle = function(np.arctan2((0.5 * (y[:-1] + y[1:]))[:, None], -0.5 * (z[:-1] + z[1:])))
     across = (z[1:] * (upright[:, 1:] - middle) - z[:-1] * (upright[:, :-1] - middle)) / np.diff(z)
     along = y[1:, None] * (level[1:] - middle) - y[:-1, None] * (level[:-1] - middle)
     return middle + 0.5 * (across + along / np.diff(y)[:, None])
-
-
-def _seen_from_origin(function, y, z):
-    """Return a function of direction at positions (y, z)."""
-    return function(np.arctan2(y, -z))
 
 
 def smooth_averages(

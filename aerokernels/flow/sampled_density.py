@@ -339,12 +339,15 @@ class GridDensity(SampledDensity):
 
         NaN inside the body and at points that are NaN; the ambient density outside the grid.
         """
+        from scipy.ndimage import map_coordinates
+
         local = local_points(points, self.geometry)
         low, high = self.box
         slack = 1e-12 * (high - low)
         inside = np.all((local >= low - slack) & (local <= high + slack), axis=1)
         density = np.full(len(local), self.ambient_density)
-        density[inside] = linear_between(self.density, self.origin, self.spacing, local[inside])
+        place = ((local[inside] - self.origin) / self.spacing).T
+        density[inside] = map_coordinates(self.density, place, order=1, mode="nearest", prefilter=False)
         return self._where_known(density, local)
 
     @property
@@ -361,14 +364,6 @@ class GridDensity(SampledDensity):
             cell_averages=self.cell_averages,
             **common,
         )
-
-
-def linear_between(samples: np.ndarray, origin, spacing, points: np.ndarray) -> np.ndarray:
-    """Return values at points (n, d), linear between the nodes of a grid; beyond the grid those at its edge."""
-    from scipy.ndimage import map_coordinates
-
-    place = ((points - origin) / spacing).T
-    return np.asarray(map_coordinates(samples, place, order=1, mode="nearest", prefilter=False))
 
 
 def _checked(density, what: str) -> np.ndarray:

@@ -99,7 +99,10 @@ def series_of_dataset(data: Any, given: Mapping[str, Any], name: str, identity: 
         bool(given.get("cell_averages")),
     )
     times = _in_si(name, clock, array, "time")
-    described = name + _without_unit(array, clock)
+    stated = array.coords[clock].dtype.kind in "mM" or stated_unit(
+        {**array.coords[clock].encoding, **array.coords[clock].attrs}
+    )
+    described = name + ("" if stated else f"; no unit is stated, taken: {clock} in s")
     factor = _factor(name, stated_unit(attributes), "density", f"{array.name}")
     around = given.get("ambient_density")
     if around is None:
@@ -117,13 +120,6 @@ def series_of_dataset(data: Any, given: Mapping[str, Any], name: str, identity: 
 
     identity = {**identity, "variable": array.name}
     return Series(get, times, where, float(around), **own, provenance=described, identity=identity)
-
-
-def _without_unit(array: Any, clock: str) -> str:
-    """Say that times are taken in seconds although their unit is not stated."""
-    times = array.coords[clock]
-    stated = times.dtype.kind in "mM" or stated_unit({**times.encoding, **times.attrs})
-    return "" if stated else f"; no unit is stated, taken: {clock} in s"
 
 
 def _falls(name: str, coordinate: Any) -> bool:

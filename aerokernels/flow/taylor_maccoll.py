@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from aerokernels.flow.gas import GAMMA_AIR, stagnation_ratio
-from aerokernels.flow.shocks import check_supersonic, density_jump, maximum_deflection, oblique_shock
+from aerokernels.flow.shocks import Shock, check_supersonic, density_jump, maximum_deflection, oblique_shock
 from aerokernels.inputs.arguments import Numbers, checked
 
 # Below this half angle the shock's strength is less than 1e-24 and the flow is the free stream to double precision.
@@ -24,19 +24,11 @@ PARTS = 16
 
 
 @dataclass(frozen=True)
-class ConeShock:
-    """The flow over a cone, relative to the free stream.
+class ConeShock(Shock):
+    """The flow over a cone, relative to the free stream; see `Shock` for the state just behind the shock.
 
     Attributes:
-        mach: Mach number of the free stream.
         half_angle: Half angle of the cone [rad].
-        shock_angle: Angle between the shock and the axis [rad].
-        deflection: Angle by which the shock turns the flow [rad]; the rest of the turn happens between shock and wall.
-        density_ratio: rho2 / rho1 across the shock.
-        pressure_ratio: p2 / p1 across the shock.
-        temperature_ratio: T2 / T1 across the shock.
-        stagnation_pressure_ratio: p02 / p01, the same everywhere behind the shock.
-        downstream_mach: Mach number just behind the shock.
         surface_mach: Mach number at the wall.
         surface_density_ratio: Density at the wall over that of the free stream.
         surface_pressure_ratio: Pressure at the wall over that of the free stream.
@@ -46,15 +38,7 @@ class ConeShock:
             the shock s = shock_angle - t [rad], t the polar angle.
     """
 
-    mach: float
     half_angle: float
-    shock_angle: float
-    deflection: float
-    density_ratio: float
-    pressure_ratio: float
-    temperature_ratio: float
-    stagnation_pressure_ratio: float
-    downstream_mach: float
     surface_mach: float
     surface_density_ratio: float
     surface_pressure_ratio: float
@@ -256,18 +240,13 @@ def _assemble(mach: float, half_angle: float, gamma: float, strength: float) -> 
     density = density_jump(1.0 + strength, gamma)
     pressure = 1.0 + 2.0 * gamma / (gamma + 1.0) * strength
     stagnation = stagnation_ratio(density, pressure, gamma)
-    state = {
-        name: (
+    (temperature, speed), (wall_temperature, wall_speed) = (
+        (
             1.0 + float(temperature_excess(mach, gamma, angle, u, w)),
             math.hypot(math.cos(angle) + u, w - math.sin(angle)),
         )
-        for name, angle, u, w in (
-            ("behind", shock_angle, radial[0], polar[0]),
-            ("wall", half_angle, radial[-1], polar[-1]),
-        )
-    }
-    temperature, speed = state["behind"]
-    wall_temperature, wall_speed = state["wall"]
+        for angle, u, w in ((shock_angle, radial[0], polar[0]), (half_angle, radial[-1], polar[-1]))
+    )
     return ConeShock(
         mach=mach,
         half_angle=half_angle,

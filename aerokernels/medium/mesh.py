@@ -141,11 +141,6 @@ class QuadMesh(Derived):
         return self.vertices[self.cells]
 
     @cached_property
-    def cell_area(self) -> np.ndarray:
-        """Area of each cell [m2], shape (cell_count,)."""
-        return _area(self.corners)
-
-    @cached_property
     def cell_centroid(self) -> np.ndarray:
         """Centroid of each cell [m], shape (cell_count, 2); of its volume of revolution if axisymmetric.
 
@@ -239,8 +234,3 @@ class QuadMesh(Derived):
     def local_coordinates(self, cell: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return bilinear coordinates (xi, eta) in [0, 1] of points in their cells."""
         return invert_bilinear(self.corners[cell], points)
-
-
-def _area(corners: np.ndarray) -> np.ndarray:
-    first, second = corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1]
-    return 0.5 * (first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0])

@@ -321,7 +321,7 @@ def _plane_field(reading: Reading) -> DensityField:
     wall = None
     if where == "cell" and fractions is None:
         wall = wall_density(reading, plane)
-        said += [f"values at {len(wall.density)} points of the walls"] if wall is not None else []
+        said += [f"values at {len(wall[1])} points of the walls"] if wall is not None else []
     provenance = f"{path}: {'; '.join(said)}"
     try:
         if where == "cell":

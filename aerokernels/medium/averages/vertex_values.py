@@ -202,7 +202,8 @@ def _cell_pairs(mesh: QuadMesh) -> tuple[np.ndarray, np.ndarray]:
     count = int(cell.max()) + 1
     touches = csr_matrix((np.ones(len(cell)), (cell, vertex)), shape=(count, len(mesh.vertices)))
     first, second = (touches @ touches.T).nonzero()
-    return _unique_pairs(first.astype(np.int64), second.astype(np.int64), count)
+    key = np.unique((first.astype(np.int64) * count + second)[first != second])
+    return key // count, key % count
 
 
 def of_parents(mesh: QuadMesh, values: np.ndarray) -> np.ndarray:
@@ -214,11 +215,6 @@ def of_parents(mesh: QuadMesh, values: np.ndarray) -> np.ndarray:
     if values.ndim == 1:
         return np.asarray(np.bincount(mesh.parents, size * values) / whole)
     return np.stack([np.bincount(mesh.parents, size * column) / whole for column in values.T], axis=1)
-
-
-def _unique_pairs(first, second, count: int) -> tuple[np.ndarray, np.ndarray]:
-    key = np.unique((first * count + second)[first != second])
-    return key // count, key % count
 
 
 def _least_squares_gradient(points, values, first, second) -> np.ndarray:

@@ -164,7 +164,7 @@ def _through(tree: WallTree, position: np.ndarray, direction: np.ndarray) -> tup
         if not len(rows):
             continue
         if last == first:
-            waiting += tree.children(node, rows)
+            waiting += [(node + 1, rows), (int(tree.links[node + 1][0]), rows)]
             continue
         offset = tree.corners[first:last][None] - position[rows][:, None, None]
         x, y, w = (np.einsum("ntkc,nc->ntk", offset, axis[rows]) for axis in (right, up, direction))

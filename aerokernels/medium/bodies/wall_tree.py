@@ -43,10 +43,6 @@ class WallTree:
             return tuple(rows.reshape(-1, 4) for rows in all_rows)  # type: ignore[return-value]
         return tuple(np.pad(rows.reshape(-1, 3), ((0, 0), (0, 1))) for rows in all_rows)  # type: ignore[return-value]
 
-    def children(self, node: int, rows: np.ndarray) -> list[tuple[int, np.ndarray]]:
-        """Return the two children of a node that is not a leaf, each with the rows of lines or points to test there."""
-        return [(node + 1, rows), (int(self.links[node + 1][0]), rows)]
-
 
 def wall_tree(corners: np.ndarray, normals: np.ndarray) -> WallTree:
     """Return the tree of pieces with corners [m] and normals there, each of shape (w, d, d)."""
@@ -204,7 +200,7 @@ class NearestTriangles:
         """Replace surface points `foot` and squared distances `least`, in place, by nearer ones on triangles."""
         at = [one.take(rows) for one in points]
         found = self._foot(at, pieces)
-        distance = _squares([one - other for one, other in zip(found, at, strict=True)])
+        distance = np.asarray(sum((one - other) ** 2 for one, other in zip(found, at, strict=True)))
         first = np.flatnonzero(np.diff(rows, prepend=-1))
         nearest = np.repeat(np.minimum.reduceat(distance, first), np.diff(first, append=len(rows)))
         best = np.flatnonzero((distance == nearest) & (distance < least[rows] * (1.0 - 1e-12)))
@@ -237,11 +233,6 @@ class NearestTriangles:
 def _columns(rows: np.ndarray) -> tuple[np.ndarray, ...]:
     """Return the components of vectors (n, k) as k contiguous arrays (n,)."""
     return tuple(np.ascontiguousarray(rows.T))
-
-
-def _squares(vector) -> np.ndarray:
-    """Return the squares of vectors that are given by component."""
-    return np.asarray(sum(one * one for one in vector))
 
 
 def _share(product: np.ndarray, square: np.ndarray) -> np.ndarray:
