@@ -146,16 +146,13 @@ class BluntBodyFlow:
         reach = np.where(on_nose, self.bow.distance_along(angle), self.bow.radius_at(z))
         share = np.maximum(distance - radius, 0.0) / (reach - radius)
         shock = self.shock_ratio_at(np.where(on_nose, reach * np.sin(angle), reach))
-        return (1.0 - share) * self.wall_ratio_at(angle) + share * shock
+        pressure = self.pressure_share + (1.0 - self.pressure_share) * np.cos(angle) ** 2  # modified Newtonian
+        wall = self.stagnation_density_ratio * pressure ** (1.0 / self.gamma)
+        return (1.0 - share) * wall + share * shock
 
     def shock_ratio_at(self, r) -> np.ndarray:
         """Density just behind the shock over the free stream's, exact for the shock's slope at r from the axis [m]."""
         return density_jump(self.bow.normal_mach_square_at(r), self.gamma)
-
-    def wall_ratio_at(self, angle) -> np.ndarray:
-        """Density at the wall over that of the free stream, modified Newtonian, at angles from the nose [rad]."""
-        pressure = self.pressure_share + (1.0 - self.pressure_share) * np.cos(angle) ** 2
-        return self.stagnation_density_ratio * pressure ** (1.0 / self.gamma)
 
 
 @checked

@@ -136,12 +136,20 @@ class ConicalFlow(DensityField):
         z_count = round(self.length / step[1]) + MARGIN + 1
 
         def contrast(angle: np.ndarray) -> np.ndarray:
-            density = self.ambient_density * self.shock.density_ratio_at(self._mirrored(angle))
+            # Polar angles inside the body are mirrored at the wall, to at most half the shock layer's depth.
+            deepest = 0.5 * (self.shock.shock_angle - self.half_angle)
+            mirrored = self.half_angle + np.minimum(self.half_angle - angle, deepest)
+            angle = np.where(angle < self.half_angle, mirrored, angle)
+            density = self.ambient_density * self.shock.density_ratio_at(angle)
             return model.contrast(density, self.ambient_density, wavelength, group=group)
 
+        # Five more half cells on each side: three under the kernel, and two to the next node, for the correction.
+        shape, low = (2 * r_count + 4, 2 * z_count + 9), -self.length - 2.5 * step[1]
+        half = cell_averages(contrast, self.shock.shock_angle, shape, low, 0.5 * step)
+        sharpen = interpolation == "cubic"
         again = partial(self.index_field, wavelength, relation, composition=composition, spacing=spacing)
         return IndexField.from_samples(
-            self._node_values(contrast, (r_count, z_count), step, sharpen=interpolation == "cubic"),
+            bell(bell(np.concatenate([half[5:0:-1], half]), 0, sharpen), 1, sharpen),
             origin=(0.0, -self.length),
             spacing=step,
             geometry="axisymmetric",
@@ -151,19 +159,6 @@ class ConicalFlow(DensityField):
                 self.ambient_density, wavelength, 0.0, group, partial(again, interpolation=interpolation)
             ),
         )
-
-    def _node_values(self, contrast, shape: tuple[int, int], step: np.ndarray, *, sharpen: bool) -> np.ndarray:
-        """Return kernel averages at the nodes of a grid that starts on the axis and at the base."""
-        # Five more half cells on each side: three under the kernel, and two to the next node, for the correction.
-        count = (2 * shape[0] + 4, 2 * shape[1] + 9)
-        low = -self.length - 2.5 * step[1]
-        half = cell_averages(contrast, self.shock.shock_angle, count, low, 0.5 * step)
-        return bell(bell(np.concatenate([half[5:0:-1], half]), 0, sharpen), 1, sharpen)
-
-    def _mirrored(self, angle: np.ndarray) -> np.ndarray:
-        """Return polar angles, those inside the body mirrored at the wall to at most half the shock layer's depth."""
-        deepest = 0.5 * (self.shock.shock_angle - self.half_angle)
-        return np.where(angle < self.half_angle, self.half_angle + np.minimum(self.half_angle - angle, deepest), angle)
 
 
 @checked

@@ -10,6 +10,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Protocol
 
 import numpy as np
@@ -24,9 +25,8 @@ from aerokernels.medium import Body, QuadMesh
 
 # A spacing given in the wrong unit could otherwise request more cells than fit in memory.
 CELL_LIMIT = 4_000_000
-# Default number of cells along the field, cells of undisturbed gas around the disturbed region, and the least number of
-# cells along either axis.
-DEFAULT_CELLS, MARGIN, LEAST_CELLS = 200, 8, 8
+# Default number of cells along the field, and cells of undisturbed gas around the disturbed region.
+DEFAULT_CELLS, MARGIN = 200, 8
 
 
 class Solution(Protocol):
@@ -109,10 +109,6 @@ def rectangles(y: np.ndarray, z: np.ndarray, geometry: str = "planar") -> QuadMe
     cells = (len(y) - 1, len(z) - 1)
     if cells[0] * cells[1] > CELL_LIMIT:
         raise ValueError(f"spacing gives {cells[0]} x {cells[1]} cells, more than {CELL_LIMIT}: take a wider one")
-    if min(cells) < LEAST_CELLS:
-        raise ValueError(
-            f"spacing gives {cells[0]} x {cells[1]} cells: take one with at least {LEAST_CELLS} along either axis"
-        )
     first, second = np.meshgrid(y, z, indexing="ij")
     return QuadMesh.structured(first, second, geometry)
 
@@ -153,17 +149,21 @@ def direction_averages(
         # A break is a ray from the origin: where it meets the line of this height.
         meets = sine * height > 0.0
         places = -height * cosine[meets] / sine[meets]
-        level[row] = piecewise_means(lambda z, y=height: function(np.arctan2(y, -z)), z, places)
+        level[row] = piecewise_means(partial(_seen_from_origin, function, height), z, places)
     upright = np.empty((len(y) - 1, len(z)))
     for column, depth in enumerate(z):
         meets = -cosine * depth > 0.0
         places = -depth * sine[meets] / cosine[meets]
-        upright[:, column] = piecewise_means(lambda y, z=depth: function(np.arctan2(y, -z)), y, places)
+        upright[:, column] = piecewise_means(partial(_seen_from_origin, function, z=depth), y, places)
     # A constant is homogeneous too: subtracting the value in the middle returns uniform gas to the last bit.
     middle = function(np.arctan2((0.5 * (y[:-1] + y[1:]))[:, None], -0.5 * (z[:-1] + z[1:])))
     across = (z[1:] * (upright[:, 1:] - middle) - z[:-1] * (upright[:, :-1] - middle)) / np.diff(z)
     along = y[1:, None] * (level[1:] - middle) - y[:-1, None] * (level[:-1] - middle)
     return middle + 0.5 * (across + along / np.diff(y)[:, None])
+
+
+def _seen_from_origin(function, y, z):
+    return function(np.arctan2(y, -z))
 
 
 def smooth_averages(

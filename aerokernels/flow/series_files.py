@@ -86,7 +86,8 @@ def series_of_dataset(data: Any, given: Mapping[str, Any], name: str, identity: 
             f"{name}: {array.name} has axes {', '.join(map(str, array.dims))}: rename them to time and "
             "x, y, z, or y, z, or r, z"
         )
-    turned = {axis: slice(None, None, -1) for axis in axes if _falls(name, array.coords.get(axis))}
+    nodes = {axis: _along(name, array.coords[axis]) for axis in axes if axis in array.coords}
+    turned = {axis: slice(None, None, -1) for axis, own in nodes.items() if len(own) > 1 and own[0] > own[-1]}
     if turned:
         data, array = data.isel(turned), array.isel(turned)
     array = array.transpose(clock, *axes)
@@ -113,20 +114,18 @@ def series_of_dataset(data: Any, given: Mapping[str, Any], name: str, identity: 
     if np.ndim(around) or not np.can_cast(np.asarray(around).dtype, np.float64):
         raise ValueError(f"{name}: ambient_density must be one number, in kg/m3, got {str(around)[:40]!r}")
 
+    # At least a whole chunk of the file is read.
+    chunks = array.encoding.get("chunks") or array.encoding.get("chunksizes") or (0,)
+    counts = (np.prod(array.shape[1:], dtype=float), np.prod(chunks, dtype=float))
+    size = float(max(counts)) * array.dtype.itemsize
+
     def get(number: int) -> np.ndarray:
-        check_room(_snapshot_size(array), f"{name}: a snapshot")
+        check_room(size, f"{name}: a snapshot")
         values = _numbers(name, array.isel({clock: number}), "iuf")
         return values if factor == 1.0 else values * factor
 
     identity = {**identity, "variable": array.name}
     return Series(get, times, where, float(around), **own, provenance=described, identity=identity)
-
-
-def _falls(name: str, coordinate: Any) -> bool:
-    if coordinate is None or coordinate.size < 2:
-        return False
-    values = _along(name, coordinate)
-    return bool(values[0] > values[-1])
 
 
 def _along(name: str, coordinate: Any) -> np.ndarray:
@@ -149,13 +148,6 @@ def _numbers(name: str, array: Any, kinds: str = "iufmM") -> np.ndarray:
     if values.dtype.kind not in kinds:
         raise ValueError(f"{name}: {array.name} holds no real numbers but {values.dtype}: write it again as numbers")
     return values
-
-
-def _snapshot_size(array: Any) -> float:
-    """Return the memory needed to read one time of an array [bytes]: at least a whole chunk of the file."""
-    chunks = array.encoding.get("chunks") or array.encoding.get("chunksizes") or (0,)
-    counts = (np.prod(array.shape[1:], dtype=float), np.prod(chunks, dtype=float))
-    return float(max(counts)) * array.dtype.itemsize
 
 
 def _in_si(name: str, axis: str, array: Any, dimension: str, unit: float | None = None) -> np.ndarray:

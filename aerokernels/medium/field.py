@@ -276,7 +276,7 @@ class IndexField(Derived):
         """Node spacing [m] of a uniform grid; the median cell size of a mesh, one entry per axis."""
         if self.is_uniform:
             return self.samples.spacing
-        return np.full(2, self.samples.mesh.median_cell_size)
+        return np.full(2, np.median(self.samples.mesh.cell_size))
 
     @property
     def box(self) -> tuple[np.ndarray, np.ndarray]:

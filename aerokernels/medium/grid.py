@@ -113,13 +113,6 @@ class GridPlaces(Derived):
     even_first_axis: bool
 
 
-def places_of(shape: tuple[int, ...], origin: np.ndarray, spacing: np.ndarray, even_first_axis: bool) -> GridPlaces:
-    """Return the positions of such nodes: one object, with the results cached on it, for all grids that exist now."""
-    in_use: WeakValueDictionary[tuple, GridPlaces] = OPENED.once("positions of nodes in use", WeakValueDictionary)
-    key = shape, origin.tobytes(), spacing.tobytes(), even_first_axis
-    return in_use.get(key) or in_use.setdefault(key, GridPlaces(shape, origin, spacing, even_first_axis))
-
-
 def contrast_array(contrast: Any) -> np.ndarray:
     """Return a contrast as a NumPy array of real numbers."""
     array = plain_array(contrast)
@@ -201,8 +194,12 @@ class UniformGrid(Derived):
 
     @cached_property
     def places(self) -> GridPlaces:
-        """Positions of the nodes, with results computed from them for all grids that have nodes there."""
-        return places_of(self.shape, self.origin, self.spacing, self.even_first_axis)
+        """Positions of the nodes: one object, with the results cached on it, for all grids that exist now."""
+        in_use: WeakValueDictionary[tuple, GridPlaces] = OPENED.once("positions of nodes in use", WeakValueDictionary)
+        key = self.shape, self.origin.tobytes(), self.spacing.tobytes(), self.even_first_axis
+        return in_use.get(key) or in_use.setdefault(
+            key, GridPlaces(self.shape, self.origin, self.spacing, self.even_first_axis)
+        )
 
     @property
     def coefficient_shape(self) -> tuple[int, ...]:

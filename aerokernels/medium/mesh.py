@@ -186,11 +186,6 @@ class QuadMesh(Derived):
         return np.sqrt(0.5 * (side[:, 0] + side[:, 2]) * 0.5 * (side[:, 1] + side[:, 3]))
 
     @cached_property
-    def median_cell_size(self) -> float:
-        """The median of `cell_size` [m]."""
-        return float(np.median(self.cell_size))
-
-    @cached_property
     def neighbors(self) -> np.ndarray:
         """Cell across each edge of each cell, -1 at the boundary, shape (cell_count, 4); edge k joins corners k, k + 1.
 

@@ -18,20 +18,18 @@ def refined(field):
     """Return the field on cells cut in four; None where they make no valid mesh."""
     samples = field.samples
     if field.mesh.parents is not None and samples.averages is None:
-        samples = replace(samples, values=_lifted(field.mesh, samples.values, samples.gradients))
+        # Each part of a flow's cell begins with a corner of that cell; the other vertices of the part cut the cell.
+        mesh, gradient = field.mesh, samples.gradients
+        corner, cuts = mesh.cells[:, :1], mesh.cells[:, 1:]
+        rise = np.sum(gradient[corner] * (mesh.vertices[cuts] - mesh.vertices[corner]), axis=-1).ravel()
+        count = np.maximum(np.bincount(cuts.ravel(), minlength=len(samples.values)), 1)
+        lifted = samples.values + 0.5 * np.bincount(cuts.ravel(), rise, len(samples.values)) / count
+        samples = replace(samples, values=lifted)
     try:
         finer, values = cut_in_four(field.mesh, samples.values, samples.gradients)
     except ValueError:  # a mesh with a seam has two vertices in one place
         return None
     return replace(field, samples=replace(samples, mesh=finer, values=values, averages=None))
-
-
-def _lifted(mesh: QuadMesh, values: np.ndarray, gradient: np.ndarray) -> np.ndarray:
-    """Return values at the vertices, those that cut a flow's cell lifted from the mean of corners to third order."""
-    corner, cuts = mesh.cells[:, :1], mesh.cells[:, 1:]
-    rise = np.sum(gradient[corner] * (mesh.vertices[cuts] - mesh.vertices[corner]), axis=-1)
-    count = np.bincount(cuts.ravel(), minlength=len(values))
-    return values + 0.5 * np.bincount(cuts.ravel(), rise.ravel(), len(values)) / np.maximum(count, 1)
 
 
 def cut_in_four(mesh: QuadMesh, values: np.ndarray, gradient: np.ndarray) -> tuple[QuadMesh, np.ndarray]:

@@ -20,8 +20,6 @@ from aerokernels.process.machine import host_memory
 from aerokernels.sobol import sobol_points
 
 LINE_COUNT = 64
-# Greatest and least factor by which halving the spacing is predicted to reduce the error.
-GREATEST_GAIN, LEAST_GAIN = 64.0, 4.0
 # Most nodes of a grid whose geometry is cached on the mesh that was resampled last: 100 bytes each, and 10 MB.
 KEPT_NODES = 1 << 18  # speed only
 NODE_LIMIT = 200_000_000
@@ -75,7 +73,10 @@ def resample(field, spacing=None, *, tolerance=None, wavelength=None, region=Non
         error = result.resampling.opd_max
         if error <= tolerance * wavelength:
             return result
-        halvings = _halvings(error / (tolerance * wavelength), before and before / error)
+        # By the spline's order a halving reduces the error 16-fold, 64-fold at most. If the last one reduced it less,
+        # each of the next does so at most by the square of that, but by no less than 4, the order at kinks.
+        gain = 64.0 if before is None else min(max((before / error) ** 2, 4.0), 64.0)
+        halvings = max(1, int(np.ceil(np.log(error / (tolerance * wavelength)) / np.log(gain) - 1e-9)))
         if np.prod((high - low) / (0.5**halvings * step) + 1.0) > NODE_LIMIT / 4:
             raise ValueError(
                 f"a spacing of {step.max():.3g} m still changes the optical path by {error / wavelength:.3g} waves, "
@@ -84,16 +85,6 @@ def resample(field, spacing=None, *, tolerance=None, wavelength=None, region=Non
             )
         # Steps above the field's own spacing do not show how fast the error decreases below it.
         step, before = 0.5 * step, error if (step <= field.spacing * (1.0 + 1e-9)).all() else None
-
-
-def _halvings(excess: float, gained: float | None) -> int:
-    """Return the least number of halvings of the spacing for an error that exceeds the tolerance by a factor.
-
-    By the spline's order a halving reduces the error 16-fold, 64-fold at most. If the last one reduced it by less, each
-    of the next is assumed to reduce it at most by the square of that factor, but by no less than 4, the order at kinks.
-    """
-    most = GREATEST_GAIN if gained is None else min(max(gained**2, LEAST_GAIN), GREATEST_GAIN)
-    return max(1, int(np.ceil(np.log(excess) / np.log(most) - 1e-9)))
 
 
 def _region(field, region):
@@ -120,9 +111,12 @@ def _resample_once(field, low, high, step, interpolation):
     step = (high - low) / (count - 1)
     step = step + 2.0 * np.maximum(high - (low + step * (count - 1)), 0.0) / (count - 1)
     points = _points(field, low, high, step, count)
-    contrast = _extrapolated(field, points).reshape(count)
+    contrast = points.nodes.contrast(field)
+    if len(points.inside):  # extrapolated into the body
+        skin, ahead = points.skin.contrast(field), points.ahead.contrast(field)
+        contrast[points.inside] = skin + (skin - ahead) * points.fade
     even = field.geometry == "axisymmetric"
-    grid = UniformGrid(contrast, low, step, interpolation, even, field.ambient_index)
+    grid = UniformGrid(contrast.reshape(count), low, step, interpolation, even, field.ambient_index)
     made, upstream = field.upstream, field.upstream
     if made is not None and made.group is not None and made.group.field is not None:
         again = partial(_resampled, made.group.field, step, (low, high), interpolation)
@@ -227,15 +221,6 @@ def _make_points(where: QuadMesh | UniformGrid, body, low, high, step, count) ->
         line_points,
         extent[-1] / line_points,
     )
-
-
-def _extrapolated(field, points: _ResamplingPoints) -> np.ndarray:
-    """Return the contrast at the nodes, extrapolated into the body."""
-    value = points.nodes.contrast(field)
-    if len(points.inside):
-        skin, ahead = points.skin.contrast(field), points.ahead.contrast(field)
-        value[points.inside] = skin + (skin - ahead) * points.fade
-    return value
 
 
 def _measure(source, result, points: _ResamplingPoints) -> ResamplingError:

@@ -7,6 +7,7 @@ SIAM J. Numer. Anal. 17 (1980) 238.
 """
 
 from collections.abc import Callable
+from functools import partial
 from itertools import product
 
 import numpy as np
@@ -23,39 +24,28 @@ def weights(interpolation: str, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return weights and their derivatives with respect to u, each of shape (support, *u.shape)."""
     v = 1.0 - u
     if interpolation == "linear":
-        slope = [-np.ones_like(u), np.ones_like(u)]
+        value, slope = [v, u], [-np.ones_like(u), np.ones_like(u)]
     elif interpolation == "cubic":
+        value = [v**3 / 6, (3 * u**3 - 6 * u**2 + 4) / 6, (3 * v**3 - 6 * v**2 + 4) / 6, u**3 / 6]
         slope = [-(v**2) / 2, (3 * u**2 - 4 * u) / 2, -(3 * v**2 - 4 * v) / 2, u**2 / 2]
     else:
+        value = [(1 + 2 * u) * v**2, u * v**2, u**2 * (3 - 2 * u), -(u**2) * v]
         slope = [-6 * u * v, v * (1 - 3 * u), 6 * u * v, u * (3 * u - 2)]
-    return values(interpolation, u), np.stack(slope)
-
-
-def values(interpolation: str, u: np.ndarray) -> np.ndarray:
-    """Return the weights, shape (support, *u.shape)."""
-    v = 1.0 - u
-    if interpolation == "linear":
-        return np.array([v, u])
-    if interpolation == "cubic":
-        return np.array([v**3 / 6, (3 * u**3 - 6 * u**2 + 4) / 6, (3 * v**3 - 6 * v**2 + 4) / 6, u**3 / 6])
-    return np.array([(1 + 2 * u) * v**2, u * v**2, u**2 * (3 - 2 * u), -(u**2) * v])
-
-
-def _doubles(values: np.ndarray) -> np.ndarray:
-    return np.asarray(values, np.float64)
+    return np.stack(value), np.stack(slope)
 
 
 def coefficients(
     samples: np.ndarray,
     interpolation: str,
     even_first_axis: bool,
-    value_of: Callable[[np.ndarray], np.ndarray] = _doubles,
+    value_of: Callable[[np.ndarray], np.ndarray] | None = None,
 ) -> np.ndarray:
     """Return the coefficient array of values at nodes, float32 if the samples are, else float64; computed in float64.
 
     `even_first_axis` mirrors the field at the first node of axis 0; `value_of` gives the values, float64, of some
     samples.
     """
+    value_of = value_of or partial(np.asarray, dtype=np.float64)
     kind = np.dtype(np.float32 if samples.dtype == np.float32 else np.float64)
     if interpolation == "cubic":
         return _spline(samples, even_first_axis, value_of, np.empty([count + 2 for count in samples.shape], kind))
