@@ -114,7 +114,7 @@ class DensityField(ReadOnly, ABC):
         gives their unit. The arguments are those of `flow.read` except spacing, region, walls and those for one file
         format.
         """
-        return import_module("aerokernels.flow.reading.in_memory").from_xarray(array, **arguments)
+        return import_module("aerokernels.flow.reading.read").from_xarray(array, **arguments)
 
     @staticmethod
     def from_pyvista(dataset, **arguments) -> "DensityField":
@@ -122,7 +122,7 @@ class DensityField(ReadOnly, ABC):
 
         The arguments are those of `flow.read` except time, walls and those for one file format.
         """
-        return import_module("aerokernels.flow.reading.in_memory").from_pyvista(dataset, **arguments)
+        return import_module("aerokernels.flow.reading.read").from_pyvista(dataset, **arguments)
 
     @abstractmethod
     def density_at(self, points) -> np.ndarray:

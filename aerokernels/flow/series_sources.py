@@ -193,11 +193,11 @@ def _of_path(path: Path, call: _Call) -> Series:
     if any(letter in str(path) for letter in "*?[") and not path.exists():
         call.check(str(path), FILES)
         return _of_numbered(_matching(path), call, str(path))
-    lists = import_module("aerokernels.flow.reading.readers.vtk_collections")
+    lists = import_module("aerokernels.flow.reading.readers.vtk_files")
     case = import_module("aerokernels.flow.reading.readers.foam_case")
     times: Any
     times, kind = None, "file"
-    if path.suffix.lower() in lists.SUFFIXES and path.is_file():
+    if path.suffix.lower() in lists.LISTS and path.is_file():
         entries = lists.collection(path)
         times = [entry.time for entry in entries]
         if len(set(times)) == len(times):
