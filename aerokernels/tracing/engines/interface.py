@@ -8,7 +8,7 @@ uploaded here, and cached with the field or the bundle.
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -121,10 +121,6 @@ class Engine(ABC):
     @abstractmethod
     def kernels(self, names: Iterable[str]) -> dict[str, Any]:
         """Return the named kernels of PROGRAMS."""
-
-    def another(self, kernel: Any) -> Any:
-        """Return the same kernel for launches with other arguments: neither then sets those of the other again."""
-        return kernel
 
     def keeps(self, size: float) -> bool:
         """Return whether results of `size` bytes, and the rays, stay on the device until they are read."""
@@ -371,10 +367,6 @@ class Prepared:
                     self.unused[alike] = self.engine.empty(1, *alike)
                 buffers[name] = self.unused[alike]
         return buffers
-
-    def again(self) -> "Prepared":
-        """The same, to be launched with other numbers in turn: see `Engine.another`."""
-        return replace(self, kernel=self.engine.another(self.kernel))
 
     def tune(self, **numbers: Any) -> None:
         """Set new values of members of struct Control for the launches that follow."""

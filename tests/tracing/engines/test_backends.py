@@ -66,20 +66,19 @@ def test_auto_without_pyopencl_goes_on_with_warp(tmp_path):
     assert "pip install" in done.stdout or "cuda" in done.stdout
 
 
-@pytest.mark.parametrize("broken", ["import", "platform", "driver", "float64"])
+@pytest.mark.parametrize("broken", ["import", "platform", "float64"])
 def test_auto_with_a_broken_opencl_goes_on_with_warp(tmp_path, broken):
     if broken == "import":
         (tmp_path / "shadow" / "pyopencl").mkdir(parents=True)
         (tmp_path / "shadow" / "pyopencl" / "__init__.py").write_text("raise ImportError('libfoo.so')\n")
         settings = {"PYTHONPATH": before_path(tmp_path / "shadow")}
     else:
-        drivers = {"platform": {}, "driver": {"broken": "libm.so.6"}}.get(broken)
-        drivers = {"stand": driver(tmp_path, 0)} if drivers is None else drivers
+        drivers = {} if broken == "platform" else {"stand": driver(tmp_path, 0)}
         settings = {"PYTHONPATH": bare_pyopencl(tmp_path), "OCL_ICD_VENDORS": vendors(tmp_path, **drivers)}
     done = run_python(AUTO, tmp_path, **settings)
     assert done.returncode == 0, done.stderr
     assert done.stdout.startswith("warp|") and done.stdout.endswith("\nwarp\n") and done.stderr == ""
-    words = {"import": "libfoo", "platform": "no OpenCL platform", "driver": "libm", "float64": "float64 is missing"}
+    words = {"import": "libfoo", "platform": "no OpenCL platform", "float64": "float64 is missing"}
     assert words[broken] in done.stdout or "cuda" in done.stdout
 
 

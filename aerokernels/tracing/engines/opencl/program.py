@@ -167,12 +167,7 @@ def _build(session: Session, kernel_file: str, source: str, options: list[str]):
         # A compiler's remarks about a program that builds do not concern users.
         warnings.simplefilter("ignore", cl.CompilerWarning)
         try:
-            try:
-                return cl.Program(session.context, source).build(options)
-            except (cl.Error, cl.RuntimeError):
-                raise
-            except Exception:  # PyOpenCL's cache on disk cannot be written, or is damaged: build without it
-                return cl.Program(session.context, source).build(options, cache_dir=False)
+            return cl.Program(session.context, source).build(options)
         except (cl.Error, cl.RuntimeError) as error:
             raise RuntimeError(
                 f"OpenCL kernel {kernel_file} does not build for device {session.name!r}:\n"
