@@ -64,11 +64,9 @@ def test_headers_are_written_in_place_once(folder):
     assert text.index("#define FACTOR") < text.index("float twice(") < text.index("__kernel")
 
 
-def test_a_missing_source_or_header_is_named(folder):
-    with pytest.raises(RuntimeError, match=r"kernel source none\.cl cannot be read at .*sources"):
-        expand("none.cl", folder)
+def test_a_missing_header_is_named(folder):
     (folder / "include" / "factor.h").unlink()
-    with pytest.raises(RuntimeError, match=r"fill\.cl, line 2: header 'factor\.h' is neither .*include"):
+    with pytest.raises(RuntimeError, match=r"fill\.cl, line 2: header 'factor\.h' is not below"):
         expand("fill.cl", folder)
 
 

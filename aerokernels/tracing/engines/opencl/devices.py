@@ -19,7 +19,7 @@ from aerokernels.process.kernel_cache import NoCacheError, why_unusable
 from ....process.machine import patient_threads
 from ....process.opened import OPENED
 from ..info import BackendInfo, absent
-from .pocl import linker_trouble, name_processor, workaround
+from .pocl import is_unknown, linker_trouble, name_processor, workaround
 from .pocl_cache import make_safe
 from .session import Session
 
@@ -253,12 +253,9 @@ def _describe(cl, platform, device) -> FoundDevice:
         # PoCL contains its own compiler, which may be older than the CPU; other drivers know their devices.
         options = name_processor(device)
         done = workaround(device, options)
-        reason = linker_trouble(device)  # before the trial, which would end the process if it could not write
-        if not reason and (trouble := _trial(cl, device, options)):
-            reason = (
-                f"PoCL's compiler fails on this CPU ({trouble}): install a newer PoCL as the system's OpenCL driver, "
-                "or choose backend 'warp'"
-            )
+        reason = linker_trouble(device)
+        if is_unknown(device) and not options:
+            reason = f"{done}; install a newer PoCL as the system's OpenCL driver, or choose backend 'warp'"
     # PoCL's version string continues with how it was compiled: keep only its beginning.
     version = f"{platform.name.strip()} {re.split(r'  |,', platform.version.strip())[0]}"
     info = BackendInfo(
@@ -282,18 +279,6 @@ def has_float64(cl, device) -> bool:
         return bool(device.double_fp_config) or "cl_khr_fp64" in device.extensions.split()
     except cl.Error:
         return False
-
-
-def _trial(cl, device, options: tuple[str, ...]) -> str:
-    """Build a kernel of one line; return the compiler's first error, "" if it builds."""
-    try:
-        context = cl.Context([device])
-        trial = cl.Program(context, "__kernel void trial(__global float *x) { x[get_global_id(0)] = 0.0f; }")
-        trial.build(list(options), cache_dir=False)
-    except (cl.Error, cl.RuntimeError) as error:
-        lines = [line.strip() for line in str(error).splitlines() if "error:" in line]
-        return lines[0] if lines else " ".join(str(error).split())[:200]
-    return ""
 
 
 def with_unique_names(devices: list[FoundDevice]) -> list[FoundDevice]:

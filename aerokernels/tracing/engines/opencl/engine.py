@@ -235,9 +235,8 @@ class SentToGPU(Sent):
         self.session = session
         self.event: Any = None  # of the last upload: PyOpenCL would wait for the copy if the event were deleted
 
-    def send(self, values: np.ndarray | None = None) -> None:
+    def send(self) -> None:
         """Start the upload; the queue is in order, so later launches see it."""
-        super().send(values)
         self.event = cl.enqueue_copy(self.session.queue, self.buffer, self.array, is_blocking=False)
 
 

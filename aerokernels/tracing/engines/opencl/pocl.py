@@ -108,6 +108,11 @@ def _given_name(device) -> str:
     return "" if name == device.version.strip() or name in OF_LIBRARY else name
 
 
+def is_unknown(device) -> bool:
+    """Whether PoCL 3.0 does not know the CPU: it then builds nothing unless the name is replaced."""
+    return _given_name(device) == UNKNOWN
+
+
 def _readable_ranges() -> list[tuple[int, int]]:
     ranges = []
     with open("/proc/self/maps", encoding="utf-8", errors="replace") as text:
