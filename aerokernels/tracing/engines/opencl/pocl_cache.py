@@ -11,7 +11,7 @@ import warnings
 from contextlib import suppress
 from pathlib import Path
 
-from aerokernels.process.kernel_cache import is_whole, spare_cache, why_unusable
+from aerokernels.process.quiet_warp import is_whole, spare_cache, why_unusable
 
 VARIABLE = "POCL_CACHE_DIR"
 CHECKED = "aerokernels-checked"  # an empty file, whose time is that of the last check
