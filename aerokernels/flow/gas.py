@@ -137,12 +137,8 @@ def tunnel_conditions(
     ratio = isentropic(mach, gamma=gamma)
     temperature = stagnation_temperature * ratio.temperature_ratio
     pressure = stagnation_pressure * ratio.pressure_ratio
-    stream = replace(
-        free_stream(mach, pressure / (gas_constant * temperature), temperature, gamma=gamma, gas_constant=gas_constant),
-        pressure=pressure,
-        stagnation_pressure=float(stagnation_pressure),
-        stagnation_temperature=float(stagnation_temperature),
-    )
+    static = (pressure / (gas_constant * temperature), pressure, temperature)
+    stream = _stream(mach, static, (stagnation_pressure, stagnation_temperature), gamma, gas_constant)
     return stream if density is None else stream.at_density(density)
 
 
@@ -172,8 +168,20 @@ def free_stream(
     check_positive(temperature, "temperature")
     check_positive(gas_constant, "gas_constant")
     ratio = isentropic(mach, gamma=gamma)
-    density, temperature = float(density), float(temperature)
     pressure = density * gas_constant * temperature
+    stagnation = (pressure / ratio.pressure_ratio, temperature / ratio.temperature_ratio)
+    return _stream(mach, (density, pressure, temperature), stagnation, gamma, gas_constant)
+
+
+def _stream(
+    mach: float,
+    static: tuple[float, float, float],
+    stagnation: tuple[float, float],
+    gamma: float,
+    gas_constant: float,
+) -> FreeStream:
+    """Return a stream of a static density, pressure and temperature, and a stagnation pressure and temperature."""
+    density, pressure, temperature = map(float, static)
     sound_speed = math.sqrt(gamma * gas_constant * temperature)
     return FreeStream(
         mach=float(mach),
@@ -182,8 +190,8 @@ def free_stream(
         temperature=temperature,
         velocity=mach * sound_speed,
         sound_speed=sound_speed,
-        stagnation_pressure=pressure / ratio.pressure_ratio,
-        stagnation_temperature=temperature / ratio.temperature_ratio,
+        stagnation_pressure=float(stagnation[0]),
+        stagnation_temperature=float(stagnation[1]),
         gamma=float(gamma),
         gas_constant=float(gas_constant),
     )

@@ -96,8 +96,8 @@ def test_the_shipped_model():
         ([[0.0, 0.0], [1.0, np.nan], [0.0, 1.0]], "planar", r"1 of 6 samples of the body profile.*index \(1, 1\)"),
         ([[0.0, 0.0], [-1.0, 0.5], [0.0, 1.0]], "axisymmetric", "negative radius"),
         (polygon(), "volume", "'planar' or 'axisymmetric', got 'volume'"),
-        ([[0.0, 0.0], [0.0, 1.0], [0.0, 2.0]], "axisymmetric", "no wall"),
-        ([[1.0, 1.0]] * 3, "planar", "no wall"),
+        ([[0.0, 0.0], [0.0, 1.0], [0.0, 2.0]], "axisymmetric", "encloses nothing"),
+        ([[1.0, 1.0]] * 3, "planar", "encloses nothing"),
     ],
 )
 def test_what_is_refused(profile, geometry, message):

@@ -161,19 +161,19 @@ class NearestTriangles:
 
     def __call__(self, points: np.ndarray) -> np.ndarray:
         """Return the nearest points of the surface [m], shape (n, 3)."""
-        parts = [self._nearest(points[first : first + POINTS]) for first in range(0, len(points), POINTS)]
-        return np.concatenate([np.empty((0, 3)), *parts])
-
-    def _nearest(self, points: np.ndarray) -> np.ndarray:
-        # The search begins with the triangles of the nearest centroids.
-        count = min(3, len(self.determinant))
-        near = self.middles.query(points, count)[1].reshape(-1)
-        columns = _columns(points)
-        foot, least = _columns(np.empty_like(points)), np.full(len(points), np.inf)
-        self._replace_farther(columns, foot, least, np.repeat(np.arange(len(points)), count), near)
-        for rows, pieces in self._nearer_boxes(columns, least):
-            self._replace_farther(columns, foot, least, rows, pieces)
-        return np.stack(foot, axis=1)
+        parts = [np.empty((0, 3))]
+        for first in range(0, len(points), POINTS):
+            some = points[first : first + POINTS]
+            # The search begins with the triangles of the nearest centroids.
+            count = min(3, len(self.determinant))
+            near = self.middles.query(some, count)[1].reshape(-1)
+            columns = _columns(some)
+            foot, least = _columns(np.empty_like(some)), np.full(len(some), np.inf)
+            self._replace_farther(columns, foot, least, np.repeat(np.arange(len(some)), count), near)
+            for rows, pieces in self._nearer_boxes(columns, least):
+                self._replace_farther(columns, foot, least, rows, pieces)
+            parts.append(np.stack(foot, axis=1))
+        return np.concatenate(parts)
 
     def _nearer_boxes(self, points, least: np.ndarray):
         """Yield pairs of a point and a triangle whose box is nearer than the squared distance `least`, by levels.
