@@ -21,19 +21,14 @@ CORNERS = 1 << 18  # corners of triangles whose neighbours are in memory togethe
 class WallTree:
     """Pieces of a surface and their bounding boxes; corners have d coordinates: (r, z), (y, z) or (x, y, z) [m].
 
-    Attributes:
-        corners: Corners of each piece, shape (w, d, d): segments with the solid on their left, triangles
-            counter-clockwise seen from outside.
-        normals: Outward unit normals at the corners, linear between them, shape (w, d, d): see wall_tree.py.
-        boxes: Lowest and highest corner of each node's box [m], shape (n, 2, d).
-        links: For each node the next node after all its descendants, its first piece and the one after its last, shape
-            (n, 3); only leaves have pieces.
+    Segments have the solid on their left, triangles are counter-clockwise seen from outside. Each node is linked to the
+    next one after all its descendants, and a leaf to its first piece and the one after its last.
     """
 
-    corners: np.ndarray
-    normals: np.ndarray
-    boxes: np.ndarray
-    links: np.ndarray
+    corners: np.ndarray  # of each piece, shape (w, d, d)
+    normals: np.ndarray  # outward unit normals there, linear between them, shape (w, d, d)
+    boxes: np.ndarray  # lowest and highest corner of each node's box [m], shape (n, 2, d)
+    links: np.ndarray  # shape (n, 3)
 
     @property
     def kernel_rows(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
