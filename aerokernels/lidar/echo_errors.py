@@ -35,7 +35,6 @@ from aerokernels.lidar.paths import air_error
 from aerokernels.lidar.pulse_curve import peak_height
 from aerokernels.lidar.pulses import SPEED_OF_LIGHT
 from aerokernels.lidar.rangefinder import Rangefinder, VacuumEcho
-from aerokernels.lidar.ranging import AMPLITUDE_METHODS
 from aerokernels.lidar.result import EchoResult
 from aerokernels.lidar.return_paths import factor_of, is_symmetric, reduce_pupils, upper_half
 from aerokernels.medium import IndexField
@@ -122,7 +121,7 @@ class EchoProbe:
         record = self.setup.detector.chain.clipped(volts)
         methods: Sequence[str] = RANGING_METHODS
         if whole and np.array_equal(record, volts) and np.array_equal(self.clean, self.linear):
-            methods = AMPLITUDE_METHODS
+            methods = ("leading-edge",)  # the others do not depend on the amplitude
         ranges = self.rangefinder.ranges(self.time, record, methods)[0]
         ranges = {name: math.inf if math.isnan(value) else value for name, value in ranges.items()}
         self._known[share] = peak_height(record), {**(whole[1] if whole else {}), **ranges}

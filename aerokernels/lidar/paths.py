@@ -1,31 +1,12 @@
 """Place points across the beam, trace the outward paths through the flow to them, and compute the returning power.
 
-The points are those at which the undisturbed rays of the beam would cross the plane through the target's centre normal
-to the axis (x and y of eq 8-12). The beam's support is limited to three 1/e^2 radii (4e-9 of the power is outside), and
-to the reflector's edges where those are nearer. The result is a convex polygon. It is divided into bands at the heights
-of its corners, and each band, a trapezium, gets a tensor product of Gauss-Legendre points. With 20 points across or
-more the fractions add up to the power within 1e-7.
-A tilted reflector spreads the echo in time by its depth. If this spread is long compared with the pulse, points are
-added until four of them fall within the pulse's timescale; otherwise the echo would be a series of separate pulses.
-
-A ray leaves the exit aperture at the homologous point: its distance from the axis in exit radii equals its distance at
-the target in beam radii. The diverging beam therefore sees a point (X, Y, Z) of the tilted reflector, relative to the
-reflector's centre, at
-
-    (x, y) = (X, Y) / (1 + q Z),  q = (1 - exit_radius / radius) / distance
-
-which maps the reflector's straight edges to straight edges.
-
-One ray per target point leaves the exit aperture and ends on the tilted target. R_L = integral of n ds inside the
-traced field plus the ambient index times the straight remainder (eq 9, with lengths and optical lengths distinguished).
-The path ends on the tilted plane, so R_L includes the effect of the tilt. The pulse takes the time of the group path
-along the same ray, the integral of the group index: n_g - 1 of air is 1.4 % more than n - 1 at 905 nm. The incidence is
-cos = -d . N in three dimensions.
+The points are a tensor product of Gauss-Legendre points on the reflector, within three 1/e^2 radii of the beam (4e-9 of
+the power is outside). With 20 points across the fractions add up to the power within 1e-7. One ray per point leaves the
+exit aperture and ends on the tilted target; the pulse takes the time of the group path along the ray.
 """
 
 import math
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 
@@ -38,14 +19,6 @@ from aerokernels.process.opened import OPENED
 from aerokernels.pupils.base import lengths
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import TraceResult, trace
-
-SUPPORT = 3.0  # [1/e^2 radii]
-
-
-LEAST_BAND = 8  # points across a band, however narrow
-
-
-PANEL_NODES = 64  # greatest number of Gauss-Legendre points in one piece; computing n points takes a time of order n^3
 
 
 @dataclass(frozen=True)
@@ -68,29 +41,83 @@ def target_points(setup: Setup, finer: float = 1.0) -> TargetPoints:
 
     Args:
         setup: The laser and its target; `ray_count` of the laser is rounded up to a square, at least 400, and more if
-            the reflector's edges divide the beam into bands or a tilt spreads the echo over many pulse lengths.
+            a tilt spreads the echo over many pulse lengths.
         finer: Multiplies the points along each side of the beam.
 
     Raises:
         ValueError: A target that reaches back to the aperture's plane, or one so deep against the pulse that millions
             of points would be needed.
     """
-    laser = setup.laser
-    reach = SUPPORT * laser.radius
-    if setup.target.limits == "paper":
-        outline = _rectangle(reach, laser.radius)
+    laser, target, reach = setup.laser, setup.target, 3.0 * setup.laser.radius
+    # `seen` maps (u, v, 1) of the reflector to (s x, s y, s), where the beam sees it in the plane of its centre.
+    if target.limits == "paper":
+        seen, high = np.eye(3), np.array([reach, laser.radius])
+        low = -high
     else:
-        outline = clip_polygon(seen_outline(setup), _rectangle(reach, reach))
+        seen = _seen_reflector(setup)
+        low, high = _lit_part(seen, 0.5 * np.array([target.width, target.height]), reach)
     side = max(math.ceil(math.sqrt(laser.ray_count)), 20)  # points across the whole beam
-    across, along = (math.ceil(finer * max(side, count)) for count in _resolving_counts(setup, outline))
+    shear = np.maximum(np.hypot(*seen[:2, :2]) * (high - low) / (2.0 * reach), 1.0)
+    needed = np.maximum(side * shear, _resolving_counts(setup, seen, low, high))
+    across, along = (math.ceil(finer * math.ceil(count)) for count in needed)
     if across * along > 1 << 22:
         raise ValueError(
             f"the target is deep against the pulse: {across} x {along} points of the beam would be needed to sum up "
             "its echo; take a longer beam.pulse_tau, or a smaller target.tilt or beam.radius"
         )
-    flat, area = polygon_points(outline, across, along)
+    _, flat, area = _grid(seen, low, high, across, along)
     density = 2.0 / (math.pi * laser.radius**2) * np.exp(-2.0 * np.sum(flat**2, axis=1) / laser.radius**2)
     return TargetPoints(*_rays(setup, flat), density * area)
+
+
+def _seen_reflector(setup: Setup) -> np.ndarray:
+    """Return the matrix (3, 3) from (u, v, 1) along the reflector's sides to (s x, s y, s) of the ray that meets it.
+
+    A ray leaves the exit aperture at the homologous point: its distance from the axis in exit radii equals its distance
+    at the target in beam radii. The diverging beam sees a point (X, Y, Z) of the reflector, relative to its centre, at
+    (x, y) = (X, Y) / (1 + q Z), q = (1 - exit_radius / radius) / distance.
+    """
+    laser, target = setup.laser, setup.target
+    divergence = (1.0 - laser.exit_radius / laser.radius) / target.distance
+    sides, corner = target.orientation[:, :2], target.corners
+    if (1.0 + divergence * corner[:, 2]).min() <= 0.0 or corner[:, 2].min() <= -target.distance:
+        raise ValueError(
+            f"the target reaches back to the aperture: {target.width:g} m x {target.height:g} m at a tilt of "
+            f"{target.tilt:g} rad and a distance of {target.distance:g} m; take a smaller tilt or height or width"
+        )
+    return np.column_stack([np.vstack([sides[:2], divergence * sides[2:]]), [0.0, 0.0, 1.0]])
+
+
+def _lit_part(seen: np.ndarray, half: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return the ends in u and v [m], (2,) each, of the part of a reflector within `reach` of the axis in x and y."""
+    window = np.array([[-reach, reach, reach, -reach], [-reach, -reach, reach, reach], [1.0, 1.0, 1.0, 1.0]])
+    place = np.linalg.solve(seen, window)
+    if place[2].min() <= 0.0:  # a ray at the window's edge runs along the reflector, or away from it
+        return -half, half
+    place = place[:2] / place[2]
+    return np.maximum(-half, place.min(axis=1)), np.minimum(half, place.max(axis=1))
+
+
+def _grid(
+    seen: np.ndarray, low: np.ndarray, high: np.ndarray, across: int, along: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return Gauss-Legendre points, (u, v) and (x, y) [m], shape (m, 2), and the area in x and y of each [m2], (m,)."""
+    (node_u, weight_u), (node_v, weight_v) = _gauss_points(across), _gauss_points(along)
+    half = 0.5 * (high - low)
+    u, v = np.meshgrid(0.5 * (low[0] + high[0]) + half[0] * node_u, 0.5 * (low[1] + high[1]) + half[1] * node_v)
+    place = np.stack([u.ravel(), v.ravel(), np.ones(u.size)])
+    x, y, scale = seen @ place
+    area = half[0] * half[1] * np.outer(weight_v, weight_u).ravel() * np.linalg.det(seen) / scale**3
+    return place[:2].T, np.column_stack([x, y]) / scale[:, None], area
+
+
+def _gauss_points(count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return at least `count` Gauss-Legendre points in [-1, 1] and their weights, in equal pieces of at most 64."""
+    piece_count = math.ceil(count / 64)  # computing n points takes a time of order n^3
+    rule = math.ceil(count / piece_count)
+    node, weight = OPENED.once(("Gauss-Legendre", rule), lambda: np.polynomial.legendre.leggauss(rule))
+    middle = (2.0 * np.arange(piece_count) + 1.0) / piece_count - 1.0
+    return (middle[:, None] + node / piece_count).ravel(), np.tile(weight / piece_count, piece_count)
 
 
 def _rays(setup: Setup, flat: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -100,120 +127,23 @@ def _rays(setup: Setup, flat: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return aim, np.column_stack([ratio * flat, np.full(len(flat), start_z)])
 
 
-def _resolving_counts(setup: Setup, outline: np.ndarray) -> tuple[int, int]:
-    """Return the numbers of points in x and in y that resolve the echo's spread over the reflector's depth."""
-    flat, _ = polygon_points(outline, LEAST_BAND)
+def _resolving_counts(setup: Setup, seen: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """Return the numbers of points in u and in v that resolve the echo's spread over the reflector's depth, (2,).
+
+    Four points fall within the pulse's timescale; otherwise the echo would be a series of separate pulses.
+    """
+    place, flat, _ = _grid(seen, low, high, 8, 8)
     aim, start = _rays(setup, flat)
     ray, normal = aim - start, setup.target.normal
     # From the exit to the tilted plane, which crosses the axis at the centre of the plane of `aim`.
     center = np.array([0.0, 0.0, aim[0, 2]])
     path = lengths(ray) * ((center - start) @ normal) / (ray @ normal)
-    sides = np.column_stack([np.ones(len(flat)), flat])
+    sides = np.column_stack([np.ones(len(place)), place])
     slope = np.linalg.lstsq(sides, path, rcond=None)[0]
-    residual = float(np.ptp(path - sides @ slope))
-    depth = np.abs(slope[1:]) * np.ptp(outline, axis=0) + residual
+    depth = np.abs(slope[1:]) * (high - low) + np.ptp(path - sides @ slope)
     # Gauss points are pi / 2 times farther apart in the middle than on average; four are to fall within the depth that
     # light travels, out and back, in one timescale of the pulse.
-    step = 0.5 * SPEED_OF_LIGHT * setup.laser.shape.timescale / (0.5 * math.pi * 4.0)
-    across, along = (math.ceil(length / step) for length in depth)
-    return across, along
-
-
-def _rectangle(half_width: float, half_height: float) -> np.ndarray:
-    return np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]) * (half_width, half_height)
-
-
-def seen_outline(setup: Setup) -> np.ndarray:
-    """Return the reflector's corners as the beam sees them in the plane of its centre [m], in order, shape (4, 2).
-
-    Raises:
-        ValueError: The reflector reaches back to the aperture's plane.
-    """
-    laser, target = setup.laser, setup.target
-    corner = target.corners
-    divergence = (1.0 - laser.exit_radius / laser.radius) / target.distance
-    scale = 1.0 + divergence * corner[:, 2]
-    if scale.min() <= 0.0 or corner[:, 2].min() <= -target.distance:
-        raise ValueError(
-            f"the target reaches back to the aperture: {target.width:g} m x {target.height:g} m at a tilt of "
-            f"{target.tilt:g} rad and a distance of {target.distance:g} m; take a smaller tilt or height or width"
-        )
-    return corner[:, :2] / scale[:, None]
-
-
-def clip_polygon(outline: np.ndarray, window: np.ndarray) -> np.ndarray:
-    """Return the part of a convex polygon inside a convex window, both counterclockwise, shape (n, 2); it may be empty.
-
-    I. Sutherland, G. Hodgman, Reentrant polygon clipping, Comm. ACM 17 (1974): clip at one edge of the window after the
-    other.
-    """
-    inner = outline
-    for first, second in zip(window, np.roll(window, -1, axis=0), strict=True):
-        if not len(inner):
-            break
-        along = second - first
-        inside = along[0] * (inner[:, 1] - first[1]) - along[1] * (inner[:, 0] - first[0])
-        corners: list[np.ndarray] = []
-        for k in range(len(inner)):
-            here, there = inside[k - 1], inside[k]
-            if (here >= 0.0) != (there >= 0.0):
-                corners.append(inner[k - 1] + here / (here - there) * (inner[k] - inner[k - 1]))
-            if there >= 0.0:
-                corners.append(inner[k])
-        inner = np.array(corners).reshape(-1, 2)
-    return inner
-
-
-def polygon_points(outline: np.ndarray, across: int, along: int | None = None) -> tuple[np.ndarray, np.ndarray]:
-    """Return Gauss-Legendre points in a convex polygon.
-
-    Args:
-        outline: Its corners [m], counterclockwise, shape (n, 2).
-        across: Points across its width, in x.
-        along: Points across its height, in y; None: as many as across.
-
-    Returns:
-        Points [m], shape (m, 2), and the area that each represents [m2], shape (m,).
-    """
-    rows = across if along is None else along
-    levels = np.sort(outline[:, 1])
-    # Corners whose heights differ by less than this fraction of the whole count as level: no band is made between
-    # them.
-    levels = levels[np.append(True, np.diff(levels) > 1e-9 * (levels[-1] - levels[0]))]
-    column, column_weight = _gauss_points(across)
-    points, areas = [], []
-    for low, high in pairwise(levels):
-        count = max(math.ceil(rows * (high - low) / (levels[-1] - levels[0])), min(LEAST_BAND, rows))
-        node, weight = _gauss_points(count)
-        y = 0.5 * (high + low) + 0.5 * (high - low) * node
-        left, right = _width_at(outline, y)
-        x = 0.5 * (left + right)[:, None] + 0.5 * (right - left)[:, None] * column
-        points.append(np.stack([x, np.broadcast_to(y[:, None], x.shape)], axis=-1).reshape(-1, 2))
-        areas.append((0.5 * (high - low) * weight[:, None] * 0.5 * (right - left)[:, None] * column_weight).ravel())
-    return np.concatenate(points), np.concatenate(areas)
-
-
-def _gauss_points(count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return at least `count` Gauss-Legendre points in [-1, 1] and their weights, in equal pieces if there are many."""
-    piece_count = math.ceil(count / PANEL_NODES)
-    rule = math.ceil(count / piece_count)  # at most PANEL_NODES rules are cached
-    node, weight = OPENED.once(("Gauss-Legendre", rule), lambda: np.polynomial.legendre.leggauss(rule))
-    middle = (2.0 * np.arange(piece_count) + 1.0) / piece_count - 1.0
-    return (middle[:, None] + node / piece_count).ravel(), np.tile(weight / piece_count, piece_count)
-
-
-def _width_at(outline: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the leftmost and rightmost x [m] of a convex polygon at heights between its corners [m]."""
-    left, right = np.full(y.shape, np.inf), np.full(y.shape, -np.inf)
-    for first, second in zip(outline, np.roll(outline, -1, axis=0), strict=True):
-        rise = second[1] - first[1]
-        if rise == 0.0:
-            continue
-        share = (y - first[1]) / rise
-        met = (share >= -1e-9) & (share <= 1.0 + 1e-9)
-        x = first[0] + share * (second[0] - first[0])
-        left[met], right[met] = np.minimum(left[met], x[met]), np.maximum(right[met], x[met])
-    return left, right
+    return depth / (0.5 * SPEED_OF_LIGHT * setup.laser.shape.timescale / (0.5 * math.pi * 4.0))
 
 
 @dataclass(frozen=True)
@@ -275,17 +205,7 @@ def transmit_paths(setup: Setup, field: IndexField, points: TargetPoints) -> Tra
 
 
 def point_power(setup: Setup, weight: np.ndarray, paths: TransmitPaths, factor: np.ndarray | float) -> np.ndarray:
-    """Return the peak power of each point's pulse at the receiver [W], shape (m,).
-
-    Args:
-        setup: The laser, target and receiver.
-        weight: Fraction of the beam's power at each point, shape (m,).
-        paths: The paths to the points.
-        factor: Fraction of each point's light that the flow transmits on its way back, shape (m,).
-
-    Raises:
-        ValueError: The receiver is wider than its target is far.
-    """
+    """Return the peak power of each point's pulse at the receiver [W], shape (m,), for return factors (m,)."""
     target, receiver = setup.target, setup.receiver
     check_aperture(receiver.equal_diameter, target.distance)
     to_receiver = np.array([0.0, 0.0, receiver.aperture_z]) - paths.intersection
@@ -306,14 +226,15 @@ def point_power(setup: Setup, weight: np.ndarray, paths: TransmitPaths, factor: 
 
 def still_air(field: IndexField, distance: float) -> float:
     """Return the excess of the group path over a distance [m] through the ambient air alone."""
-    made = field.upstream
-    index = field.ambient_index if made is None or made.group is None else made.group.ambient_index
+    source = field.upstream
+    index = field.ambient_index if source is None or source.group is None else source.group.ambient_index
     return (index - 1.0) * distance
 
 
 def air_error(field: IndexField, distance: float) -> float:
     """Return what the refractivity model's uncertainty makes of that excess [m]; NaN, not known, for raw contrast."""
-    made = field.upstream
-    if made is None:
+    source = field.upstream
+    if source is None:
         return math.nan
-    return (made.refractivity if made.group is None else made.group.uncertainty) * abs(still_air(field, distance))
+    share = source.refractivity if source.group is None else source.group.uncertainty
+    return share * abs(still_air(field, distance))

@@ -6,11 +6,8 @@
 | HELIOS   | u^2 exp(-u) e^2 / 4, u = t / tau + 2 (0 before u = 0)           | 3.3947 tau           | e^2 / 2 tau    |
 | sampled  | the spline through given samples, not below 0; 0 outside of them | the samples'         | the spline's   |
 
-The HELIOS pulse is (t / tau)^2 exp(-t / tau) with t = 0 shifted to its peak at 2 tau, from T. Carlsson,
-O. Steinvall, D. Letalick, Signature simulation and signal analysis for 3-D laser radar, FOI-R-0163-SE (2001), which the
-lidar simulator HELIOS adopted.
-
-A Gaussian pulse has FWHM = 2 sqrt(ln 2) tau and the energy P0 tau sqrt(pi). An echo is a sum of many delayed pulses.
+HELIOS: T. Carlsson, O. Steinvall, D. Letalick, Signature simulation and signal analysis for 3-D laser radar,
+FOI-R-0163-SE (2001).
 """
 
 import math
@@ -191,12 +188,6 @@ def as_pulse(pulse: PulseShape | float) -> PulseShape:
     return pulse if callable(pulse) else GaussianPulse(check_positive(pulse, "pulse_tau", "s"))
 
 
-# Greatest number of (time, point) pairs in memory at a time: 16 MiB of float64.
-_BLOCK = 1 << 21  # speed only
-# Greatest number of pulses that replace many, and the error of the replacement relative to the sum of the peaks.
-MOST_PULSES, INTERPOLATED = 32, 1e-17
-
-
 @checked
 def pulse_tau_from_fwhm(fwhm: float) -> float:
     """Return the 1/e half-width tau [s] of a Gaussian pulse of full width at half maximum `fwhm` [s].
@@ -217,92 +208,25 @@ def fwhm_from_pulse_tau(pulse_tau: float) -> float:
     return check_positive(pulse_tau, "pulse_tau", "s") * 2.0 * math.sqrt(math.log(2.0))
 
 
-@checked
-def pulse_energy(peak_power: float, pulse_tau: float) -> float:
-    """Return the energy [J] of a Gaussian pulse of peak power [W] and 1/e half-width [s].
-
-    Raises:
-        ValueError: One of them is not positive and finite.
-    """
-    return (
-        check_positive(peak_power, "peak_power", "W") * check_positive(pulse_tau, "pulse_tau", "s") * math.sqrt(math.pi)
-    )
-
-
-@checked
-def gaussian_pulse(time: Numbers, pulse_tau: float) -> np.ndarray:
-    """Return a Gaussian pulse of peak 1 at t = 0, of the shape of `time` [s].
-
-    Raises:
-        ValueError: `pulse_tau` is not positive and finite, or `time` is not finite.
-    """
-    return np.exp(-np.square(as_finite_array(time, "time") / check_positive(pulse_tau, "pulse_tau", "s")))
-
-
 def sum_of_pulses(time, delay, peak, pulse: PulseShape | float) -> np.ndarray:
-    """Return the sum of delayed pulses, one per point: the right-hand side of eq 12 for given delays and peaks.
+    """Return the sum of delayed pulses [W], the right-hand side of eq 12, of the shape of `time` [s].
 
     Args:
         time: Times [s], any shape.
         delay: Time of each pulse's peak [s], shape (point_count,).
         peak: Peak power of each pulse [W], shape (point_count,).
         pulse: The pulse's shape; a number is the 1/e half-width of a Gaussian [s].
-
-    Returns:
-        Power [W], of the shape of `time`. 0 far from all pulses.
-
-    Raises:
-        ValueError: Shapes that disagree, numbers that are not finite, a `pulse` that is not positive.
     """
-    times = as_finite_array(time, "time")
-    delays, peaks = as_finite_array(delay, "delay"), as_finite_array(peak, "peak")
+    times, delays, peaks = np.asarray(time, dtype=np.float64), np.asarray(delay), np.asarray(peak)
     shape = as_pulse(pulse)
-    if delays.ndim != 1 or delays.shape != peaks.shape:
-        raise ValueError(f"delay and peak must be lists of one length, got shapes {delays.shape} and {peaks.shape}")
     flat = times.ravel()
     power = np.zeros(flat.size)
     if delays.size:
         before, after = shape.support
-        first, last = float(delays.min()), float(delays.max())
-        positive = bool((peaks >= 0.0).all())
-        if isinstance(shape, GaussianPulse):
-            delays, peaks = fewer_gaussians(delays, peaks, shape.tau)
         # Pulses are summed over this many supports, so that a record cut at the support has no step at its ends.
-        near = np.flatnonzero((flat > first + 1.5 * before) & (flat < last + 1.5 * after))
-        rows = max(1, _BLOCK // delays.size)  # speed only
+        near = np.flatnonzero((flat > delays.min() + 1.5 * before) & (flat < delays.max() + 1.5 * after))
+        rows = max(1, (1 << 21) // delays.size)  # 16 MiB at a time: speed only
         for start in range(0, near.size, rows):
             block = near[start : start + rows]
             power[block] = shape(flat[block, None] - delays) @ peaks
-        if positive:  # pulses that replace many have peaks of either sign, and rounding could make the sum negative
-            np.maximum(power, 0.0, out=power)
     return power.reshape(times.shape)
-
-
-def fewer_gaussians(delay: np.ndarray, peak: np.ndarray, tau: float) -> tuple[np.ndarray, np.ndarray]:
-    r"""Replace many Gaussian pulses by a few with the same sum to rounding, if they are close together.
-
-    A pulse is a smooth function of its delay, so the polynomial through the pulses at k Chebyshev points represents it.
-    Over a half range of R tau the error is at most 2.2 sqrt(2^k / k!) (R / 2)^k of the peak, since a Gaussian's k-th
-    derivative is at most 1.09 sqrt(2^k k!) / tau^k (H. Cramer's bound of Hermite's functions).
-
-    Args:
-        delay: Time of each pulse's peak [s], shape (n,).
-        peak: Peak of each pulse, shape (n,).
-        tau: 1/e half-width [s].
-
-    Returns:
-        Delays [s] and peaks of the few pulses; unchanged if a few do not suffice.
-    """
-    middle, half = 0.5 * (delay.min() + delay.max()), 0.5 * float(np.ptp(delay))
-    for count in range(2, min(delay.size // 4, MOST_PULSES) + 1):  # a sum that suffices is exact: speed only
-        error = 2.2 * math.exp(0.5 * (count * math.log(2.0) - math.lgamma(count + 1.0))) * (0.5 * half / tau) ** count
-        if error < INTERPOLATED:
-            break
-    else:
-        return delay, peak
-    from numpy.polynomial.chebyshev import chebvander
-
-    node = np.cos(math.pi * (np.arange(count) + 0.5) / count)
-    moment = peak @ chebvander((delay - middle) / half if half > 0.0 else np.zeros(delay.size), count - 1)
-    moment[1:] *= 2.0
-    return middle + half * node, chebvander(node, count - 1) @ moment / count

@@ -12,7 +12,7 @@ the curve is measured: the waveform is scaled to a series of amplitudes, each of
 
 import contextlib
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -40,9 +40,6 @@ class RangeStatistics:
         confidence: Probability that each of the intervals below contains its quantity.
         systematic_interval: Confidence interval of `systematic_error` [m], Student's t.
         random_interval: Confidence interval of `random_error` [m], chi-squared.
-        sampling_error: Greatest systematic error [m] due to the position of the pulse between the samples, 0 if there
-            are enough samples. `systematic_error` contains this error for one position, or not at all if it is relative
-            to the method's own reading. NaN if it was not measured. See doubtful_records.py.
     """
 
     systematic_error: float
@@ -55,7 +52,6 @@ class RangeStatistics:
     confidence: float = 0.95
     systematic_interval: tuple[float, float] = (float("nan"), float("nan"))
     random_interval: tuple[float, float] = (float("nan"), float("nan"))
-    sampling_error: float = float("nan")
 
 
 @checked
@@ -127,15 +123,14 @@ def range_statistics(
 
     reading = Reading(method, threshold, template, fraction)
     clean = reading.range(times, volts)  # a wrong argument raises here instead of counting as missed trials
-    sampling = reading.warn(volts, period)
+    reading.warn(volts, period)
     generator = np.random.default_rng(seed)
     ranges = _trials(
         partial(reading.range, times),
         lambda: volts + generator.normal(scale=noise_rms, size=volts.size),
         trial_count,
     )
-    found = summarise_ranges(ranges, trial_count, clean if true_range is None else true_range, bound, confidence)
-    return replace(found, sampling_error=sampling)
+    return summarise_ranges(ranges, trial_count, clean if true_range is None else true_range, bound, confidence)
 
 
 @checked

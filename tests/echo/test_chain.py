@@ -12,16 +12,16 @@ from aerokernels import estimate_range
 from aerokernels.lidar import (
     DetectorChain,
     Digitiser,
+    GaussianPulse,
     NoiseSources,
     chain_range_statistics,
-    gaussian_pulse,
 )
 from aerokernels.lidar.chain import BOLTZMANN_CONSTANT, ELEMENTARY_CHARGE, noise_bandwidth
 from aerokernels.lidar.detector import low_pass_gain, memory_time
 
 PERIOD = 0.5e-9
 TIME = np.arange(2000) * PERIOD
-PULSE = 3.6e-4 * gaussian_pulse(TIME - 500e-9, 6e-9)
+PULSE = 3.6e-4 * GaussianPulse(6e-9)(TIME - 500e-9)
 QUIET = {"background_power": 0.0, "dark_current": 0.0, "amplifier_noise": 0.0}
 
 

@@ -59,28 +59,15 @@ def test_a_known_shape_makes_every_method_right_however_few_samples(method, name
 
 
 @pytest.mark.parametrize("method", BARE)
-def test_without_the_shape_the_error_is_told(method):
-    """Set-up: Gaussian pulses at 1.2 samples a tau, nothing known of them. Readings are 4 to 38 mm off.
-
-    Expected: a warning each time, whose error covers the true one at every phase and is less than three times the
-    greatest; `sampling_error` of the statistics is the same.
-    """
-    period = TAU / 1.2
-    shape, truth = SHAPES["gaussian"], exact(SHAPES["gaussian"], method)
-    off, reported = [], []
+def test_few_samples_without_the_shape_are_told_of(method):
+    """Set-up: Gaussian pulses at 1.2 samples a tau, nothing known of them. Readings are 4 to 38 mm off."""
+    truth, off = exact(SHAPES["gaussian"], method), []
     for phase in PHASES:
-        time, volts, arrival = record(shape, period, phase)
-        with pytest.warns(
-            CoarseSamplingWarning, match=r"2\.?\d? samples across .*too few for method .* by up to .* mm"
-        ):
+        time, volts, arrival = record(SHAPES["gaussian"], TAU / 1.2, phase)
+        with pytest.warns(CoarseSamplingWarning, match=r"2\.?\d? samples across .*too few for method"):
             reading = estimate_range(time, volts, method, threshold=1.0)
         off.append(abs(reading - HALF_C * (arrival + truth)))
-        reported.append(Reading(method, 1.0).sampling_error(volts, period))
-    assert (np.array(off) <= reported).all()
-    assert 3e-3 < max(off) < 40e-3 and max(reported) < 3.0 * max(off)
-    with pytest.warns(CoarseSamplingWarning):
-        found = range_statistics(time, volts, method, noise_rms=1e-3, trial_count=2, threshold=1.0)
-    assert found.sampling_error == reported[-1]
+    assert 3e-3 < max(off) < 40e-3
 
 
 def test_the_warning_is_the_callers():
@@ -93,15 +80,14 @@ def test_the_warning_is_the_callers():
 
 @pytest.mark.parametrize("method", RANGING_METHODS)
 def test_enough_samples_are_not_warned_of(method):
-    """Twelve samples a tau, with noise: no warning, and no error is measured at all."""
+    """Twelve samples a tau, with noise: no warning."""
     shape = SHAPES["gaussian"]
     time, volts, _ = record(shape, TAU / 12.0, 0.3, noise=0.02)
     template = shape if method == "matched-filter" else None
     with warnings.catch_warnings():
         warnings.simplefilter("error", CoarseSamplingWarning)
         estimate_range(time, volts, method, threshold=1.0, template=template)
-        found = range_statistics(time, volts, method, noise_rms=0.02, trial_count=2, threshold=1.0, template=template)
-    assert found.sampling_error == 0.0
+        range_statistics(time, volts, method, noise_rms=0.02, trial_count=2, threshold=1.0, template=template)
 
 
 @pytest.mark.parametrize("method", RANGING_METHODS)
