@@ -13,11 +13,9 @@ from aerokernels.lidar.pulses import (
 from aerokernels.lidar.radiometry import plane_target_echo, tilted_pulse_tau
 from aerokernels.lidar.range_error import (
     RangeStatistics,
-    RangeWalk,
     chain_range_statistics,
     cramer_rao_range,
     range_statistics,
-    range_walk,
 )
 from aerokernels.lidar.ranging import CoarseSamplingWarning, SaturatedRecordWarning, estimate_range
 from aerokernels.lidar.result import EchoResult
@@ -35,7 +33,6 @@ __all__ = [
     "Laser",
     "NoiseSources",
     "RangeStatistics",
-    "RangeWalk",
     "Receiver",
     "Reflector",
     "SampledPulse",
@@ -51,7 +48,6 @@ __all__ = [
     "plane_target_echo",
     "pulse_tau_from_fwhm",
     "range_statistics",
-    "range_walk",
     "simulate_echo",
     "tilted_pulse_tau",
 ]

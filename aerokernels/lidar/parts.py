@@ -1,18 +1,6 @@
-"""The parts of a laser rangefinder's path: laser, target, receiver, detector.
+"""The parts of a laser rangefinder's path: laser, target, receiver, detector, with a scene's defaults.
 
-A scene makes them (`Setup.of_scene`), and so may a Python program (`simulate_echo`). Their defaults are a scene's. The
-optical axis is z. The receiver's pupil faces +z; its plane is also that in which the beam leaves the laser.
-
-A surface is Lambertian, or has a diffuse part and a lobe about the mirror direction (modified Phong):
-
-    f_r = rho / pi                                                     Lambertian
-    f_r = rho [(1 - s) / pi + s (n + 2) / (2 pi) cos(alpha)^n]         Phong, 0 for the lobe where cos(alpha) < 0
-
-rho is the reflectivity, s the lobe's fraction, n its exponent, alpha the angle between the mirror direction of the
-incident light and the direction to the receiver. For a receiver beside the laser alpha is twice the incidence. The lobe
-is normalised: it returns s rho of the light at normal incidence and less at other incidences, so it creates no light
-(E. Lafortune, Y. Willems, Using the modified Phong reflectance model for physically based rendering, K. U. Leuven
-CW197, 1994).
+The optical axis is z. The receiver's pupil faces +z; its plane is also that in which the beam leaves the laser.
 """
 
 import math
@@ -41,12 +29,15 @@ EVERY = "every"
 @checked
 @dataclass(frozen=True)
 class Reflector:
-    """A surface's reflectance; Lambertian unless `specular_share` is positive.
+    """A surface's reflectance, modified Phong: f_r = rho [(1 - s) / pi + s (n + 2) / (2 pi) cos(alpha)^n].
+
+    alpha is the angle between the mirror direction of the incident light and the direction to the receiver; without a
+    lobe the surface is Lambertian. The lobe creates no light (E. Lafortune, Y. Willems, K. U. Leuven CW197, 1994).
 
     Attributes:
-        reflectivity: Fraction of the light reflected at normal incidence, 0 to 1.
-        specular_share: Fraction of the reflected light in the lobe, 0 to 1.
-        specular_exponent: The lobe's exponent, positive.
+        reflectivity: Fraction rho of the light reflected at normal incidence, 0 to 1.
+        specular_share: Fraction s of the reflected light in the lobe, 0 to 1.
+        specular_exponent: The lobe's exponent n, positive.
 
     Raises:
         ValueError: A number out of range.
@@ -233,7 +224,6 @@ class Detector:
         ranging: How a range is read, one of RANGING_METHODS; see `estimate_range`.
         threshold: Level of the leading-edge discriminator [V].
         fraction: Fraction of the peak for "constant-fraction", between 0 and 1.
-        walk_correction: Whether the leading edge's range is corrected for the peak's height.
         trial_count: Number of noisy records that are ranged to find the random error, at least 2; 0: none.
 
     Raises:
@@ -247,7 +237,6 @@ class Detector:
     ranging: str = "leading-edge"
     threshold: float = 1.0
     fraction: float = 0.5
-    walk_correction: bool = False
     trial_count: int = 0
 
     def __post_init__(self):
@@ -303,7 +292,7 @@ class Setup:
             saturation=detector.saturation,
             digitiser=None if bits is None else Digitiser(bits, detector.adc_low, detector.adc_high),
         )
-        same = ("sample_rate", "noise", "seed", "ranging", "threshold", "fraction", "walk_correction", "trial_count")
+        same = ("sample_rate", "noise", "seed", "ranging", "threshold", "fraction", "trial_count")
         return cls(
             Laser(beam.peak_power, pulse, scene.flow.wavelength, beam.exit_radius, beam.radius, beam.ray_count),
             Target(

@@ -229,21 +229,21 @@ def greatest_within(values: Callable[[np.ndarray], np.ndarray], low: float, high
 
     angle = np.pi * (np.arange(POINTS) + 0.5) / POINTS
     middle, half = 0.5 * (low + high), 0.5 * (high - low)
-    found = values(middle + half * np.cos(angle))
+    heights = values(middle + half * np.cos(angle))
     order = np.arange(POINTS)
-    coefficients = 2.0 / POINTS * np.cos(order[:, None] * angle) @ found
+    coefficients = 2.0 / POINTS * np.cos(order[:, None] * angle) @ heights
     coefficients[0] *= 0.5
-    size = float(np.abs(found).max())
+    size = float(np.abs(heights).max())
     # Leave out negligible orders, so that rounding makes no roots.
     trimmed = chebyshev.chebtrim(coefficients, ROUNDING * size)
     if len(trimmed) < POINTS - 1 and np.isfinite(trimmed).all():
         roots = chebyshev.chebroots(chebyshev.chebder(trimmed)) if len(trimmed) > 2 else np.zeros(0)
         inner = roots.real[(np.abs(roots.imag) < 1e-6) & (np.abs(roots.real) < 1.0)]
         candidates = np.concatenate([inner, [-1.0, 1.0]])
-        heights = chebyshev.chebval(candidates, trimmed)
-        best = int(np.argmax(heights))
+        curve = chebyshev.chebval(candidates, trimmed)
+        best = int(np.argmax(curve))
         position = middle + half * float(candidates[best])
-        if abs(float(values(np.array([position]))[0]) - heights[best]) <= SAME * size:
+        if abs(float(values(np.array([position]))[0]) - curve[best]) <= SAME * size:
             return position
     from scipy.optimize import minimize_scalar
 

@@ -87,10 +87,10 @@ class GaussianPulse(_OfTau):
     @checked
     def __call__(self, time: Numbers) -> np.ndarray:
         """Return the shape at times [s] after the peak."""
-        found = np.array(np.asarray(time, dtype=np.float64) / self.tau)
+        values = np.array(np.asarray(time, dtype=np.float64) / self.tau)
         for step in (np.square, np.negative, np.exp):  # in place: an echo evaluates millions of these
-            step(found, out=found)
-        return found
+            step(values, out=values)
+        return values
 
 
 @checked

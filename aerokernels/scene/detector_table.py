@@ -117,10 +117,6 @@ class DetectorTable(Table):
         "1 V", "Level of the leading-edge discriminator. Not in the paper: half of the paper's static peak."
     )
     fraction: OpenShare = key(0.5, "Fraction of the peak for constant-fraction ranging.")
-    walk_correction: Switch = key(
-        False,
-        "Whether the leading edge's range is corrected for the peak's height, using the echo without flow.",
-    )
     trial_count: Annotated[Whole, Field(ge=0, le=10**6)] = key(
         0, "Number of noisy records that are ranged to find the random error, at least 2; 0: none."
     )

@@ -109,13 +109,12 @@ def test_noise_at_few_samples_costs_no_more_than_the_bound_allows(method):
 
 
 def test_a_scenes_rangefinder_reads_alike_whatever_its_digitiser():
-    """Set-up: the Mach 3 scene with 10 GHz and with 160 MHz, one sample a tau, walk correction on, small.
+    """Set-up: the Mach 3 scene with 10 GHz and with 160 MHz, one sample a tau, small.
 
     Expected: the same ranges by all four methods; the pulse's shape is that of the echo in vacuum, which the scene
     computes finely. Tolerance: 0.02 mm (40 to 60 um before, for the leading edge and the constant fraction).
     """
     small = {"beam.ray_count": 8, "receiver.ray_count": 16, "receiver.strehl_node_count": 3, "grid.spacing": "0.5 mm"}
-    small["detector.walk_correction"] = True
     fine, coarse = (
         echo(Scene.load("wind-tunnel-mach3", {**small, "detector.sample_rate": rate})) for rate in ("10 GHz", "160 MHz")
     )

@@ -17,7 +17,6 @@ from aerokernels.lidar import (
     chain_range_statistics,
     cramer_rao_range,
     detect,
-    range_walk,
 )
 
 # They hand their options on, to functions that check them.
@@ -44,7 +43,6 @@ def test_public_functions_check_their_arguments(module):
     ("name", "call"),
     [
         ("power", lambda wrong: detect(TIME, wrong, volts_per_watt=2.0)),
-        ("voltage", lambda wrong: range_walk(TIME, wrong, 0.25)),
         ("voltage", lambda wrong: cramer_rao_range(TIME, wrong, 0.1)),
         ("samples", lambda wrong: SampledPulse(wrong, 1e-9)),
         ("voltage", lambda wrong: Digitiser(8).record(wrong)),
@@ -68,10 +66,6 @@ def test_masked_readings_are_refused(name, call):
     [
         (lambda: flow.mach_after_turn("0.5"), "angle must be a number, got '0.5'"),
         (lambda: compare.correlation_degree("abc"), "correlation must be a number, got 'abc'"),
-        (
-            lambda: range_walk(TIME, PULSE, 0.25).correct(TIME, PULSE, "7 m"),
-            "reading must be a number of metres, got '7 m': give 7",
-        ),
         (lambda: CHAIN.record(TIME, PULSE, seed=-1), "seed must be a whole number that is not negative, got -1"),
         (
             lambda: chain_range_statistics(CHAIN, TIME, PULSE, "centroid", true_range=7.0),
