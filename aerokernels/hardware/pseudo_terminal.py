@@ -33,6 +33,9 @@ class PseudoTerminal:
             raise ValueError(f"link {self.link} is a file or a folder: give a path that is free")
         if not self.link.parent.is_dir():
             raise ValueError(f"link {self.link}: folder {self.link.parent} does not exist; make it first")
+        held = os.readlink(self.link) if self.link.is_symlink() else "/dev/pts/0"
+        if re.sub(r"\d", "", held) not in ("/dev/pts/", "/dev/ttys"):  # of Linux, of macOS
+            raise ValueError(f"link {self.link} leads to {held}, which is no terminal: give a path that is free")
         if not hasattr(os, "openpty"):
             raise ValueError("this system has no pseudo-terminals: run the simulated board on Linux or macOS")
         self._master = -1
@@ -52,24 +55,13 @@ class PseudoTerminal:
         self._poll = select.poll()
         self._poll.register(self._master, select.POLLOUT)
         try:
-            self._put_link()
+            self.link.unlink(missing_ok=True)
+            self.link.symlink_to(self.name)
         except OSError as fault:
             self.close()
             raise ValueError(
                 f"link {self.link}: none can be made there ({fault.strerror}); give another path"
             ) from None
-        except ValueError:
-            self.close()
-            raise
-
-    def _put_link(self) -> None:
-        """Make the link, replacing at most an old link to a terminal of another number."""
-        if self.link.is_symlink():
-            held = os.readlink(self.link)
-            if re.sub(r"\d", "", held) != re.sub(r"\d", "", self.name):
-                raise ValueError(f"link {self.link} leads to {held}, which is no terminal: give a path that is free")
-            self.link.unlink(missing_ok=True)
-        self.link.symlink_to(self.name)
 
     def has_reader(self) -> bool:
         """Whether someone has the port open."""

@@ -142,7 +142,7 @@ class Rangefinder:
 
     @classmethod
     def calibrated(cls, setup: Setup, fine: np.ndarray, voltage: np.ndarray, stride: int) -> "Rangefinder":
-        """Calibrate on the echo in vacuum: its voltage [V] at times `fine` [s], every `stride`-th of which is sampled."""
+        """Calibrate on the voltage [V] of the echo in vacuum at times `fine` [s]; every `stride`-th is sampled."""
         detector, distance = setup.detector, setup.target.distance
         try:
             shape = template_curve(voltage, as_waveform(fine, voltage)[2])
@@ -216,7 +216,7 @@ class Rangefinder:
 
 
 class EchoPrediction(NamedTuple):
-    """Peak [W] and [V] of a scene's echo in vacuum, reasons of methods that cannot read it, and the least return factor.
+    """Peaks [W] and [V] of a scene's echo in vacuum, reasons of methods that cannot read it, the least return factor.
 
     That is the least one with which the scene's own method still finds the echo; NaN if the method does not depend on
     the amplitude, or finds no echo even in vacuum.

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy import signal
+from scipy import constants, signal
 
 from aerokernels import estimate_range
 from aerokernels.lidar import (
@@ -16,7 +16,7 @@ from aerokernels.lidar import (
     NoiseSources,
     chain_range_statistics,
 )
-from aerokernels.lidar.chain import BOLTZMANN_CONSTANT, ELEMENTARY_CHARGE, noise_bandwidth
+from aerokernels.lidar.chain import noise_bandwidth
 from aerokernels.lidar.detector import low_pass_gain, memory_time
 
 PERIOD = 0.5e-9
@@ -28,14 +28,14 @@ QUIET = {"background_power": 0.0, "dark_current": 0.0, "amplifier_noise": 0.0}
 def test_each_source_adds_its_density():
     """In numbers: 1 mA of primary current at M = 10, k = 0; 4 k T / R of 1 kOhm at 300 K; 2 pA of amplifier."""
     quiet = NoiseSources(1.0, 10.0, 0.0, temperature=1e-9, **QUIET)
-    shot = 2.0 * ELEMENTARY_CHARGE * 100.0 * 1.9 * 1e-3
+    shot = 2.0 * constants.elementary_charge * 100.0 * 1.9 * 1e-3
     assert float(quiet.density(1e-3)) == pytest.approx(shot, rel=1e-9)
     light = NoiseSources(1.0, 10.0, 0.0, temperature=1e-9, **{**QUIET, "background_power": 4e-4, "dark_current": 6e-4})
     assert float(light.density(0.0)) == pytest.approx(shot, rel=1e-9)
     thermal = NoiseSources(
         1.0, 10.0, 0.0, temperature=300.0, load_resistance=1e3, **{**QUIET, "amplifier_noise": 2e-12}
     )
-    assert float(thermal.density(0.0)) == pytest.approx(4.0 * BOLTZMANN_CONSTANT * 0.3 + 4e-24, rel=1e-12)
+    assert float(thermal.density(0.0)) == pytest.approx(4.0 * constants.Boltzmann * 0.3 + 4e-24, rel=1e-12)
 
 
 @pytest.mark.parametrize("order", [1, 2, 5])
