@@ -31,19 +31,9 @@ DEFAULT_SCENE = "wind-tunnel-static"
 
 @dataclass(frozen=True, eq=False)
 class EchoSource:
-    """Makes noisy frames of one echo.
+    """Makes noisy frames of one echo: voltage [V], shape (sample_count,), and the noise's standard deviation [V].
 
     The first sample is at the peak of the outgoing pulse (t = 0), so that range = c t / 2 holds for its time axis.
-
-    Attributes:
-        voltage: echo without noise [V], shape (sample_count,).
-        sample_period_ps: time between two samples [ps].
-        noise: standard deviation of the noise [V].
-
-    Raises:
-        ValueError: an echo that is not finite, more samples than a frame holds, a sample period that a frame does not
-            hold, or a negative noise.
-        TypeError: an echo or a noise that is no number.
     """
 
     voltage: np.ndarray
@@ -133,14 +123,6 @@ def run_board(
 
     Measuring pauses while no reader has the port open, so that a recording does not miss the first frame. A frame that
     was interrupted by a leaving reader is lost together with its number, as on a real board.
-
-    Args:
-        terminal: pseudo-terminal to send on.
-        source: echoes to send.
-        rate: echoes per second.
-        count: frames to measure before returning; None goes on until `stopped`.
-        seed: seed of the noise.
-        stopped: called between frames; True ends the board.
     """
     if not rate > 0.0:
         raise ValueError(f"rate = {rate} echoes per second: give a positive one")
@@ -169,14 +151,7 @@ def run_board(
 
 
 class SimulatedScope:
-    """An oscilloscope, without its serial line.
-
-    Args:
-        source: the echo that it measures.
-        dialect: "tektronix" or "rigol".
-        rate: acquisitions per second.
-        seed: seed of the noise.
-    """
+    """An oscilloscope of a dialect, without its serial line, that acquires an echo `rate` times a second."""
 
     _ZERO = -100  # count of 0 V, so that the echo uses most of the 8 bits
 

@@ -11,12 +11,7 @@ from aerokernels.lidar.pulses import (
     pulse_tau_from_fwhm,
 )
 from aerokernels.lidar.radiometry import plane_target_echo, tilted_pulse_tau
-from aerokernels.lidar.range_error import (
-    RangeStatistics,
-    chain_range_statistics,
-    cramer_rao_range,
-    range_statistics,
-)
+from aerokernels.lidar.range_error import RangeStatistics, cramer_rao_range, range_statistics
 from aerokernels.lidar.ranging import CoarseSamplingWarning, SaturatedRecordWarning, estimate_range
 from aerokernels.lidar.result import EchoResult
 from aerokernels.lidar.simulate import echo, simulate_echo
@@ -38,7 +33,6 @@ __all__ = [
     "SampledPulse",
     "SaturatedRecordWarning",
     "Target",
-    "chain_range_statistics",
     "cramer_rao_range",
     "detect",
     "echo",

@@ -5,7 +5,7 @@ The optical axis is z. The receiver's pupil faces +z; its plane is also that in 
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 import numpy as np
@@ -17,7 +17,7 @@ from aerokernels.lidar.chain import DetectorChain, Digitiser, NoiseSources
 from aerokernels.lidar.pulses import GaussianPulse, HeliosPulse, PulseShape, SampledPulse, as_pulse
 from aerokernels.pupils import Disc, Pupil
 from aerokernels.scene import STATIC_CALIBRATION, Scene
-from aerokernels.scene.echo_tables import orientation, rectangle_corners
+from aerokernels.scene.echo_tables import TiltedRectangle
 from aerokernels.tracing import Plane
 
 LIMITS = ("beam", "paper")
@@ -102,7 +102,7 @@ class Laser:
 
 @checked
 @dataclass(frozen=True)
-class Target:
+class Target(TiltedRectangle):
     """A flat rectangular reflector on the axis.
 
     Attributes:
@@ -141,21 +141,6 @@ class Target:
             raise TypeError(f"reflector must be a Reflector, got {self.reflector!r}")
         check_choice(self.limits, "limits", LIMITS)
         check_share(self.transmission, "transmission")
-
-    @property
-    def orientation(self) -> np.ndarray:
-        """Unit vectors of the reflector as columns: along its width, along its height, its normal; shape (3, 3)."""
-        return orientation(self.tilt, self.tilt_axis)
-
-    @property
-    def normal(self) -> np.ndarray:
-        """Its normal, a unit vector, shape (3,)."""
-        return self.orientation[:, 2]
-
-    @property
-    def corners(self) -> np.ndarray:
-        """The reflector's corners in cyclic order, relative to its centre [m], shape (4, 3)."""
-        return rectangle_corners(self.width, self.height, self.orientation)
 
 
 @checked
@@ -273,46 +258,15 @@ class Setup:
             pulse = SampledPulse(beam.pulse_samples, beam.pulse_sample_period)
         share = target.specular_share if target.reflector == "phong" else 0.0
         transimpedance = detector.volts_per_watt / (detector.responsivity * detector.gain)
+        sources = _like(NoiseSources, detector, load_resistance=detector.load_resistance or transimpedance)
         bits = detector.bit_count
-        chain = DetectorChain(
-            volts_per_watt=detector.volts_per_watt,
-            sources=NoiseSources(
-                responsivity=detector.responsivity,
-                gain=detector.gain,
-                ionisation_ratio=detector.ionisation_ratio,
-                background_power=detector.background_power,
-                dark_current=detector.dark_current,
-                temperature=detector.temperature,
-                load_resistance=detector.load_resistance or transimpedance,
-                amplifier_noise=detector.amplifier_noise,
-            ),
-            bandwidth=detector.bandwidth,
-            response=detector.response,
-            order=detector.order,
-            saturation=detector.saturation,
-            digitiser=None if bits is None else Digitiser(bits, detector.adc_low, detector.adc_high),
-        )
-        same = ("sample_rate", "noise", "seed", "ranging", "threshold", "fraction", "trial_count")
+        digitiser = None if bits is None else Digitiser(bits, detector.adc_low, detector.adc_high)
+        reflector = _like(Reflector, target, specular_share=share)
         return cls(
-            Laser(beam.peak_power, pulse, scene.flow.wavelength, beam.exit_radius, beam.radius, beam.ray_count),
-            Target(
-                target.distance,
-                target.tilt,
-                target.tilt_axis,
-                Reflector(target.reflectivity, share, target.specular_exponent),
-                target.width,
-                target.height,
-                target.limits,
-                scene.atmosphere.transmission,
-            ),
-            Receiver(
-                receiver.pupil,
-                receiver.ray_count,
-                receiver.return_factor,
-                receiver.strehl_node_count,
-                receiver.efficiency,
-            ),
-            Detector(chain, **{name: getattr(detector, name) for name in same}),
+            _like(Laser, beam, pulse=pulse, wavelength=scene.flow.wavelength),
+            _like(Target, target, reflector=reflector, transmission=scene.atmosphere.transmission),
+            _like(Receiver, receiver),
+            _like(Detector, detector, chain=_like(DetectorChain, detector, sources=sources, digitiser=digitiser)),
             trace_options(scene),
         )
 
@@ -320,6 +274,11 @@ class Setup:
     def plane(self) -> Plane:
         """The target's plane; its normal is the optical axis turned by the target's tilt."""
         return Plane(np.array([0.0, 0.0, self.receiver.aperture_z + self.target.distance]), self.target.normal)
+
+
+def _like(kind: type, table: Any, **others: Any) -> Any:
+    """Return a part with the values of a scene's table, whose keys have the names of its fields, and others."""
+    return kind(**({one.name: getattr(table, one.name) for one in fields(kind) if one.name not in others} | others))
 
 
 def trace_options(scene: Scene) -> dict:

@@ -4,15 +4,8 @@
            * integral of exp(-2 (x^2 + y^2) / w^2) exp(-((t - 2 (R + y tan b) / c) / tau)^2) dx dy
 
 x and y are normal to the beam, w is the beam's 1/e^2 radius at the target, D the receiver's diameter, b the tilt about
-x, and f_r = reflectivity / pi for a Lambertian plane.
-Over the whole plane the integral is again a Gaussian:
-
-    P(t) = pi P0 D^2 eta_a^2 eta_s f_r cos(b) SR / (4 R^2) * (tau / tau_e) exp(-((t - 2 R / c) / tau_e)^2)
-    tau_e^2 = tau^2 + 2 w^2 tan(b)^2 / c^2
-
-If y is limited to +-h, the power has the additional factor [erf(q (h - y0)) + erf(q (h + y0))] / 2, where
-q^2 = 2 / w^2 + (2 tan(b) / (c tau))^2 and y0 = 2 tan(b) (t - 2 R / c) / (c tau^2 q^2). The paper's eq 11 takes h = w,
-which untilted leaves erf(sqrt 2) = 0.9545.
+x, and f_r = reflectivity / pi for a Lambertian plane. Over the whole plane the integral is again a Gaussian, of
+tau_e^2 = tau^2 + 2 w^2 tan(b)^2 / c^2; limits in y multiply it by error functions.
 
 The light travels at c here; the echo of a scene (`simulate.py`) has the air's index in its optical paths.
 """

@@ -13,7 +13,6 @@ import numpy as np
 
 from aerokernels.inputs.arguments import Numbers, checked
 from aerokernels.inputs.checks import as_waveform, check_at_least, check_count, check_positive, check_share
-from aerokernels.lidar.chain import DetectorChain
 from aerokernels.lidar.pulse_curve import PulseCurve
 from aerokernels.lidar.pulses import SPEED_OF_LIGHT
 from aerokernels.lidar.ranging import Reading, Template
@@ -128,61 +127,15 @@ def range_statistics(
     )
 
 
-@checked
-def chain_range_statistics(
-    chain: DetectorChain,
-    time: Numbers,
-    power: Numbers,
-    read: Callable[[np.ndarray, np.ndarray], float],
-    *,
-    true_range: float,
-    stride: int = 1,
-    trial_count: int = 1000,
-    seed: int = 0,
-    confidence: float = 0.95,
-) -> RangeStatistics:
-    """Measure the systematic and random error of a rangefinder behind a detector chain.
-
-    Args:
-        chain: The chain; every record passes its noise, saturation and digitiser.
-        time: Times [s], shape (n,), in even steps fine enough for the pulse and the low-pass.
-        power: Received power [W], shape (n,).
-        read: Returns the range [m] from sample times [s] and samples [V]; an echo for which it raises ValueError counts
-            as missed.
-        true_range: The range by the geometry [m].
-        stride: Number of given times per sample.
-        trial_count: Records to range, at least two.
-        seed: Seed of the noise.
-        confidence: Probability of the confidence intervals, between 0 and 1.
-
-    Returns:
-        The errors. The bound is that of the current ahead of the low-pass, see `DetectorChain.cramer_rao_range`.
-
-    Raises:
-        ValueError: Arguments out of range, or fewer than two trials that gave a range.
-    """
-    times, watts, _ = as_waveform(time, power)
-    distance, bound = check_at_least(true_range, "true_range"), chain.cramer_rao_range(times, watts)
-    generator = np.random.default_rng(seed)
-    return summarise_ranges(
-        lambda: chain.record(times, watts, generator, stride),
-        lambda samples: read(times[::stride], samples),
-        trial_count,
-        distance,
-        bound,
-        confidence,
-    )
-
-
 def summarise_ranges(
     record: Callable[[], np.ndarray],
     read: Callable[[np.ndarray], float],
     trial_count: float,
     true_range: float,
     bound: float,
-    confidence: float,
+    confidence: float = 0.95,
 ) -> RangeStatistics:
-    """Read ranges from noisy records; return their mean and spread with confidence intervals."""
+    """Read ranges [m] from noisy records, of which a ValueError is one without; return their mean and spread."""
     from scipy.special import gammaincinv, stdtrit  # scipy.stats has them too, and takes a second to import
 
     trial_count = check_count(trial_count, "trial_count", 2)

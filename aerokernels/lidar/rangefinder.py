@@ -24,7 +24,7 @@ from aerokernels.lidar.paths import (
 )
 from aerokernels.lidar.pulse_curve import PulseCurve, Shape, peak_height, shaped_curve
 from aerokernels.lidar.pulses import SPEED_OF_LIGHT, sum_of_pulses
-from aerokernels.lidar.range_error import RangeStatistics, chain_range_statistics
+from aerokernels.lidar.range_error import RangeStatistics, summarise_ranges
 from aerokernels.lidar.ranging import Reading, template_curve
 from aerokernels.lidar.return_paths import check_ahead
 from aerokernels.medium import IndexField
@@ -199,18 +199,16 @@ class Rangefinder:
         self, time: np.ndarray, power: np.ndarray, stride: int, trial_count: int
     ) -> dict[str, RangeStatistics]:
         """Return the errors over noisy records of each calibrated method that reads at least two of the records."""
-        statistics = {}
+        statistics, chain = {}, self.detector.chain
         for method in self.calibration if trial_count else ():
+            generator = np.random.default_rng(self.detector.seed)
             with suppress(ValueError):  # fewer than two trials gave a range
-                statistics[method] = chain_range_statistics(
-                    self.detector.chain,
-                    time,
-                    power,
-                    partial(self.range, method=method),
-                    true_range=self.distance,
-                    stride=stride,
-                    trial_count=trial_count,
-                    seed=self.detector.seed,
+                statistics[method] = summarise_ranges(
+                    partial(chain.record, time, power, generator, stride),
+                    partial(self.range, time[::stride], method=method),
+                    trial_count,
+                    self.distance,
+                    chain.cramer_rao_range(time, power),
                 )
         return statistics
 

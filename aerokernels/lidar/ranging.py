@@ -93,19 +93,9 @@ def estimate_range(
 
 @dataclass(frozen=True, eq=False)
 class Reading:
-    """How ranges are read from records of one kind.
+    """How ranges are read from records of one kind, by the arguments of `estimate_range`.
 
-    Attributes:
-        method: As for `estimate_range`.
-        threshold: As for `estimate_range` [V].
-        template: As for `estimate_range`.
-        fraction: As for `estimate_range`.
-        shape: The pulse as a function of time [s], used to interpolate the samples; None: the template, if it is a
-            function.
-
-    Raises:
-        ValueError: An unknown method.
-        TypeError: A template that is a class.
+    `shape`, the pulse as a function of time [s], interpolates the samples; None: the template, if it is a function.
     """
 
     method: str

@@ -59,18 +59,27 @@ def _node_count(value: Any) -> Any:
     return int(value)
 
 
-def orientation(tilt: float, tilt_axis: tuple[float, float, float]) -> np.ndarray:
-    """Return the axes x, y, z turned by `tilt` [rad] about an axis of any length, as columns, shape (3, 3)."""
-    axis = np.array(tilt_axis) / np.abs(tilt_axis).max()
-    x, y, z = axis / np.linalg.norm(axis)
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.eye(3) + math.sin(tilt) * cross + (1.0 - math.cos(tilt)) * cross @ cross
+class TiltedRectangle:
+    """Geometry of a rectangle of `width` and `height` [m], turned by `tilt` [rad] about `tilt_axis`, of any length."""
 
+    @property
+    def orientation(self: Any) -> np.ndarray:
+        """Unit vectors as columns: along its width, along its height, its normal; shape (3, 3)."""
+        axis = np.array(self.tilt_axis) / np.abs(self.tilt_axis).max()
+        x, y, z = axis / np.linalg.norm(axis)
+        cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+        return np.eye(3) + math.sin(self.tilt) * cross + (1.0 - math.cos(self.tilt)) * cross @ cross
 
-def rectangle_corners(width: float, height: float, orientation: np.ndarray) -> np.ndarray:
-    """Return the corners of a rectangle in cyclic order, relative to its centre [m], shape (4, 3)."""
-    side = 0.5 * np.array([[-width, -height, 0.0], [width, -height, 0.0]])
-    return np.concatenate([side, -side]) @ orientation.T
+    @property
+    def normal(self) -> np.ndarray:
+        """Its normal, a unit vector, shape (3,)."""
+        return self.orientation[:, 2]
+
+    @property
+    def corners(self: Any) -> np.ndarray:
+        """Its corners in cyclic order, relative to its centre [m], shape (4, 3)."""
+        side = 0.5 * np.array([[-self.width, -self.height, 0.0], [self.width, -self.height, 0.0]])
+        return np.concatenate([side, -side]) @ self.orientation.T
 
 
 class BeamTable(Table):
@@ -125,7 +134,7 @@ class BeamTable(Table):
         return self
 
 
-class TargetTable(Table):
+class TargetTable(Table, TiltedRectangle):
     """[target]: a flat rectangular reflector."""
 
     distance: Length = key(
@@ -162,16 +171,6 @@ class TargetTable(Table):
         'Area of the sum of eq 10. "beam": the part of the beam that hits the reflector; "paper": eq 11, the beam '
         "within one beam radius on either side in y, independent of the reflector's size.",
     )
-
-    @property
-    def orientation(self) -> np.ndarray:
-        """Unit vectors of the reflector as columns: along its width, along its height, its normal; shape (3, 3)."""
-        return orientation(self.tilt, self.tilt_axis)
-
-    @property
-    def corners(self) -> np.ndarray:
-        """The reflector's corners in cyclic order, relative to its centre [m], shape (4, 3)."""
-        return rectangle_corners(self.width, self.height, self.orientation)
 
 
 class ReceiverTable(Table):

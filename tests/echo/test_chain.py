@@ -14,10 +14,10 @@ from aerokernels.lidar import (
     Digitiser,
     GaussianPulse,
     NoiseSources,
-    chain_range_statistics,
 )
 from aerokernels.lidar.chain import noise_bandwidth
 from aerokernels.lidar.detector import low_pass_gain, memory_time
+from aerokernels.lidar.range_error import summarise_ranges
 
 PERIOD = 0.5e-9
 TIME = np.arange(2000) * PERIOD
@@ -116,14 +116,13 @@ def test_matched_filter_of_a_whole_chain_reaches_the_bound():
     chain, near = thermal_chain(400e6), slice(900, 1100)
     time, power = TIME[near], PULSE[near]
     reference = chain.voltage(time, power)
-    found = chain_range_statistics(
-        chain,
-        time,
-        power,
-        lambda clock, samples: estimate_range(clock, samples, "matched-filter", template=reference),
-        true_range=estimate_range(time, reference, "matched-filter", template=reference),
-        trial_count=500,
-        seed=5,
+    generator = np.random.default_rng(5)
+    found = summarise_ranges(
+        lambda: chain.record(time, power, generator),
+        lambda samples: estimate_range(time, samples, "matched-filter", template=reference),
+        500,
+        estimate_range(time, reference, "matched-filter", template=reference),
+        chain.cramer_rao_range(time, power),
     )
     assert abs(found.random_error / found.cramer_rao_bound - 1.0) < 0.1
     assert found.random_interval[0] < found.cramer_rao_bound < found.random_interval[1]

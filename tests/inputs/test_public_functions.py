@@ -14,7 +14,6 @@ from aerokernels.lidar import (
     NoiseSources,
     Reflector,
     SampledPulse,
-    chain_range_statistics,
     cramer_rao_range,
     detect,
 )
@@ -48,7 +47,6 @@ def test_public_functions_check_their_arguments(module):
         ("voltage", lambda wrong: Digitiser(8).record(wrong)),
         ("power", lambda wrong: CHAIN.record(TIME, wrong)),
         ("power", lambda wrong: NoiseSources().density(wrong)),
-        ("power", lambda wrong: chain_range_statistics(CHAIN, TIME, wrong, min, true_range=7.0)),
         ("lobe_cosine", lambda wrong: Reflector(0.5).reflectance(wrong)),
         ("first", lambda wrong: compare.pearson_correlation(wrong, PULSE)),
         ("polar_angle", lambda wrong: flow.cone_shock(3.0, 0.3).density_ratio_at(wrong)),
@@ -67,11 +65,6 @@ def test_masked_readings_are_refused(name, call):
         (lambda: flow.mach_after_turn("0.5"), "angle must be a number, got '0.5'"),
         (lambda: compare.correlation_degree("abc"), "correlation must be a number, got 'abc'"),
         (lambda: CHAIN.record(TIME, PULSE, seed=-1), "seed must be a whole number that is not negative, got -1"),
-        (
-            lambda: chain_range_statistics(CHAIN, TIME, PULSE, "centroid", true_range=7.0),
-            "read must be a function, got 'centroid'",
-        ),
-        (lambda: chain_range_statistics("chain", TIME, PULSE, min, true_range=7.0), "chain must be a DetectorChain"),
         (lambda: echo("wind-tunnel-mach3"), "scene must be a Scene, got 'wind-tunnel-mach3'"),
         (lambda: simulate("wind-tunnel-static", progress=3), "progress must be a function or None, got 3"),
         (lambda: measure_shock_angle("picture.png", (0.0, 1.0)), "picture must be a PictureView, got 'picture.png'"),
