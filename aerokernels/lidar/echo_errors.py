@@ -109,14 +109,6 @@ class EchoProbe:
     def _known(self) -> dict[float, tuple[float, dict[str, float]]]:
         return {}
 
-    def read_digitised(self) -> dict[str, float]:
-        """Return the change of the noise-free waveform's range by the rounding to codes [m], by method."""
-        chain = self.setup.detector.chain
-        if chain.digitiser is None:
-            return {}
-        ranges, plain = self.rangefinder.ranges(self.time, chain.digitise(self.clean))[0], self.read(1.0)[1]
-        return {method: abs(value - plain[method]) for method, value in ranges.items()}
-
     def read_shifted(self) -> tuple[float, float, dict[str, float]]:
         """Return the rms errors by the samples' position: of peak power and voltage, relative, and of ranges [m].
 
@@ -214,7 +206,10 @@ def _sampling(result: EchoResult, probe: EchoProbe) -> dict[str, float]:
     }
     noisy = probe.rangefinder.statistics(probe.fine, probe.power, probe.stride, 32) if noise > 0.0 else {}
     # Noise above half a code dithers the codes: their errors are then random.
-    codes = probe.read_digitised() if noise < 0.5 * probe.code_step else {}
+    codes: dict[str, float] = {}
+    if noise < 0.5 * probe.code_step:
+        ranges = probe.rangefinder.ranges(probe.time, detector.chain.digitise(probe.clean))[0]
+        codes = {method: abs(value - probe.read(1.0)[1][method]) for method, value in ranges.items()}
     steps = [probe.read(1.0 + sign * share)[1] for sign in (-1.0, 1.0)] if 0.0 < share < 1.0 else []
     for method, value in probe.read(1.0)[1].items():
         walk = max((abs(one[method] - value) for one in steps), default=0.0 if share == 0.0 else math.nan)

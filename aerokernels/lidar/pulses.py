@@ -12,7 +12,6 @@ FOI-R-0163-SE (2001).
 
 import math
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -26,12 +25,11 @@ LEAST_SAMPLES = 4
 
 
 class PulseShape(Protocol):
-    """The shape of a pulse: a function of time [s] with the peak 1 at t = 0, and three properties.
+    """The shape of a pulse: a function of time [s] with the peak 1 at t = 0, and two properties.
 
     Attributes:
         support: Times [s] before and after which the shape is negligible, below 1e-12 of the peak.
         timescale: Time [s] over which the shape changes; eight samples per timescale resolve the shape.
-        duration: Integral of the shape [s]: energy over peak power.
     """
 
     @property
@@ -39,9 +37,6 @@ class PulseShape(Protocol):
 
     @property
     def timescale(self) -> float: ...  # noqa: D102
-
-    @property
-    def duration(self) -> float: ...  # noqa: D102
 
     def __call__(self, time: Numbers) -> np.ndarray: ...  # noqa: D102
 
@@ -68,21 +63,13 @@ class GaussianPulse(_OfTau):
     """exp(-(t / tau)^2).
 
     Attributes:
-        tau: 1/e half-width [s].
-
-    Raises:
-        ValueError: It is not positive and finite.
+        tau: 1/e half-width [s], positive.
     """
 
     @property
     def support(self) -> tuple[float, float]:
         """Times [s] at which 2e-16 of the peak is left."""
         return -6.0 * self.tau, 6.0 * self.tau
-
-    @property
-    def duration(self) -> float:
-        """Energy over peak power [s]."""
-        return math.sqrt(math.pi) * self.tau
 
     @checked
     def __call__(self, time: Numbers) -> np.ndarray:
@@ -99,21 +86,13 @@ class HeliosPulse(_OfTau):
     """(t / tau)^2 exp(-t / tau), with t = 0 shifted to the peak.
 
     Attributes:
-        tau: Time constant [s].
-
-    Raises:
-        ValueError: It is not positive and finite.
+        tau: Time constant [s], positive.
     """
 
     @property
     def support(self) -> tuple[float, float]:
         """Times [s] before which the pulse is 0, and after which less than 2e-13 of the peak is left."""
         return -2.0 * self.tau, 34.0 * self.tau
-
-    @property
-    def duration(self) -> float:
-        """Energy over peak power [s]."""
-        return 0.5 * math.e**2 * self.tau
 
     @checked
     def __call__(self, time: Numbers) -> np.ndarray:
@@ -162,12 +141,6 @@ class SampledPulse:
     def timescale(self) -> float:
         """The sample period [s], since the curve may change from one sample to the next."""
         return self.period
-
-    @cached_property
-    def duration(self) -> float:
-        """Energy over peak power [s], by the trapezium rule on 256ths of the period: clipping at 0 makes kinks."""
-        time = np.linspace(*self.support, 256 * (self._curve.samples.size - 1) + 1)
-        return float(np.trapezoid(self(time), x=time))
 
     @checked
     def __call__(self, time: Numbers) -> np.ndarray:

@@ -105,6 +105,8 @@ def plane_target_echo(
         >>> round(1e6 * power.max())  # microwatts
         360
     """
+    from scipy.special import erf
+
     times = as_finite_array(time, "time")
     power = check_positive(peak_power, "peak_power", "W")
     diameter = check_positive(receiver_diameter, "receiver_diameter", "m")
@@ -113,23 +115,15 @@ def plane_target_echo(
     air = check_share(atmospheric_transmission, "atmospheric_transmission")
     optics = check_share(system_efficiency, "system_efficiency")
     ratio = check_share(strehl, "strehl")
-    half_height = radius if check_choice(limits, "limits", LIMITS) == "paper" else None
-
+    check_choice(limits, "limits", LIMITS)
     reflectance = check_share(reflectivity, "reflectivity") / math.pi
     peak = ratio * plane_echo_power(power, diameter, reach, math.cos(angle), reflectance, air, optics)
     late = times - 2.0 * reach / SPEED_OF_LIGHT
-    return np.asarray(peak * _closed_form(late, radius, angle, tau, half_height))
-
-
-def _closed_form(late, radius: float, tilt: float, tau: float, half_height: float | None) -> np.ndarray:
-    """Return the integral of eq 8, 1 at the peak of an untilted plane, at times [s] after the echo from the axis."""
-    from scipy.special import erf
-
-    spread = tilted_pulse_tau(tau, radius, tilt)
-    echo = (tau / spread) * np.exp(-np.square(late / spread))
-    if half_height is not None:
-        slope = 2.0 * math.tan(tilt) / (SPEED_OF_LIGHT * tau)
+    spread = tilted_pulse_tau(tau, radius, angle)
+    echo = peak * (tau / spread) * np.exp(-np.square(late / spread))
+    if limits == "paper":  # y limited to +-h = radius, which untilted leaves erf(sqrt 2) = 0.9545
+        slope = 2.0 * math.tan(angle) / (SPEED_OF_LIGHT * tau)
         sharpness = math.hypot(math.sqrt(2.0) / radius, slope)
         center = slope * late / (tau * sharpness**2)
-        echo = echo * 0.5 * (erf(sharpness * (half_height - center)) + erf(sharpness * (half_height + center)))
-    return echo
+        echo = echo * 0.5 * (erf(sharpness * (radius - center)) + erf(sharpness * (radius + center)))
+    return np.asarray(echo)

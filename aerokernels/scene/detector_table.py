@@ -3,9 +3,9 @@
 Noise and digitiser are off by default: the simulated voltage is then the average of many recordings.
 """
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import Field, StrictBool, model_validator
 
 from aerokernels.scene.values import (
     Count,
@@ -32,15 +32,6 @@ from aerokernels.scene.values import (
 # 1.994 V, the peak that the paper's Tables 3 and 4 imply for its simulation without flow: 1.994 V divided by the static
 # scene's simulated peak of 3.58715e-4 W. It is never tuned to a flow.
 STATIC_CALIBRATION = 5558.7
-
-
-def _switch(value: Any) -> bool:
-    if not isinstance(value, bool):
-        raise ValueError("write true or false, without quotes")
-    return value
-
-
-Switch = Annotated[bool, BeforeValidator(_switch)]
 
 
 class DetectorTable(Table):
@@ -88,7 +79,7 @@ class DetectorTable(Table):
     amplifier_noise: NoiseCurrent = key(
         "2 pA/rtHz", "Input noise current density of the amplifier: a typical 100 MHz transimpedance amplifier."
     )
-    noise: Switch = key(
+    noise: StrictBool = key(
         False,
         "Whether the recorded voltage has noise. If the bandwidth is unlimited, the noise has a bandwidth of half the "
         "sample rate.",

@@ -103,7 +103,9 @@ def test_energy_is_conserved_without_flow(pulse, turn):
     """
     setting = scene(**{"target.width": 3.0, "target.height": 3.0, "detector.threshold": 1e-3, **pulse, **turn})
     found = echo(setting, field=lump(0.0))
-    sent = 75.0 * Setup.of_scene(setting).laser.shape.duration
+    shape = Setup.of_scene(setting).laser.shape
+    time = np.linspace(*shape.support, 400_001)
+    sent = 75.0 * np.trapezoid(shape(time), x=time)
     received = found.power.sum() * (found.time[1] - found.time[0])
     each = 0.3 * np.cos(found.incidence) * 0.006**2 / found.path**2
     assert abs(found.beam_share.sum() - 1.0) < 1e-6
