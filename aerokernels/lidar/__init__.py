@@ -3,6 +3,7 @@
 from aerokernels.lidar.chain import DetectorChain, Digitiser, NoiseSources, excess_noise_factor
 from aerokernels.lidar.detector import detect
 from aerokernels.lidar.parts import RANGING_METHODS, Detector, Laser, Receiver, Reflector, Target
+from aerokernels.lidar.paths import plane_target_echo, tilted_pulse_tau
 from aerokernels.lidar.pulses import (
     GaussianPulse,
     HeliosPulse,
@@ -10,7 +11,6 @@ from aerokernels.lidar.pulses import (
     fwhm_from_pulse_tau,
     pulse_tau_from_fwhm,
 )
-from aerokernels.lidar.radiometry import plane_target_echo, tilted_pulse_tau
 from aerokernels.lidar.range_error import RangeStatistics, cramer_rao_range, range_statistics
 from aerokernels.lidar.ranging import CoarseSamplingWarning, SaturatedRecordWarning, estimate_range
 from aerokernels.lidar.result import EchoResult
