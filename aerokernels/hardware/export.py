@@ -131,7 +131,7 @@ def _write_netcdf(store: EchoStore, draft: Path, extent: _Extent, label: Mapping
     import h5netcdf
     import h5py
 
-    text, names = h5py.string_dtype(), _label_names(extent.keys)
+    text, names = h5py.string_dtype(), {key: "label_" + re.sub(r"\W", "_", key) for key in extent.keys}
     real = np.dtype(np.float32 if extent.is_single else np.float64)
     # 2^23 samples are written at a time at most: one long curve makes every row as long.
     at_once = max(1, min(extent.count, ECHOES_AT_ONCE, 2**23 // max(extent.sample_count, 1)))
@@ -140,7 +140,12 @@ def _write_netcdf(store: EchoStore, draft: Path, extent: _Extent, label: Mapping
         "session": ("i4", "1", "run of the board", lambda echo: echo.session),
         "sequence": ("i8", "1", "number of the echo in its run", lambda echo: echo.frame.sequence),
         "device_time_us": ("i8", "us", "the board's clock; -1 where the instrument sends none", _clock),
-        "host_time": ("i8", "nanoseconds since 1970-01-01", "when the echo was complete on the host", _host_time),
+        "host_time": (
+            "i8",
+            "nanoseconds since 1970-01-01",
+            "when it was complete here",
+            lambda echo: echo.host_time_ns,
+        ),
         "flags": ("u1", "1", "the board's flags", lambda echo: echo.frame.flags),
         "sample_count": ("i4", "1", "samples of this echo", lambda echo: echo.frame.samples.size),
         "sample_period": ("f8", "s", "time between two samples", lambda echo: echo.frame.sample_period_ps * 1e-12),
@@ -193,21 +198,6 @@ def _clock(echo: StoredEcho) -> int:
     clock = echo.frame.device_time_us
     # A clock beyond 2**63 us has run for 292,000 years, or has been set below 0.
     return -1 if clock is None else signed(clock)
-
-
-def _host_time(echo: StoredEcho) -> int:
-    return echo.host_time_ns
-
-
-def _label_names(keys: tuple[str, ...]) -> dict[str, str]:
-    """Return a NetCDF name for each key of a label; a name that is already used gets underscores appended."""
-    names: dict[str, str] = {}
-    for key in keys:
-        name = "label_" + re.sub(r"\W", "_", key)
-        while name in names.values():
-            name += "_"
-        names[key] = name
-    return names
 
 
 def _text_of(label: Mapping[str, str]) -> str:

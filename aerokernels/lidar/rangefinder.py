@@ -6,7 +6,7 @@ No ray is traced for it. A setup whose echo cannot be computed raises ValueError
 import math
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property, partial
 from typing import NamedTuple
 
@@ -132,28 +132,28 @@ class Rangefinder:
         calibration: Offset that is subtracted from each method's reading [m]; methods that cannot read the reference
             are absent.
         unreadable: For each method that cannot read the reference, the reason.
+        name: What cannot be ranged, in reasons.
     """
 
     detector: Detector
     distance: float
     shape: Shape
     calibration: Mapping[str, float]
-    unreadable: Mapping[str, str] = field(default_factory=dict)
+    unreadable: Mapping[str, str]
+    name: str = "the echo"
 
     @classmethod
     def calibrated(cls, setup: Setup, fine: np.ndarray, voltage: np.ndarray, stride: int) -> "Rangefinder":
         """Calibrate on the voltage [V] of the echo in vacuum at times `fine` [s]; every `stride`-th is sampled."""
-        detector, distance = setup.detector, setup.target.distance
+        detector, distance, name = setup.detector, setup.target.distance, "the echo in vacuum, without flow,"
         try:
             shape = template_curve(voltage, as_waveform(fine, voltage)[2])
         except ValueError as fault:
-            faults = dict.fromkeys(RANGING_METHODS, str(fault))
-            shape, offsets = np.zeros_like, {}
-        else:
-            bare = cls(detector, distance, shape, dict.fromkeys(RANGING_METHODS, 0.0))
-            readings, faults = bare._readings(fine[::stride], voltage[::stride], RANGING_METHODS)
-            offsets = {method: reading - distance for method, reading in readings.items()}
-        reasons = {one: f"the echo in vacuum, without flow, cannot be ranged: {why}" for one, why in faults.items()}
+            reason = f"{name} cannot be ranged: {fault}"
+            return cls(detector, distance, np.zeros_like, {}, dict.fromkeys(RANGING_METHODS, reason))
+        bare = cls(detector, distance, shape, dict.fromkeys(RANGING_METHODS, 0.0), {}, name)
+        readings, reasons = bare.ranges(fine[::stride], voltage[::stride])
+        offsets = {method: reading - distance for method, reading in readings.items() if method not in reasons}
         return cls(detector, distance, shape, offsets, reasons)
 
     def range(self, time: np.ndarray, voltage: np.ndarray, method: str) -> float:
@@ -169,31 +169,19 @@ class Rangefinder:
         self, time: np.ndarray, voltage: np.ndarray, methods: Sequence[str] = RANGING_METHODS
     ) -> tuple[dict[str, float], dict[str, str]]:
         """Return ranges by method [m], NaN for those that find no echo or are not calibrated; for these the reason."""
-        readable = [method for method in methods if method not in self.unreadable]
-        readings, faults = self._readings(time, voltage, readable)
-        # Flow or noise left too weak an echo for the methods in `faults`.
-        known = {**self.unreadable, **{one: f"the echo cannot be ranged: {fault}" for one, fault in faults.items()}}
-        reasons = {method: known[method] for method in methods if method in known}
-        return {method: readings.get(method, math.nan) for method in methods}, reasons
-
-    def _readings(
-        self, time: np.ndarray, voltage: np.ndarray, methods: Sequence[str]
-    ) -> tuple[dict[str, float], dict[str, str]]:
-        """Return the ranges [m] by method, and the reason for each method that cannot read the record."""
-        try:
-            waveform = as_waveform(time, voltage)
-        except ValueError as fault:
-            return {}, dict.fromkeys(methods, str(fault))
-        curve = None
+        ranges, reasons, waveform, curve = dict.fromkeys(methods, math.nan), {}, None, None
         with suppress(ValueError):  # a record without a curve: each method reports the reason
+            waveform = as_waveform(time, voltage)
             curve = shaped_curve(waveform[1], self.shape, waveform[2])
-        readings, faults = {}, {}
         for method in methods:
+            if method in self.unreadable:
+                reasons[method] = self.unreadable[method]
+                continue
             try:
-                readings[method] = self._range(waveform, method, curve)
+                ranges[method] = self._range(waveform or as_waveform(time, voltage), method, curve)
             except ValueError as fault:
-                faults[method] = str(fault)
-        return readings, faults
+                reasons[method] = f"{self.name} cannot be ranged: {fault}"
+        return ranges, reasons
 
     def statistics(
         self, time: np.ndarray, power: np.ndarray, stride: int, trial_count: int
