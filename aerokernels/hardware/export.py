@@ -140,12 +140,7 @@ def _write_netcdf(store: EchoStore, draft: Path, extent: _Extent, label: Mapping
         "session": ("i4", "1", "run of the board", lambda echo: echo.session),
         "sequence": ("i8", "1", "number of the echo in its run", lambda echo: echo.frame.sequence),
         "device_time_us": ("i8", "us", "the board's clock; -1 where the instrument sends none", _clock),
-        "host_time": (
-            "i8",
-            "nanoseconds since 1970-01-01",
-            "when it was complete here",
-            lambda echo: echo.host_time_ns,
-        ),
+        "host_time": ("i8", "nanoseconds since 1970-01-01", "host's time of the echo", lambda echo: echo.host_time_ns),
         "flags": ("u1", "1", "the board's flags", lambda echo: echo.frame.flags),
         "sample_count": ("i4", "1", "samples of this echo", lambda echo: echo.frame.samples.size),
         "sample_period": ("f8", "s", "time between two samples", lambda echo: echo.frame.sample_period_ps * 1e-12),

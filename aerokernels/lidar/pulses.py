@@ -21,7 +21,6 @@ from aerokernels.inputs.checks import as_finite_array, check_positive
 from aerokernels.lidar.pulse_curve import PulseCurve
 
 SPEED_OF_LIGHT = 299_792_458.0  # in vacuum [m/s], exact
-LEAST_SAMPLES = 4
 
 
 class PulseShape(Protocol):
@@ -107,18 +106,14 @@ class SampledPulse:
     Args:
         samples: Relative power, not negative, shape (n,), n at least 4, with its peak inside.
         period: Time between two samples [s].
-
-    Raises:
-        ValueError: Too few samples, negative or not finite ones, a peak at an end of the record, or a period that is
-            not positive.
     """
 
     @checked
     def __init__(self, samples: Numbers, period: float):
         """Check, fit the curve and find its peak."""
         values = as_finite_array(samples, "pulse samples")
-        if values.ndim != 1 or values.size < LEAST_SAMPLES:
-            raise ValueError(f"a sampled pulse needs a list of at least {LEAST_SAMPLES} samples, got {values.shape}")
+        if values.ndim != 1 or values.size < 4:
+            raise ValueError(f"a sampled pulse needs a list of at least 4 samples, got {values.shape}")
         if values.min() < 0.0:
             raise ValueError(
                 f"a pulse has no negative power: sample {int(np.argmin(values))} is {values.min():g}; subtract the "
@@ -150,12 +145,7 @@ class SampledPulse:
 
 
 def as_pulse(pulse: PulseShape | float) -> PulseShape:
-    """Return a pulse shape unchanged; a number is the tau [s] of a Gaussian.
-
-    Raises:
-        ValueError: A number that is not positive and finite.
-        TypeError: Neither a number nor a pulse shape.
-    """
+    """Return a pulse shape unchanged; a number is the tau [s] of a Gaussian."""
     if isinstance(pulse, type):
         raise TypeError(f"pulse_tau must be a time [s] or the shape of a pulse, got the class {pulse.__name__}")
     return pulse if callable(pulse) else GaussianPulse(check_positive(pulse, "pulse_tau", "s"))
@@ -163,21 +153,13 @@ def as_pulse(pulse: PulseShape | float) -> PulseShape:
 
 @checked
 def pulse_tau_from_fwhm(fwhm: float) -> float:
-    """Return the 1/e half-width tau [s] of a Gaussian pulse of full width at half maximum `fwhm` [s].
-
-    Raises:
-        ValueError: `fwhm` is not positive and finite.
-    """
+    """Return the 1/e half-width tau [s] of a Gaussian pulse of full width at half maximum `fwhm` [s]."""
     return check_positive(fwhm, "fwhm", "s") / (2.0 * math.sqrt(math.log(2.0)))
 
 
 @checked
 def fwhm_from_pulse_tau(pulse_tau: float) -> float:
-    """Return the full width at half maximum [s] of a Gaussian pulse of 1/e half-width `pulse_tau` [s].
-
-    Raises:
-        ValueError: `pulse_tau` is not positive and finite.
-    """
+    """Return the full width at half maximum [s] of a Gaussian pulse of 1/e half-width `pulse_tau` [s]."""
     return check_positive(pulse_tau, "pulse_tau", "s") * 2.0 * math.sqrt(math.log(2.0))
 
 
