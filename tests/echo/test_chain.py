@@ -109,9 +109,9 @@ def thermal_chain(bandwidth=None, response="gaussian"):
 
 
 def test_matched_filter_of_a_whole_chain_reaches_the_bound():
-    """Set-up: 1500 records; the pulse's band, 1 / (2 pi tau) = 30 MHz, lies well inside the amplifier's.
+    """Set-up: 200 records; the pulse's band, 1 / (2 pi tau) = 30 MHz, lies well inside the amplifier's.
 
-    Expected: deviation over bound 1 within 5 %. Sampling error 1.8 %; shot noise that the filter does not weigh, 1 %.
+    Expected: deviation over bound 1 within 15 %. Sampling error 5 %; shot noise that the filter does not weigh, 1 %.
     """
     chain, near = thermal_chain(400e6), slice(900, 1100)
     time, power = TIME[near], PULSE[near]
@@ -120,11 +120,11 @@ def test_matched_filter_of_a_whole_chain_reaches_the_bound():
     found = summarise_ranges(
         lambda: chain.record(time, power, generator),
         lambda samples: estimate_range(time, samples, "matched-filter", template=reference),
-        500,
+        200,
         estimate_range(time, reference, "matched-filter", template=reference),
         chain.cramer_rao_range(time, power),
     )
-    assert abs(found.random_error / found.cramer_rao_bound - 1.0) < 0.1
+    assert abs(found.random_error / found.cramer_rao_bound - 1.0) < 0.15
     assert found.random_interval[0] < found.cramer_rao_bound < found.random_interval[1]
     assert found.systematic_interval[0] < 0.0 < found.systematic_interval[1]
 

@@ -92,15 +92,15 @@ def test_enough_samples_are_not_warned_of(method):
 
 @pytest.mark.parametrize("method", RANGING_METHODS)
 def test_noise_at_few_samples_costs_no_more_than_the_bound_allows(method):
-    """Set-up: 1.5 samples a tau, 10 mV on 2 V, shape known. Expected: the mean of 200 readings is the exact one.
+    """Set-up: 1.5 samples a tau, 10 mV on 2 V, shape known. Expected: the mean of 100 readings is the exact one.
 
     Tolerance: four standard errors of the mean, and 1 mm for the greatest sample's bias at the constant fraction.
     """
     shape, period = SHAPES["gaussian"], 4e-9
     truth = exact(shape, method) if method == "leading-edge" else 0.0
     readings = []
-    for seed in range(200):
-        time, volts, arrival = record(shape, period, seed / 200.0, noise=0.01, seed=seed)
+    for seed in range(100):
+        time, volts, arrival = record(shape, period, seed / 100.0, noise=0.01, seed=seed)
         reading = Reading(method, 1.0, shape).range(time, volts)
         readings.append(reading - HALF_C * (arrival + truth))
     error = np.std(readings) / np.sqrt(len(readings))
