@@ -90,8 +90,7 @@ class PlaneValues:
             interpolation: "cubic" or "linear".
             even: The plane is mirrored at the first node of its first axis.
             cell_averages: The samples are cell averages.
-            inverted: Along which axes the spline's inverse is applied once more, because the samples are sums of its
-                basis functions.
+            inverted: Axes along which the samples are sums of the spline's basis functions.
         """
         inverses = []
         for axis, count in enumerate(counts):
