@@ -113,7 +113,7 @@ def _read_record(folder: Path) -> dict[str, list[int]] | None:
     try:
         record = json.loads((folder / RECORD).read_bytes())
         for path, stamp in record.items():
-            if path.startswith("/") or ".." in path or [type(part) for part in stamp] != [int, int, int]:
+            if path.startswith("/") or ".." in path or list(map(type, stamp)) != [int, int, int]:
                 return None
         return dict(record)
     except (OSError, ValueError, TypeError, AttributeError, RecursionError):
