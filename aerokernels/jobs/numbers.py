@@ -72,7 +72,6 @@ NUMBERS = {
     "compile_seconds": Number("s", "time for compiling kernels"),
     "total_seconds": Number("s", "wall time, without stages reused from other cases of a sweep"),
     "processor_seconds": Number("s", "processor time of the case, all threads of its worker"),
-    "tracing_processor_seconds": Number("s", "processor time of tracing, plans and error budgets included"),
 }
 TEXTS = {
     "verdict": "whether the answer is meaningful given its errors",

@@ -22,7 +22,6 @@ from aerokernels.jobs.run_files import RunResult
 from aerokernels.jobs.store import to_json
 from aerokernels.medium import IndexField
 from aerokernels.prepare import Prepared, prepare_field, view_extent, view_radius
-from aerokernels.process.clock import processor_clocked
 from aerokernels.process.opened import OPENED
 from aerokernels.scene import Scene
 
@@ -135,9 +134,7 @@ def compute(case: Case) -> dict[str, Any]:
     """Compute a case; return {"summary": ...}, or {"error": ...} if it cannot be computed, as plain JSON types."""
     begin = time.process_time()
     try:
-        with processor_clocked() as tracing:
-            summary = dict(OPENED.once("stages of cases", Stages).run(case).summary)
-        summary["tracing_processor_seconds"] = tracing[0]
+        summary = dict(OPENED.once("stages of cases", Stages).run(case).summary)
         summary["processor_seconds"] = time.process_time() - begin
         return to_json({"summary": summary, "version": __version__})
     except Exception as fault:  # any error is recorded, so that the other cases go on
