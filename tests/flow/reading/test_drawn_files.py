@@ -41,7 +41,7 @@ def test_cgns_zones_of_drawn_shapes(tmp_path, seed):
 
 
 def test_markers_of_walls_in_a_volume_of_su2(tmp_path):
-    """Set-up: 5^3 hexahedra without the middle one, whose faces are the marker "body". Expected: the body is that cell."""
+    """Set-up: 5^3 hexahedra without the middle one, whose faces are the marker "body". Expected: a body of that box."""
     points, corners = cube(5)
     middle, rest = corners[62], np.delete(corners, 62, axis=0)
     sides = middle[[(0, 3, 2, 1), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7)]]
