@@ -168,8 +168,8 @@ def test_folded_cells_are_refused_and_dented_ones_cut():
     The area is 2 - 1.8 = 0.2. Beyond the corner of the cell it is refused, and a cell listed as a bow tie is.
     """
     mesh, density, _ = four_cells((1.8, 1.8))
-    assert mesh.cell_area[density == 4.0].sum() == pytest.approx(0.2, rel=1e-12)
-    assert mesh.cell_area.sum() == pytest.approx(4.0, rel=1e-12)
+    assert mesh.corner_weights[density == 4.0].sum() == pytest.approx(0.2, rel=1e-12)
+    assert mesh.corner_weights.sum() == pytest.approx(4.0, rel=1e-12)
     with pytest.raises(ValueError, match="1 of 4 cells are folded over their neighbours, the first is cell 3"):
         four_cells((2.5, 2.5))
     with pytest.raises(ValueError, match="cell 1 is folded over itself"):

@@ -7,7 +7,6 @@ import numpy as np
 from aerokernels.flow.reading.dataset import FLAT, QUAD, Block, Cells, Dataset, ReadError, wall_patches
 from aerokernels.flow.reading.frame import Frame
 from aerokernels.flow.reading.planes.polygons import Polygons, joined, merged, quad_mesh
-from aerokernels.flow.sampled_density import WallDensity
 from aerokernels.medium import Body, QuadMesh
 
 ON_AXIS = 1e-12  # of the greatest radius: rounding of points on the axis
@@ -148,7 +147,7 @@ def plane_mesh(path, blocks: list[Block], plane: Plane, densities) -> tuple[Quad
     return mesh, values, polygons.where, remark
 
 
-def wall_density(reading, plane: Plane) -> WallDensity | None:
+def wall_density(reading, plane: Plane) -> tuple[np.ndarray, np.ndarray] | None:
     """Return the solver's densities at points of the walls; None if no wall has others than those of its cells.
 
     An edge's value belongs to its middle. At a corner between two edges the value is interpolated linearly between
@@ -173,7 +172,7 @@ def wall_density(reading, plane: Plane) -> WallDensity | None:
         corners, at_corners = _at_corners(edges, wall)
         points += [edges.mean(axis=1), corners]
         values += [wall, at_corners]
-    return WallDensity(np.concatenate(points), np.concatenate(values)) if points else None
+    return (np.concatenate(points), np.concatenate(values)) if points else None
 
 
 def _at_corners(edges: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
