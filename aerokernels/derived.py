@@ -92,16 +92,20 @@ class ReadOnly:
     A pickle contains the fields only; cached results are computed again when needed.
     """
 
+    def set_fields(self, **values: Any) -> None:
+        """Set fields in `__post_init__`; arrays become read-only."""
+        for name, value in values.items():
+            if isinstance(value, np.ndarray):
+                value.setflags(write=False)
+            object.__setattr__(self, name, value)
+
     def __getstate__(self) -> dict:
         """Return the fields by name."""
         return {entry.name: getattr(self, entry.name) for entry in fields(self)}  # type: ignore[arg-type]
 
     def __setstate__(self, state: dict) -> None:
         """Set the fields; arrays are made read-only again, because NumPy does not pickle that flag."""
-        for name, value in state.items():
-            if isinstance(value, np.ndarray):
-                value.setflags(write=False)
-            object.__setattr__(self, name, value)
+        self.set_fields(**state)
 
 
 class Derived(ReadOnly):
