@@ -5,6 +5,7 @@ import itertools
 import os
 import re
 from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -24,7 +25,7 @@ class _Extent(NamedTuple):
     `is_single` says that single precision resolves the counts of all echoes: not on an offset a million counts high.
     """
 
-    count: int
+    echo_count: int
     sample_count: int
     time: np.ndarray | None
     keys: tuple[str, ...]
@@ -61,7 +62,7 @@ def export(store: EchoStore, out: str | Path, label: Mapping[str, str] | None = 
     try:
         with only_writer(out), store.snapshot():
             extent = _survey(store, label)
-            if not extent.count:
+            if not extent.echo_count:
                 known = listed(map(_text_of, store.labels()), "none")
                 raise ValueError(f"store {store.path}: no echoes with label {_text_of(label or {})}; it has: {known}")
             draft = draft_of(out)
@@ -74,7 +75,7 @@ def export(store: EchoStore, out: str | Path, label: Mapping[str, str] | None = 
         raise StoreError(
             f"out={out}: {os.strerror(error.errno) if error.errno else error}; make room, or give another place"
         ) from error
-    return extent.count
+    return extent.echo_count
 
 
 def _chosen(store: EchoStore, label: Mapping[str, str] | None) -> Iterator[StoredEcho]:
@@ -134,7 +135,7 @@ def _write_netcdf(store: EchoStore, draft: Path, extent: _Extent, label: Mapping
     text, names = h5py.string_dtype(), {key: "label_" + re.sub(r"\W", "_", key) for key in extent.keys}
     real = np.dtype(np.float32 if extent.is_single else np.float64)
     # 2^23 samples are written at a time at most: one long curve makes every row as long.
-    at_once = max(1, min(extent.count, ECHOES_AT_ONCE, 2**23 // max(extent.sample_count, 1)))
+    at_once = max(1, min(extent.echo_count, ECHOES_AT_ONCE, 2**23 // max(extent.sample_count, 1)))
     # Variables over the echoes: type, unit, meaning and value.
     columns: dict[str, tuple[Any, str, str, Callable[[StoredEcho], Any]]] = {
         "session": ("i4", "1", "run of the board", lambda echo: echo.session),
@@ -147,9 +148,9 @@ def _write_netcdf(store: EchoStore, draft: Path, extent: _Extent, label: Mapping
         "first_sample_time": ("f8", "s", "time of the first sample", lambda echo: echo.frame.first_sample_time),
     }
     for key, name in names.items():
-        columns[name] = (text, "", f"label {key}", lambda echo, key=key: echo.label.get(key, ""))
+        columns[name] = (text, "", f"label {key}", partial(_label_value, key))
     with RetryingFile(draft) as disk, h5netcdf.File(disk, "w") as file:
-        file.dimensions = {"echo": extent.count, "sample": extent.sample_count}
+        file.dimensions = {"echo": extent.echo_count, "sample": extent.sample_count}
         file.attrs["title"] = "recorded echoes"
         file.attrs["source"] = f"aerokernels, store {store.path.name}"
         file.attrs["missing_count"] = sum(gap.missing_count for gap in store.gaps())
@@ -181,6 +182,10 @@ def _write_netcdf(store: EchoStore, draft: Path, extent: _Extent, label: Mapping
             start += len(block)
     if disk.failure:
         raise disk.failure
+
+
+def _label_value(key: str, echo: StoredEcho) -> str:
+    return echo.label.get(key, "")
 
 
 def _describe(variable: Any, units: str, meaning: str) -> None:

@@ -22,6 +22,7 @@ except ImportError:  # Windows has no such module, and no such error
 else:
     PORT_ERRORS = (OSError, termios.error)
 
+_OPEN_ERRORS: tuple[type[Exception], ...] = (*PORT_ERRORS, ValueError)  # a bad URL is a ValueError
 FLOW_CONTROLS = ("none", "rtscts", "dsrdtr")
 _LONGEST_READ = 65536
 _SOCKET_WAIT = 0.1  # [s]
@@ -66,7 +67,7 @@ def open_port(port: str, *, baud: int = 115200, timeout: float = 0.1, flow: str 
             rtscts=flow == "rtscts",
             dsrdtr=flow == "dsrdtr",
         )
-    except (*PORT_ERRORS, ValueError) as error:  # a bad URL is a ValueError
+    except _OPEN_ERRORS as error:
         raise PortError(f"port {port!r}: {_remedy(port, error)}") from error
     if _is_socket(opened):
         opened.timeout = 0  # a read returns the available bytes at once, see `_read_socket`

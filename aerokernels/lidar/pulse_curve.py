@@ -65,12 +65,14 @@ class PulseCurve:
 
     def _root(self, level: float, low: float, high: float) -> float:
         """Position at which the curve crosses a level, between two positions on either side of the level."""
+        from scipy.interpolate import BSpline
         from scipy.optimize import brentq
 
-        below, above = self.spline(np.array([low, high])) - level
+        lowered = BSpline(self.spline.t, self.spline.c - level, self.spline.k)
+        below, above = lowered(np.array([low, high]))
         if below * above >= 0.0:  # a sample at the level, by rounding on the wrong side
             return float(low if abs(below) < abs(above) else high)
-        return float(brentq(lambda position: self.spline(position) - level, low, high, xtol=1e-12))
+        return float(brentq(lowered, low, high, xtol=1e-12))
 
     def first_rise(self, level: float) -> float:
         """Return the first position at which the curve rises through `level`."""

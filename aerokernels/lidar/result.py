@@ -243,11 +243,10 @@ class EchoResult:
 
 def echo_of_result(path: Path, result: "xarray.Dataset") -> tuple[np.ndarray, np.ndarray]:
     """Return times [s] and voltages [V], (n,) each, of the echo in a result; a ValueError names the file `path`."""
-    names = ("time", "echo_voltage")
-    if not set(names) <= set(result.variables):
+    if not {"time", "echo_voltage"} <= set(result.variables):
         raise ValueError(f"result {path}: holds no 'echo_voltage' over 'time'; give the result.nc of a run")
     with errors_naming(path):
-        values = [result[name].values for name in names]
+        values = result["time"].values, result["echo_voltage"].values
     try:
         time, voltage, _ = as_waveform(*values, least_count=2)
     except (ValueError, TypeError) as fault:

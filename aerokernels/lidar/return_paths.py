@@ -180,7 +180,8 @@ def reduce_pupils(
         open_share[begin:end] += np.bincount(of_target - begin, share)
         phasor[begin:end] += np.bincount(of_target - begin, light.real)
         phasor[begin:end] += 1j * np.bincount(of_target - begin, light.imag)
-        evaluation_count += int(np.sum(result.evaluation_count))
+        assert result.evaluation_count is not None  # a requested output
+        evaluation_count += int(result.evaluation_count.sum())
         seconds += result.seconds["kernel"]
     if not open_share.any():
         raise ValueError(

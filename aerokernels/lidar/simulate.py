@@ -103,7 +103,7 @@ def echo_through(flow: IndexField, vacuum: VacuumEcho, estimate: StrehlEstimate 
     setup, chain = vacuum.setup, vacuum.setup.detector.chain
     vacuum, out, lost_error = cut_beam(vacuum, flow)
     points, outward = vacuum.points, out.trace
-    assert outward is not None  # the flow was traced
+    assert outward is not None and outward.evaluation_count is not None  # the flow was traced
     if not out.arrived.any():
         raise ValueError(
             f"no ray of the beam reaches the target ({outward.status_summary()}): "
@@ -155,7 +155,7 @@ def echo_through(flow: IndexField, vacuum: VacuumEcho, estimate: StrehlEstimate 
             "lost_share_error": lost_error,
             "pair_count": back.pair_count,
             "ray_count": outward.ray_count + back.sums.ray_count,
-            "evaluation_count": int(np.sum(outward.evaluation_count)) + back.sums.evaluation_count,
+            "evaluation_count": int(outward.evaluation_count.sum()) + back.sums.evaluation_count,
             "trace_seconds": outward.seconds["kernel"] + back.sums.seconds,
         },
         budget=partial(echo_errors, probe=probe),
