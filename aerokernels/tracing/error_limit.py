@@ -1,7 +1,7 @@
 """The OPD error allowed to a ray, and the support of a field: the part of its box that must be integrated.
 
 The tolerance is the greatest error; in a weak field it is also limited to a share of the greatest line integral, or an
-OPD of 0 would do. Outside the support, on a path of length L with a lever arm A (straight_lines.py), the potential is
+OPD of 0 would do. Outside the support, on a path of length L with a lever arm A (lines.py), the potential is
 below share / L and its slope below share / (L A).
 """
 
@@ -12,8 +12,8 @@ from ..medium import IndexField
 from ..medium.grid import UniformGrid
 from ..process.threads import slabs
 from .blocks import over_lines
+from .lines import LeverArms
 from .scheme import LEAPFROG_ANGLE
-from .straight_lines import LeverArms
 
 # The share of the field's greatest optical path difference that a ray may lose.
 SHARE = 1e-3

@@ -5,7 +5,7 @@ from typing import TypedDict
 
 from aerokernels.tracing.tasks.unresolved import Sampling
 
-from .straight_lines import LeverArms
+from .lines import LeverArms
 
 # Methods that a caller may request.
 METHODS = ("auto", "straight", "adaptive", "paper", "fixed")
@@ -114,7 +114,7 @@ class TracePlan:
             unresolved.py; None where that is negligible.
         steepest: Greatest absolute components of a ray's unit vector for which the number of leapfrog samples holds;
             steeper rays are traced again. None where all directions are known.
-        lever_arms: How far the rays fly and at what angle they meet the stop, see straight_lines.py; None where it was
+        lever_arms: How far the rays fly and at what angle they meet the stop, see lines.py; None where it was
             not needed.
         predicted_evaluations: Field evaluations of a ray across the box, predicted before any ray is traced.
         predicted_error: Predicted OPD error [waves]: the error of a pilot bundle, or the tolerance.

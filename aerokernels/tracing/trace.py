@@ -14,12 +14,11 @@ from ..process.clock import clocked, stage
 from ..rays import RayBundle
 from .bundle.run import BundleRequest, trace_bundle
 from .cuts import flow_ends, lost, may_lose
-from .launch import launch
+from .launch import launch, report_rejected, retrace_rejected
 from .lines import check_meeting
 from .plan import TracePlan
 from .planning import backend_for, check_choices, plan_bundle
 from .result import RAY_OUTPUTS, TraceResult
-from .retrace import report_rejected, retrace_rejected
 from .status import RayStatus
 from .stop import ArcLength, Plane
 from .variants.causes import Run, Variants, sample_rows, variants

@@ -19,11 +19,10 @@ from ..engines.device_memory import memory_of
 from ..error_limit import error_limit
 from ..launch import in_chunks, starts_of
 from ..leapfrog.pilot import LEAST_RAYS, pays_once
-from ..lines import box_size, check_meeting
+from ..lines import box_size, check_meeting, lever_arms_of
 from ..plan import BundleCounts, TracePlan
 from ..planning import make_plan, plan_bundle
 from ..status import NOT_DELIVERED
-from ..straight_lines import lever_arms_of
 from .refine import Limits, Refinement
 from .tubes import Clearance, Tubes
 

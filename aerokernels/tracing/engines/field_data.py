@@ -290,7 +290,7 @@ def step_bound_tables(
     if plan.sample_count and plan.sampling is not None:
         block, missed = lookup_table(field, plan.sampling)
         start[0], lengths = 0, [missed.ravel()]
-        at_ends = missed_at_ends(field, plan.sampling)
+        at_ends = missed_at_ends(field, plan.sampling, False)
         if at_ends is not None:
             start[1] = missed.size
             lengths.append(at_ends.ravel())

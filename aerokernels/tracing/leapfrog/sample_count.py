@@ -2,7 +2,7 @@
 
 A pilot of some rays is traced with N, 3 N and perhaps 9 N samples: the differences give the order of convergence and
 the least N that meets the tolerance. Each ray's own estimate is scaled to cover the pilot's errors with a margin; rays
-above the tolerance nevertheless are traced again (retrace.py).
+above the tolerance nevertheless are traced again (launch.py).
 """
 
 import math
@@ -23,9 +23,9 @@ from ...rays import RayBundle
 from ..engines import engine_of
 from ..error_limit import error_limit, support_box
 from ..launch import Trials
+from ..lines import lever_arms_of, outermost, outermost_rays
 from ..plan import TracePlan
 from ..stop import ArcLength
-from ..straight_lines import lever_arms_of, outermost, outermost_rays
 from .between_samples import MARGIN, SPREAD_RAYS, MissedStructure, multiple_of_three
 from .pilot import LEAST_RAYS, SampleCost, error_scales, greatest_bend, level_pair, levels_of
 

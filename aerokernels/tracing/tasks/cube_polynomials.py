@@ -16,8 +16,8 @@ from aerokernels.derived import cached_on
 from aerokernels.medium.grid import GridPlaces, UniformGrid
 from aerokernels.medium.spline import SUPPORT, weights
 from aerokernels.process.threads import in_threads, product_on_one_core
+from aerokernels.tracing.lines import Lines
 from aerokernels.tracing.scheme import CUBE_ROW, CUBE_SIDE
-from aerokernels.tracing.straight_lines import Lines
 
 DEGREE = 3
 # Powers of the three coordinates of each coefficient, in the kernels' order: the third degree last, each group ordered
