@@ -4,7 +4,7 @@ import threading
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from typing import Unpack
+from typing import TYPE_CHECKING, Unpack
 
 import numpy as np
 
@@ -28,10 +28,11 @@ from ..tracing.plan import TraceOptions, TracePlan, complete
 from ..tracing.pupil.job import REPLICATES, PupilJob, PupilRequest
 from ..tracing.status import reached
 from ..tracing.trace import rerun
-from ..tracing.variants.causes import Variants, errors, sample_size, variants
-from ..wavefronts import check_terms
-from ..wavefronts.terms import NUMBERS, PupilNumbers
+from ..wavefronts.terms import NUMBERS, PupilNumbers, check_terms
 from .ratio import StrehlEstimate, combined, met_nothing
+
+if TYPE_CHECKING:
+    from ..tracing.variants.causes import Variants
 
 
 @checked
@@ -297,8 +298,10 @@ class StrehlVariants:
     plan: TracePlan
 
     @cached_property
-    def found(self) -> Variants | None:
+    def found(self) -> "Variants | None":
         """The rays and their changes; None where none arrived."""
+        from ..tracing.variants.causes import sample_size, variants
+
         rays = RayBundle.collimated(self.pupil, sample_size(self.field), direction=self.look, seed=self.seed)
         run = rerun(self.until, self.wavelength)
         plan = replace(self.plan, bundle=None)
@@ -337,6 +340,8 @@ class StrehlErrors:
     @cached_property
     def by_cause(self) -> dict[str, np.ndarray] | None:
         """Errors of NUMBERS by every other cause, shape (5,) each; None where no ray arrived."""
+        from ..tracing.variants.causes import errors
+
         found = self.rays.found
         return None if found is None else errors(self.rays.numbers(self.remove), found)
 

@@ -20,7 +20,7 @@ from ..inputs.wavelength import check_wavelength
 from ..medium import IndexField
 from ..process.clock import clocked, stage
 from ..tracing.lines import box_size, greatest_contrast
-from ..wavefronts import (
+from ..wavefronts.terms import (
     check_metres,
     check_terms,
     check_wavefront,

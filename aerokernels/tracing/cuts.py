@@ -85,13 +85,6 @@ def weakest_contrast(field: IndexField, tolerance: float) -> float:
     return NOTHING * min(tolerance, GREATEST_TOLERANCE) / box_size(field.source or field)
 
 
-def may_bend(field: IndexField) -> bool:
-    """Whether a uniform grid may displace rays by more than a cell: by half the greatest turn times its size."""
-    if not isinstance(field.samples, UniformGrid):
-        return False
-    return 0.5 * greatest_turn(field.samples) * box_size(field) > float(field.spacing.min())
-
-
 def lost(
     field: IndexField,
     rays: RayBundle,
@@ -108,7 +101,9 @@ def lost(
     if not may_lose(field, tolerance):
         return found
     strong = air_beyond(field) > weakest_contrast(field, tolerance)
-    bent = ends is not None and may_bend(field)
+    bent = False  # whether the field may displace rays by more than a cell: half the greatest turn times its size
+    if ends is not None and isinstance(field.samples, UniformGrid):
+        bent = 0.5 * greatest_turn(field.samples) * box_size(field) > float(field.spacing.min())
 
     def examine(first: int) -> None:
         rows = slice(first, first + CHUNK)

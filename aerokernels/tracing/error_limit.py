@@ -44,12 +44,14 @@ def path_exceeds(field: IndexField, size: float) -> bool:
     return _some_path(grid) > size * (1.0 + ROUNDING) or greatest_path(field) > size
 
 
+@cached_on("field")
 def greatest_path(field: IndexField) -> float:
     """The greatest optical path difference of a line along one of the grid's axes [m]; 0 where that is not known."""
     grid = field.samples
     if not isinstance(grid, UniformGrid):
         return 0.0
-    return _greatest_path(grid)
+    sums = over_lines(grid.samples, np.add)
+    return max(float(found.max()) * float(spacing) for found, spacing in zip(sums, grid.spacing, strict=True))
 
 
 @cached_on("grid")
@@ -57,12 +59,6 @@ def _some_path(grid: UniformGrid) -> float:
     """The greatest path along some lines of the last axis [m]."""
     rows = grid.samples[tuple(slice(None, None, max(1, count // SOME)) for count in grid.shape[:-1])]
     return float(np.abs(rows).sum(axis=-1, dtype=np.float64).max()) * float(grid.spacing[-1])
-
-
-@cached_on("grid")
-def _greatest_path(grid: UniformGrid) -> float:
-    sums = over_lines(grid.samples, np.add)
-    return max(float(found.max()) * float(spacing) for found, spacing in zip(sums, grid.spacing, strict=True))
 
 
 # The share of the tolerance that may be lost by taking the air outside to be uniform.

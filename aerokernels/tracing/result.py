@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -12,8 +12,9 @@ from ..display.shown import drawn_on, shown
 from ..process.clock import clocked, stage
 from ..pupils import transverse_axes
 from .status import RayStatus, reached
-from .variants.causes import Variants, budget, of_a_ray
-from .variants.paths import Rays
+
+if TYPE_CHECKING:
+    from .variants.causes import Variants
 
 # Per-ray arrays: unit and meaning, in the order of results.
 RAY_OUTPUTS = {
@@ -30,14 +31,6 @@ RAY_OUTPUTS = {
 ON_DEVICE = (*RAY_OUTPUTS, "status", "start_position", "start_direction")
 # Kernels receive the requested outputs as an integer with one bit for each.
 OUTPUT_BITS = {name: 1 << bit for bit, name in enumerate(RAY_OUTPUTS)}
-
-
-def _opd(rays: Rays) -> np.ndarray:
-    return rays.opd
-
-
-def _about_mean(rays: Rays) -> np.ndarray:
-    return np.asarray(rays.opd - rays.opd.mean())
 
 
 def _rms(opd: np.ndarray, share: np.ndarray) -> float:
@@ -169,7 +162,7 @@ class TraceResult:
         return reached(self.traced_status)
 
     @cached_property
-    def variants(self) -> Variants | None:
+    def variants(self) -> "Variants | None":
         """How some of the rays change by each cause of an error (variants/causes.py); None where no ray arrived.
 
         Computed when first read.
@@ -184,11 +177,12 @@ class TraceResult:
         differences from the bundle's mean. It is computed when first read, in the time seconds["error"].
         """
         with clocked() as spent, stage("error"):
-            found = (
-                unknown("m")
-                if self.variants is None
-                else of_a_ray(_opd, self.variants, "m", {"refractivity": _about_mean})
-            )
+            found = unknown("m")
+            if self.variants is not None:
+                from .variants.causes import of_a_ray
+
+                about_mean = {"refractivity": lambda rays: rays.opd - rays.opd.mean()}
+                found = of_a_ray(lambda rays: rays.opd, self.variants, "m", about_mean)
         self.seconds["error"] = spent["total"]
         return found
 
@@ -207,6 +201,8 @@ class TraceResult:
         share = np.broadcast_to(self.weight, good.shape)[good]
         error = float("nan")
         if (found := self.variants) is not None:
+            from .variants.causes import budget
+
             error = budget(lambda rays: _rms(rays.opd, found.weight), found, "m")["total"]
         return {"opd_rms": Quantity(_rms(self.opd[good], share), error, "m")}
 

@@ -110,19 +110,14 @@ def step_bound(grid: UniformGrid, geometry: str, budget: float, cone: Cone) -> S
         np.maximum(seen, _greatest(smooth, low, high), out=seen)
         if is_kinked:
             np.maximum(seen_kink, _greatest(kink, low, high), out=seen_kink)
-        bound = smooth_step(seen, SHARE * rate)
+        with np.errstate(divide="ignore", over="ignore"):
+            bound = np.divide(SHARE * rate, CONSTANT * seen) ** 0.25
         allowed = np.where(seen_kink / 12.0 <= KINK_SHARE * rate, np.minimum(bound, far), 0.0)
         np.maximum(result, allowed, out=result)
         if not (allowed >= far).any():
             break
         near, far = far, far + max(least, 0.15 * far)
     return StepBound(result, block)
-
-
-def smooth_step(fourth, rate: float):
-    """Step [m] with an error of `rate` [m of OPD per m of path] where the fourth derivative is `fourth` [1/m4]."""
-    with np.errstate(divide="ignore", over="ignore"):
-        return np.divide(rate, CONSTANT * fourth) ** 0.25
 
 
 def roughness_along(grid: UniformGrid, geometry: str, cone: Cone) -> tuple[int, np.ndarray, np.ndarray]:

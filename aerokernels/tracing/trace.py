@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -12,7 +12,6 @@ from ..inputs.checks import check_choice
 from ..medium import IndexField
 from ..process.clock import clocked, stage
 from ..rays import RayBundle
-from .bundle.run import BundleRequest, trace_bundle
 from .cuts import flow_ends, lost, may_lose
 from .launch import launch, report_rejected, retrace_rejected
 from .lines import check_meeting
@@ -21,8 +20,10 @@ from .planning import backend_for, check_choices, plan_bundle
 from .result import RAY_OUTPUTS, TraceResult
 from .status import RayStatus
 from .stop import ArcLength, Plane
-from .variants.causes import Run, Variants, sample_rows, variants
-from .variants.paths import Rays
+
+if TYPE_CHECKING:
+    from .variants.causes import Run, Variants
+    from .variants.paths import Rays
 
 # Allowed values of `bundle`.
 BUNDLES = ("auto", "off")
@@ -105,6 +106,8 @@ def trace(
         with stage("plan"):
             made: Any = "every ray is traced: requested by bundle='off'" if bundle == "off" else None
             if bundle == "auto" and method == "auto" and backend != "reference":
+                from .bundle.run import BundleRequest, trace_bundle
+
                 made = trace_bundle(BundleRequest(field, rays, until, wavelength, wanted, choices, run_plan))
             if isinstance(made, tuple):
                 plan, arrays = made
@@ -139,8 +142,11 @@ def trace(
     )
 
 
-def _variants(field: IndexField, rays: RayBundle, until, wavelength: float, result: TraceResult) -> Variants | None:
+def _variants(field: IndexField, rays: RayBundle, until, wavelength: float, result: TraceResult) -> "Variants | None":
     """Return how some of a result's rays change by each cause of an error; None where no ray arrived."""
+    from .variants.causes import sample_rows, variants
+    from .variants.paths import Rays
+
     rows = sample_rows(field, rays, result.ok)
     if not len(rows):
         return None
@@ -187,10 +193,11 @@ def run_plan(field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelen
     return arrays
 
 
-def rerun(until, wavelength: float) -> Run:
+def rerun(until, wavelength: float) -> "Run":
     """Return the function that traces rays to a stop, for `variants`."""
+    from .variants.paths import Rays
 
-    def run(field: IndexField, rays: RayBundle, plan: TracePlan) -> tuple[Rays, np.ndarray]:
+    def run(field: IndexField, rays: RayBundle, plan: TracePlan) -> "tuple[Rays, np.ndarray]":
         arrays = run_plan(field, rays, plan, until, wavelength, BROUGHT)
         opd, direction, position = (np.asarray(arrays[name]) for name in ("opd", "direction", "position"))
         return Rays(opd, direction, position), np.asarray(arrays["status"])

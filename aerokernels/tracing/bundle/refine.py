@@ -9,10 +9,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from aerokernels.tracing.tasks.bundle_table import BundleTable, FaceClasses, Tracer, map_of, trace_lines
-from aerokernels.tracing.tasks.family import Family
+from aerokernels.tracing.tasks.family import BundleTable, FaceClasses, Family
 
-from .lattice import Lattice
+from .lattice import Lattice, Tracer, trace_lines
 from .tubes import RESOLVED, Clearance, Tubes
 
 # Levels that are always divided: 33 x 33 lines on a square.
@@ -111,7 +110,7 @@ class Refinement:
             numbers = self.classes.numbers(*family.rays(finest.parameters(nodes)))
             finest.lines.line_class[finest.row[tuple(nodes.T)]] = numbers
         for coarse, fine in zip(lattices[-2::-1], lattices[:0:-1], strict=True):
-            coarse.take_over(fine)
+            coarse.lines, coarse.row = fine.lines, fine.row[::2, ::2].copy()
         blocks = _occupied(lattices[0], counted)
         return _Level(lattices[0], blocks, np.full(len(blocks), np.nan), np.full(len(blocks), np.nan))
 
@@ -216,7 +215,13 @@ class Refinement:
 
     def _table(self, accepted: list[tuple[Lattice, np.ndarray, np.ndarray]]) -> BundleTable:
         finest = accepted[-1][0].blocks
-        made = map_of(finest, [(finest[0] // lattice.blocks[0], blocks) for lattice, blocks, _ in accepted])
+        numbers, first = np.full(finest, -1, np.int32), 0  # of the block at each place
+        for lattice, blocks, _ in accepted:
+            stride = finest[0] // lattice.blocks[0]
+            view = numbers.reshape(lattice.blocks[0], stride, lattice.blocks[1], stride)
+            own = first + np.arange(len(blocks), dtype=np.int32)
+            view[blocks[:, 0], :, blocks[:, 1], :] = own[:, None, None]
+            first += len(blocks)
         headers, values = [], []
         for lattice, blocks, errors in accepted:
             costs = lattice.block_costs(blocks)
@@ -235,7 +240,7 @@ class Refinement:
             header[:, 5] += rounding[0]
             self.error += float(rounding[0])
         return BundleTable(
-            self.family, self.classes, self.channels, made, header, whole, self.traced, self.error, self.refused
+            self.family, self.classes, self.channels, numbers, header, whole, self.traced, self.error, self.refused
         )
 
 

@@ -6,8 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from aerokernels.tracing.tasks.bundle_table import CHANNELS, TRACED, BundleTable, FaceClasses, channels_of
-from aerokernels.tracing.tasks.family import Family, counted_parameters, find_family
+from aerokernels.tracing.tasks.family import BundleTable, FaceClasses, Family, counted_parameters, find_family
 
 from ...derived import cached_on
 from ...device_arrays import DeviceArray, on_host, rows_begun
@@ -23,6 +22,7 @@ from ..lines import box_size, check_meeting, lever_arms_of
 from ..plan import BundleCounts, TracePlan
 from ..planning import make_plan, plan_bundle
 from ..status import NOT_DELIVERED
+from .lattice import CHANNELS, TRACED, channels_of
 from .refine import Limits, Refinement
 from .tubes import Clearance, Tubes
 

@@ -12,14 +12,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aerokernels.tracing.tasks.bundle_table import undisturbed_length
 from aerokernels.tracing.tasks.family import Family
 
+from ...derived import cached_on
 from ...medium import IndexField
 from ...medium.grid import UniformGrid, local_coordinates
 from ..blocks import greatest_around
 from ..lines import box_span
 from ..step_bound import roughness_of_blocks
+from .lattice import undisturbed_length
 
 # Distance between lines, in cells, below which they resolve everything that a grid holds.
 RESOLVED = 0.75
@@ -75,8 +76,9 @@ class Tubes:
     @classmethod
     def of(cls, field: IndexField, family: Family, until, counts_direction: bool) -> "Tubes | None":
         """Return the tubes in a field; None if the field's roughness is not known."""
-        roughness = roughness_of(field)
-        return None if roughness is None else cls(field, family, until, roughness, counts_direction)
+        if not isinstance(field.samples, UniformGrid):
+            return None
+        return cls(field, family, until, roughness_of(field.samples), counts_direction)
 
     def missed(self, middle: np.ndarray, half: np.ndarray, step: np.ndarray, bent: np.ndarray) -> np.ndarray:
         """Bound the interpolation error of blocks [m of OPD; directions are converted to a path], shape (n,).
@@ -153,15 +155,9 @@ class Tubes:
 LEVELS = 12
 
 
-def roughness_of(field: IndexField) -> Roughness | None:
-    """The roughness of a field, cached on its grid; None where it is not known."""
-    if not isinstance(field.samples, UniformGrid):
-        return None
-    grid = field.samples
-    return grid.derive("roughness at every width", lambda: _of_grid(grid))
-
-
-def _of_grid(grid: UniformGrid) -> Roughness:
+@cached_on("grid")
+def roughness_of(grid: UniformGrid) -> Roughness:
+    """The roughness of a field on a grid."""
     block, fourth, kink = roughness_of_blocks(grid)
     table = np.stack([*(np.sqrt(np.sqrt(part)) for part in fourth), *kink], axis=-1)
     levels = []
@@ -214,13 +210,9 @@ class Distances:
         return np.asarray(np.maximum(self.table[tuple(index.T)] - off, outside))
 
 
+@cached_on("field")
 def distances_of(field: IndexField) -> Distances:
-    """The distances from a field's body, cached on the field."""
-    found: Distances = field.derive("distances from the body", lambda: _distances_of(field))
-    return found
-
-
-def _distances_of(field: IndexField) -> Distances:
+    """The distances from a field's body."""
     body = field.body
     assert body is not None
     low = np.minimum(np.asarray(field.samples.low, dtype=float), body.box[0])

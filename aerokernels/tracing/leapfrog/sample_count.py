@@ -62,26 +62,18 @@ def may_be_leapfrog(field: IndexField, ray_count: int, until) -> bool:
     return ray_count >= LEAST_RAYS and not isinstance(until, ArcLength)
 
 
-def spread_of(geometry: str, rays: RayBundle, until, low: np.ndarray, high: np.ndarray) -> RayBundle:
-    """More of the rays, including those outermost in position, in direction and within a part of the field [m]."""
-    return rays if rays.ray_count <= SPREAD_RAYS else _some_of(rays, geometry, until, low, high)
-
-
 @cached_on("rays", PARTS)
 def _some_of(rays: RayBundle, geometry: str, until, low: np.ndarray, high: np.ndarray) -> RayBundle:
+    """Some of many rays, those outermost in position, in direction and within a part of the field [m] among them."""
     rows = [np.linspace(0, rays.ray_count - 1, SPREAD_RAYS).round().astype(int)]
     if rays.device not in (None, "cpu"):
         rows += [extremes_of(rays.held(name)).rows for name in ("position", "direction")]
-    elif geometry != "axisymmetric" and _is_beam(rays):
+    elif geometry != "axisymmetric" and is_one_row(rays.direction) and (np.ptp(rays.position, axis=0) == 0.0).any():
+        # Parallel rays from a plane across an axis are as far apart everywhere as there.
         rows.append(outermost(rays.position))
     else:
         rows.append(outermost_rays(geometry, rays.position, rays.direction, until, low, high))
     return rays.rows(np.concatenate(rows))
-
-
-def _is_beam(rays: RayBundle) -> bool:
-    """Whether rays are parallel and start in a plane across an axis: they are as far apart everywhere as there."""
-    return is_one_row(rays.direction) and bool((np.ptp(rays.position, axis=0) == 0.0).any())
 
 
 @dataclass(frozen=True)
@@ -113,7 +105,9 @@ def fit_leapfrog(
     """
     plan = replace(plan, lever_arms=lever_arms_of(field, pilot, until))
     part = support_box(field, error_limit(field, plan.tolerance * wavelength), plan.lever_arms)
-    some = pilot if rays is None else spread_of(field.geometry, rays, until, *part)
+    some = pilot if rays is None else rays
+    if some.ray_count > SPREAD_RAYS:
+        some = _some_of(rays, field.geometry, until, *part)
     given = field, pilot, plan, until, wavelength, some
     # Not the number confirmed last, which may be a few samples more: each confirmation would add a few again.
     fit = _confirmed(*given, like.searched_count) if like is not None and like.searched_count else None

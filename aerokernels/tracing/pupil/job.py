@@ -32,7 +32,7 @@ from ..lines import box_size
 from ..plan import TracePlan
 from ..planning import check_choices, plan_rays
 from ..stop import Plane, plane_beyond
-from .air import SAMPLE_RAYS, PupilAir, pupil_air
+from .air import SAMPLE_RAYS, PupilAir, pupil_air, some_rays
 from .run import PupilRun
 
 REPLICATES = 16
@@ -116,7 +116,7 @@ class PupilRequest:
             and float(np.hypot(*pupil.center[:2])) < 0.05 * pupil.reach,
             is_radial=is_radial,
         )
-        pilot = pilot or _pilot_of(field.samples.places, pupil, look)
+        pilot = pilot or some_rays(field.samples.places, pupil, look, PILOT_RAYS)
         job = PupilJob(self, task, quadrature, air, pilot, None if like is None else like.plan)
         job.task = replace(task, plan=job.plan_for(REPLICATES * quadrature.first))
         return job
@@ -267,12 +267,6 @@ def _plan_of(
         sure_count=sure_count,
         **choices,
     )
-
-
-@cached_on("places", 4)
-def _pilot_of(places: Any, pupil: Pupil, look: np.ndarray) -> RayBundle:
-    """Some of a pupil's rays; one object for all fields on the same nodes, because rays cache where they cross them."""
-    return RayBundle.collimated(pupil, PILOT_RAYS, direction=look)
 
 
 def _bare(field: IndexField) -> IndexField:

@@ -5,7 +5,6 @@ are upper halves of floats. It is the spline's projection, so that its deviation
 the bound stored with it, as if nothing cancelled, as part of its own error estimate.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import product
 
@@ -68,7 +67,7 @@ def cube_polynomials(grid: UniformGrid) -> np.ndarray:
     steepest = DEGREE * 2.0 / (CUBE_SIDE * float(grid.spacing.min()))  # slope of a power over its size
     for parts in product(*(_parts(count) for count in cells)):
         place = tuple(part for part, _ in parts)
-        operators, points = _operators_on(grid.places, tuple(inside for _, inside in parts))
+        operators, points = _operators(grid.places, tuple(inside for _, inside in parts))
 
         def fill(first: slice, place=place, operators=operators, points=points) -> None:
             some = first, *place[1:]
@@ -78,7 +77,9 @@ def cube_polynomials(grid: UniformGrid) -> np.ndarray:
             slope = OFTEN * (deviation[points:].max(axis=0) + cut * steepest)
             table[some] = _packed(numbers, value, slope).reshape(table[some].shape)
 
-        in_threads(fill, list(_slabs(place[0], table[place].size // CUBE_ROW)))
+        layers = max(1, (place[0].stop - place[0].start) * SLAB * CUBE_ROW // max(table[place].size, 1))  # speed only
+        starts = range(place[0].start, place[0].stop, layers)
+        in_threads(fill, [slice(first, min(first + layers, place[0].stop)) for first in starts])
     return table
 
 
@@ -97,7 +98,7 @@ def approximate_deviation(grid: UniformGrid, lines: Lines) -> np.ndarray:
     width = CUBE_SIDE + SUPPORT["cubic"] - 1
     node = [CUBE_SIDE * cube[:, axis, None] + np.arange(width) for axis in range(3)]
     windows = grid.coefficients[node[0][:, :, None, None], node[1][:, None, :, None], node[2][:, None, None, :]]
-    operators, points = _operators_on(grid.places, (CUBE_SIDE,) * 3)
+    operators, points = _operators(grid.places, (CUBE_SIDE,) * 3)
     # Without lines the arrays are empty: the rays meet no disturbed air.
     tested = np.ascontiguousarray(operators[:, : len(POWERS) + points])
     made = product_on_one_core(windows.reshape(len(cube), width**3).astype(np.float32), tested).T
@@ -121,23 +122,13 @@ def _parts(cells: int) -> list[tuple[slice, int]]:
     return [part for part in parts if part[0].stop > part[0].start and part[1]]
 
 
-def _slabs(cubes: slice, count: int) -> Iterator[slice]:
-    """Yield some layers of cubes at a time."""
-    layers = max(1, (cubes.stop - cubes.start) * SLAB // max(count, 1))  # speed only
-    for first in range(cubes.start, cubes.stop, layers):
-        yield slice(first, min(first + layers, cubes.stop))
-
-
 @cached_on("places", 8)
-def _operators_on(places: GridPlaces, inside: tuple[int, ...]) -> tuple[np.ndarray, int]:
-    return _operators(inside, places.spacing)
-
-
-def _operators(inside: tuple[int, ...], spacing: np.ndarray) -> tuple[np.ndarray, int]:
+def _operators(places: GridPlaces, inside: tuple[int, ...]) -> tuple[np.ndarray, int]:
     """The operator from a window of coefficients to a cube's polynomial and its deviations from the spline."""
     alike = {count: _axis(count) for count in set(inside)}
     axes = [alike[count] for count in inside]
-    projected = np.stack([_tensor([axis.moments[n] for axis, n in zip(axes, row, strict=True)]) for row in POWERS], 1)
+    moments = [[axis.moments[n] for axis, n in zip(axes, row, strict=True)] for row in POWERS]
+    projected = np.stack([np.einsum("a,b,c->abc", *factors).ravel() for factors in moments], 1)
     in_powers = np.array(
         [[np.prod([axes[d].in_powers[row[d], to[d]] for d in range(3)]) for to in POWERS] for row in POWERS]
     )
@@ -149,7 +140,7 @@ def _operators(inside: tuple[int, ...], spacing: np.ndarray) -> tuple[np.ndarray
             cubic = [axis.cubic[marks][int(d == slope)] for d, axis in enumerate(axes)]
             there = np.einsum("ax,by,cz->abcxyz", *spline).reshape(len(fit), -1)
             made = np.stack([np.einsum("x,y,z->xyz", *(cubic[d][row[d]] for d in range(3))).ravel() for row in POWERS])
-            off.append((there - fit @ made) / (1.0 if slope is None else spacing[slope]))
+            off.append((there - fit @ made) / (1.0 if slope is None else places.spacing[slope]))
     points = off[0].shape[1] + off[1].shape[1]
     return np.concatenate([fit, *off], axis=1).astype(np.float32), points
 
@@ -194,7 +185,3 @@ def _window_weights(place: np.ndarray, inside: int) -> tuple[np.ndarray, np.ndar
         for k, row in enumerate(rows):
             made[kind, cell + k, np.arange(len(place))] = row
     return made[0], made[1]
-
-
-def _tensor(factors: list[np.ndarray]) -> np.ndarray:
-    return np.einsum("a,b,c->abc", *factors).ravel()

@@ -290,7 +290,9 @@ def spread(number: Number, base: Rays, cause: Cause) -> np.ndarray:
     plain, count = np.asarray(number(base)), len(base.opd)
     block = np.arange(count) * BLOCKS // max(count, 1)
     total = np.zeros(plain.shape)
-    for change in filter(_differs, (*cause.known, *cause.like)):
+    for change in (*cause.known, *cause.like):
+        if not (np.any(change.opd) or np.any(change.direction) or np.any(change.position)):
+            continue
         total += np.square(number(base + change) - plain)
         centred = change.lifted(-change.opd.mean())
         samples = np.array([BLOCKS * (number(base + centred * (block == part)) - plain) for part in range(BLOCKS)])
@@ -326,10 +328,6 @@ def of_a_ray(pick: Number, found: Variants, unit: str = "", others: Mapping[str,
         name: of_each(one, replace(found, causes={name: found.causes[name]}))[name] for name, one in picks.items()
     }
     return combine({name: float(error[0]) for name, error in errors.items()}, unit)
-
-
-def _differs(change: Rays) -> bool:
-    return bool(np.any(change.opd) or np.any(change.direction) or np.any(change.position))
 
 
 def errors(number: Number, found: Variants) -> dict[str, np.ndarray]:
