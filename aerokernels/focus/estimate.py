@@ -281,10 +281,6 @@ class PreparedStrehl:
         )
 
 
-# Standard errors of a mean over 16 replicates within which it is 95 times of 100 (Student's t).
-STANDARD_ERRORS = 2.13
-
-
 @dataclass(eq=False)
 class StrehlVariants:
     """Some rays of a pupil along the unit vector `look` to the plane `until`, and how they change by cause."""
@@ -368,4 +364,5 @@ def sampling_of(standard_error: float, fits: np.ndarray, wavelength: float) -> n
     """Return the errors of NUMBERS by the number of rays, from OPD rms [m] and tilt [rad] of each replicate, (n, 3)."""
     rms, *tilt = np.std(fits, axis=0, ddof=1) / np.sqrt(len(fits)) if len(fits) > 1 else np.full(3, np.nan)
     slope = 2.0 * (2.0 * np.pi / wavelength) ** 2 * float(np.mean(fits[:, 0])) if len(fits) else 0.0
-    return STANDARD_ERRORS * np.array([standard_error, slope * rms, rms, *tilt])
+    # Standard errors of a mean over 16 replicates within which it is 95 times of 100 (Student's t).
+    return 2.13 * np.array([standard_error, slope * rms, rms, *tilt])

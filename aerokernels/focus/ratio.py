@@ -188,10 +188,6 @@ class StrehlEstimate:
         return "\n".join([*lines, f"  {verdict.level}: {verdict.reason}"] if verdict else lines)
 
 
-# Fraction of the tolerance below which an optical path difference counts as zero.
-UNSEEN = 1e-3
-
-
 class NoRayArrived(ValueError):
     """A pupil of which no ray arrived beyond the field: it has no Strehl ratio."""
 
@@ -218,6 +214,7 @@ def combined(total: np.ndarray, phasor: np.ndarray, wavelength: float, remove: t
 
 def met_nothing(field: IndexField, size: float, wavelength: float, tolerance: float) -> bool:
     """Return whether no ray met the field's contrast although it could matter; `size` is the rays' OPD [m]."""
-    if size > UNSEEN * tolerance * wavelength:
+    # Fraction of the tolerance below which an optical path difference counts as zero.
+    if size > 1e-3 * tolerance * wavelength:
         return False
     return greatest_contrast(field) * box_size(field) > tolerance * wavelength

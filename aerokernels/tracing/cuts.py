@@ -22,8 +22,6 @@ from .stop import ArcLength, Plane, stop_distance
 # that is less.
 NOTHING = 0.1
 GREATEST_TOLERANCE = 1e-9
-# An end that is outside the box by less than this share of the box's size counts as lying on its face.
-ON_FACE = 1e-6
 # Places and weights of the three Gauss points in a cell from 0 to 1.
 GAUSS = ((0.5 - np.sqrt(0.15), 5.0 / 18.0), (0.5, 8.0 / 18.0), (0.5 + np.sqrt(0.15), 5.0 / 18.0))
 # Rays that a thread examines together, and cells in which it integrates together: its arrays fit a core's cache.
@@ -160,7 +158,8 @@ def _lost_by(field: IndexField, position, direction, until, ends: Ends | None, s
 
 def _behind(field: IndexField, source: IndexField, ends: Ends, until, strong: np.ndarray) -> tuple[np.ndarray, Parts]:
     """The tangents at traced ends, from the box to the stop, and which rays' ways out of the box they are, (n,)."""
-    margin = ON_FACE * box_size(field)
+    # An end that is outside the box by less than this share of the box's size counts as lying on its face.
+    margin = 1e-6 * box_size(field)
     back = box_span(field, ends[0] + margin * ends[1], -ends[1])
     leaves = back.meets & (back.entry_face >= 0)
     if until is not None:

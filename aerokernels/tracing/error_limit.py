@@ -17,8 +17,6 @@ from .scheme import LEAPFROG_ANGLE
 
 # The share of the field's greatest optical path difference that a ray may lose.
 SHARE = 1e-3
-# Smaller numbers are no meaningful optical paths [m]: their products in single precision vanish.
-LEAST = 1e-24
 # Lines along the last axis that are summed first, along each other axis; relative difference of sums in another order.
 SOME, ROUNDING = 4, 1e-9
 
@@ -29,7 +27,8 @@ def error_limit(field: IndexField, tolerance: float) -> float:
     if path_exceeds(field, tolerance / SHARE):
         return tolerance
     greatest = greatest_path(field)
-    return tolerance if greatest <= 0.0 else min(tolerance, max(SHARE * greatest, LEAST))
+    # Smaller numbers are no meaningful optical paths [m]: their products in single precision vanish.
+    return tolerance if greatest <= 0.0 else min(tolerance, max(SHARE * greatest, 1e-24))
 
 
 def path_exceeds(field: IndexField, size: float) -> bool:

@@ -32,10 +32,6 @@ Numbers = np.ndarray | DeviceArray
 RAY_BYTES = 6 * 8 + sum(width * np.dtype(kind).itemsize for width, kind in OUTPUT_TYPES.values())
 # Most and fewest rays in one chunk.
 CHUNK, LEAST_CHUNK = 1 << 21, 64  # speed only
-# Chunks that do not fit the free memory are made smaller by this factor.
-FEWER = 4  # speed only
-# Share of the device's memory that a chunk may take.
-MEMORY_SHARE = 0.25
 
 
 def launch(
@@ -102,7 +98,8 @@ def in_chunks(
         except Exception as fault:
             if chunk <= LEAST_CHUNK or not lacks_memory(fault):
                 raise
-            chunk = max(LEAST_CHUNK, chunk // FEWER)
+            # Chunks that do not fit the free memory are made smaller by this factor (speed only).
+            chunk = max(LEAST_CHUNK, chunk // 4)
     return arrays
 
 
@@ -227,15 +224,14 @@ def _is_any_rejected(prepared: Prepared, status: Numbers) -> bool:
 def chunk_size(memory: tuple[float, float], ray_count: int) -> int:
     """Number of rays in a chunk, so that all its arrays fit the device; `memory` is an Engine's."""
     whole, piece = memory
-    return max(LEAST_CHUNK, int(min(ray_count, CHUNK, MEMORY_SHARE * whole / RAY_BYTES, piece / (3 * 8))))
+    # Share of the device's memory that a chunk may take.
+    return max(LEAST_CHUNK, int(min(ray_count, CHUNK, 0.25 * whole / RAY_BYTES, piece / (3 * 8))))
 
 
 # Bundles of fewer rays keep their order.
 LEAST_RAYS = 4096  # speed only
 # Rays of a packet, packets that are sampled, and the cells over which a packet may spread in the bundle's own order.
 PACKET, PACKETS, SPREAD = 16, 64, 1.0  # speed only
-# Rays run along an axis if their directions have at least this component along it.
-LEAST_COMPONENT = 0.2  # speed only
 # Bits of a cell's number that distinguish cells within a wide cell, and bits of the wide cell's number.
 FINE_BITS, WIDE_BITS = 3, 12  # speed only
 
@@ -269,7 +265,8 @@ def _main_axis(field: IndexField, direction: np.ndarray) -> int | None:
     if field.geometry == "axisymmetric":
         steep[:2] = 0.0
     axis = int(np.argmax(steep))
-    return axis if steep[axis] >= LEAST_COMPONENT else None
+    # Rays run along an axis if their directions have at least this component along it (speed only).
+    return axis if steep[axis] >= 0.2 else None
 
 
 def _cells(field: IndexField, position: np.ndarray, direction: np.ndarray, axis: int) -> np.ndarray:
@@ -294,10 +291,6 @@ def _cells(field: IndexField, position: np.ndarray, direction: np.ndarray, axis:
 # steps.
 RETRACE_SHARE = 0.5
 LEAST_SHARE = 1e-4
-# A ray along a straight line whose error falls by less than this with shorter steps is not traced again.
-STEPS_FALL = 0.7
-# From this many waves on, an error estimate means only that there is no bound.
-UNBOUNDED = 1e6
 
 
 class ToleranceWarning(RuntimeWarning):
@@ -376,7 +369,8 @@ def _trace_rejected(
             chosen = np.flatnonzero(rejected & (share == part))
             trace_again(chosen, replace(controlled, precision="float64", tolerance=part * plan.tolerance))
         if asked == "straight":  # shorter steps do not lower what a straight line neglects
-            fell = error <= STEPS_FALL * before
+            # A ray along a straight line whose error falls by less than this with shorter steps is not traced again.
+            fell = error <= 0.7 * before
 
 
 def _powers(error: np.ndarray, limit: float) -> np.ndarray:
@@ -400,7 +394,8 @@ def report_rejected(plan: TracePlan, count: int, ray_count: int, greatest: float
     if not count:
         return plan
     size = "" if greatest is None else f", the greatest of them {greatest / wavelength:.2g} waves"
-    if greatest is not None and not greatest <= UNBOUNDED * wavelength:
+    # From this many waves on, an error estimate means only that there is no bound.
+    if greatest is not None and not greatest <= 1e6 * wavelength:
         size = ", some of them without bound"
     sentence = (
         f"{count} of {ray_count} rays have error estimates above the tolerance of {plan.tolerance:g} waves{size}, "

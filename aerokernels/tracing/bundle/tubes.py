@@ -24,14 +24,6 @@ from .lattice import undisturbed_length
 
 # Distance between lines, in cells, below which they resolve everything that a grid holds.
 RESOLVED = 0.75
-# Error of a patch divided by s^4 f'''' of both axes, with an allowance for mixed terms and for the slopes' errors.
-CONSTANT = 2.0 / 384.0
-# Factor if directions are requested, whose error is converted to a path over one cell: derivatives are rougher.
-OF_DIRECTION = 2.0
-# Azimuthal derivatives of an axisymmetric field, divided by the radial ones.
-ABOUT_AXIS = 2.0
-# Error of an interpolant at a kink, divided by the kink times the spacing.
-OF_KINK = 1.0 / 8.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,7 +92,8 @@ class Tubes:
             rows = np.flatnonzero(begin + number * stride < end)
             at = begin[rows] + (number + 0.5) * stride
             found[rows] += stride * self._rate(position[rows], direction[rows], at, half, step, bent[rows])
-        return found * (OF_DIRECTION if self.counts_direction else 1.0)
+        # Factor if directions are requested, whose error is converted to a path over one cell: derivatives are rougher.
+        return found * (2.0 if self.counts_direction else 1.0)
 
     def greatest_spacing(self, middle: np.ndarray, step: np.ndarray) -> np.ndarray:
         """Greatest distance, in cells of the field, between the lines around the middles (n, 2), shape (n,)."""
@@ -142,17 +135,17 @@ class Tubes:
         reach, across = local_coordinates(reach, geometry), self._across()
         rough = self.roughness.at(local_coordinates(place, geometry), reach)
         fourth, kink = rough[:, :dimension], rough[:, dimension:].sum(axis=1)
-        factor = ABOUT_AXIS if geometry == "axisymmetric" else 1.0
+        # Azimuthal derivatives of an axisymmetric field, divided by the radial ones.
+        factor = 2.0 if geometry == "axisymmetric" else 1.0
         found = np.zeros(len(at))
         for axis in range(2):
             resolved = apart[:, axis] * (across[axis] / self.roughness.cell).max() <= RESOLVED
-            rate = CONSTANT * factor * (apart[:, axis] * (fourth @ across[axis])) ** 4 + OF_KINK * kink
+            # Error of a patch divided by s^4 f'''' of both axes, with an allowance for mixed terms and for the slopes'
+            # errors.
+            # Error of an interpolant at a kink, divided by the kink times the spacing.
+            rate = (2.0 / 384.0) * factor * (apart[:, axis] * (fourth @ across[axis])) ** 4 + (1.0 / 8.0) * kink
             found += np.where(resolved, 0.0, rate)
         return found
-
-
-# Levels of blocks, each of twice the width.
-LEVELS = 12
 
 
 @cached_on("grid")
@@ -161,7 +154,8 @@ def roughness_of(grid: UniformGrid) -> Roughness:
     block, fourth, kink = roughness_of_blocks(grid)
     table = np.stack([*(np.sqrt(np.sqrt(part)) for part in fourth), *kink], axis=-1)
     levels = []
-    for _ in range(LEVELS):
+    # Levels of blocks, each of twice the width.
+    for _ in range(12):
         wide = table
         for axis in range(table.ndim - 1):
             wide = greatest_around(wide, -1, 1, axis)
@@ -186,8 +180,6 @@ def _halved(table: np.ndarray) -> np.ndarray:
 # Places along each axis at which the distance is tabulated, by the number of axes, and steps after which a tube does
 # not count as clear.
 PLACES, MOST_STEPS = {2: 192, 3: 48}, 96
-# Margin around the tube, in cells of the table.
-ROOM = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -244,7 +236,8 @@ class Clearance:
         away = np.linalg.norm(position, axis=1) + 2.0 * extent
         end = np.where(np.isfinite(end) & (end < away), end, away)
         radius = float(np.linalg.norm(half)) * self._greatest_scale(position, direction, end) + bent
-        radius = radius + ROOM * float(distances.step.max())
+        # Margin around the tube, in cells of the table.
+        radius = radius + 0.5 * float(distances.step.max())
         at, clear = np.zeros(len(middle)), np.ones(len(middle), bool)
         going = np.ones(len(middle), bool)
         for _ in range(MOST_STEPS):

@@ -39,12 +39,6 @@ NEGLIGIBLE = 1.0 - 1.0 / MARGIN
 # on.
 FINER = 1.3
 REJECTED = 0.7
-# Power of the number of samples with which the error falls at first.
-FIRST_ORDER = 8.0  # speed only
-# Number of lines from which the share of rejected rays is estimated.
-COUNTED_LINES = 1024
-# Rounding to single precision is visible in a bound for tolerances below this share of the field's greatest OPD.
-FINE_SHARE = 3e-5
 # The longest of all rays may be this many times as long as the longest examined ray, less what is rounded off: lengths
 # are rounded down to so many an octave.
 SPACING_MARGIN, LENGTHS = 1.02, 64
@@ -90,7 +84,9 @@ class MissedStructure:
 
     def sampled(self, count: int) -> Sampling:
         """How so many samples are distributed along the rays."""
-        is_fine = path_exceeds(self.field, self.limit / FINE_SHARE)
+        # Rounding to single precision is visible in a bound for tolerances below this share of the field's greatest
+        # OPD.
+        is_fine = path_exceeds(self.field, self.limit / 3e-5)
         return Sampling(self.length / count, self.steepness, self.lever_arm(self.limit), is_fine, self.ends)
 
     def lever_arm(self, limit: float) -> float:
@@ -106,7 +102,8 @@ class MissedStructure:
             if found <= NEGLIGIBLE * self.limit:
                 count = self._between_counts(before, (count, found))
                 return count if count < best_cost else best
-            some = self.lines.every(max(1, len(self.lines.length) // COUNTED_LINES))
+            # Number of lines from which the share of rejected rays is estimated.
+            some = self.lines.every(max(1, len(self.lines.length) // 1024))
             missed = missed_along(self.field, self.sampled(count), some)
             rejected = float((missed > REJECTED * self.limit).mean())
             cost = count + (rejected * cost_again() if rejected > 0.0 else 0.0)
@@ -132,7 +129,8 @@ class MissedStructure:
         while found > allowed:
             if tried >= most:
                 return 0
-            guess = multiple_of_three(tried * (found / allowed) ** (1.0 / FIRST_ORDER))
+            # Power of the number of samples with which the error falls at first (speed only).
+            guess = multiple_of_three(tried * (found / allowed) ** (1.0 / 8.0))
             tried = min(max(guess, tried + 3), most)
             found = self._greatest(tried)
         while tried - 3 > count and self._greatest(tried - 3) <= allowed:
@@ -217,10 +215,6 @@ def multiple_of_three(count: float) -> int:
     return 3 * math.ceil(count / 3.0 - 1e-9)
 
 
-# Ends of rays count where the potential over the length of a block exceeds this share of the tolerance.
-ENDS_SHARE = 0.02
-
-
 @dataclass(frozen=True, eq=False)
 class Layers:
     """Layers of blocks across an axis that all lines run along, `thickness` [m].
@@ -258,7 +252,8 @@ def disturbed_ends(field: IndexField, lines: Lines, limit: float) -> bytes:
     assert isinstance(grid, UniformGrid)
     worth = potential_by_blocks(grid) * float((block_size(grid) * np.asarray(grid.spacing)).max())
     near = _blocks_of_ends(lines, field.geometry, grid.low, block_size(grid) * grid.spacing, worth.shape)
-    near = near * (worth > ENDS_SHARE * limit)
+    # Ends of rays count where the potential over the length of a block exceeds this share of the tolerance.
+    near = near * (worth > 0.02 * limit)
     if not near.any():
         return b""
     return EVERYWHERE if near.ndim == 3 else np.packbits(near).tobytes()
@@ -388,10 +383,6 @@ def with_lever_arm(field: IndexField, lines: Lines) -> np.ndarray:
     return 1.0 + MISSED_SLOPE / float(np.min(field.spacing)) * lines.lever_arm
 
 
-# Blocks by which a ray may be deflected sideways, in addition to the drift of its straight line.
-DEFLECTED = 0.5
-
-
 @cached_on("lines", 2)
 def path_of(lines: Lines, geometry: str, low: np.ndarray, size: np.ndarray, shape: tuple[int, ...]) -> BlockPath:
     """The path of lines through a grid's blocks: their size [m], numbers along the axes, and lowest corner [m]."""
@@ -410,7 +401,8 @@ def path_of(lines: Lines, geometry: str, low: np.ndarray, size: np.ndarray, shap
             faces = low[axis] + (first[axis] + np.arange(last[axis] - first[axis] + 2)) * size[axis]
             levers = _lever_arms_from(lines, faces, axis + 3 - len(shape))
             others = [other for other in range(len(shape)) if other != axis]
-            beside = tuple((other, 1 + int(np.ceil(drift[other] + DEFLECTED))) for other in others)
+            # Blocks by which a ray may be deflected sideways, in addition to the drift of its straight line.
+            beside = tuple((other, 1 + int(np.ceil(drift[other] + 0.5))) for other in others)
             levers = levers.reshape([-1 if other == axis else 1 for other in range(len(shape))])
             layers.append(Layers(axis, levers, beside, float(size[axis]), least))
     layers.sort(key=lambda each: -each.least)  # the axis along which lines run most gives the least bound

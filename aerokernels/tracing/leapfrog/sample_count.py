@@ -41,12 +41,6 @@ CUBES_GAIN = 0.5
 CUBES_MORE = 1.4
 # Numbers of samples that are tried with polynomials: the sum of a ray's error bounds may be just above the tolerance.
 CUBES_TRIALS = 3
-# Number of lines from which is estimated whether a table is worth making.
-CUBES_LINES = 64
-# The greatest share of the device's largest allocation that they may take.
-CUBES_MEMORY = 0.25
-# The greatest change of a pilot ray's direction caused by them [rad].
-CUBES_ANGLE = 5e-7
 
 # What is compared between traces of the pilot.
 PILOT_OUTPUTS = frozenset(("opd", "step_error", "direction"))
@@ -160,7 +154,8 @@ def _may_take_cubes(field: IndexField, plan: TracePlan, samples: int) -> bool:
     grid, engine = field.samples, engine_of(plan.backend, plan.device)
     if plan.precision != "float32" or not isinstance(grid, UniformGrid):
         return False
-    if not may_have_cubes(grid, CUBES_MEMORY * engine.memory[1]):
+    # The greatest share of the device's largest allocation that they may take.
+    if not may_have_cubes(grid, 0.25 * engine.memory[1]):
         return False
     return samples >= CUBES_WORTH[engine.is_gpu] * grid.samples.size
 
@@ -238,7 +233,8 @@ class _Fitting:
     def with_cubes(self, fit: _Fit) -> _Fit | None:
         """At least as many samples of polynomials of cubes; None where the tolerance needs the spline."""
         structure, count = self.structure, fit.count
-        some = structure.lines.every(max(1, len(structure.lines.length) // CUBES_LINES))
+        # Number of lines from which is estimated whether a table is worth making.
+        some = structure.lines.every(max(1, len(structure.lines.length) // 64))
         rough = np.count_nonzero(approximate_deviation(self.grid, some) > self.limit) / max(1, len(some.length))
         if not self._may_retrace(rough, count):
             return None  # decided before a table is made
@@ -252,7 +248,8 @@ class _Fitting:
             (level,) = levels_of(self._trials(by_cubes), taken)
             worst = level.error(finest)
             fits = level.is_fit and finest.is_fit and worst <= self.limit / MARGIN
-            if not (fits and level.turn(spline) <= CUBES_ANGLE):
+            # The greatest change of a pilot ray's direction caused by them [rad].
+            if not (fits and level.turn(spline) <= 5e-7):
                 return None
             scales = error_scales(spline, worst, bends)
             final = self._trials(replace(by_cubes, sampling=sampling))

@@ -38,12 +38,6 @@ from .run import PupilRun
 REPLICATES = 16
 # The seed of the points that decide which lattice is taken.
 PILOT_SEED = 0x1A771CE
-# The greatest reach of a pupil, over half of the diagonal of the field's box.
-GREATEST_RATIO = 10.0
-# A known number of samples is confirmed by one in this many of the rays that were used to find it.
-CONFIRMING = 2
-# The sample rays of a symmetric pupil lie along a radius, so that this share of them is enough.
-ALONG_RADIUS = 0.25
 
 
 @dataclass(frozen=True)
@@ -180,9 +174,11 @@ class PupilJob:
         if self.known_plan is not None:
             return self.pilot, self.air.rays
         if not self.task.is_radial:
-            return self.pilot.rows(slice(None, None, CONFIRMING)), self.air.rays
+            # A known number of samples is confirmed by one in this many of the rays that were used to find it.
+            return self.pilot.rows(slice(None, None, 2)), self.air.rays
         pupil, look = self.task.pupil, self.task.look
-        pilot_rays, air_rays = (int(ALONG_RADIUS * count) for count in (PILOT_RAYS, SAMPLE_RAYS))
+        # The sample rays of a symmetric pupil lie along a radius, so that this share of them is enough.
+        pilot_rays, air_rays = (int(0.25 * count) for count in (PILOT_RAYS, SAMPLE_RAYS))
         return radial_bundle(pupil, look, pilot_rays), radial_bundle(pupil, look, air_rays)
 
     @cached_property
@@ -279,7 +275,8 @@ def _bare(field: IndexField) -> IndexField:
 def _check_size(field: IndexField, pupil: Pupil) -> None:
     """Reject a pupil so much larger than the field that hardly one ray in a hundred would meet it."""
     size = 0.5 * box_size(field)
-    if pupil.reach > GREATEST_RATIO * size:
+    # The greatest reach of a pupil, over half of the diagonal of the field's box.
+    if pupil.reach > 10.0 * size:
         raise ValueError(
             f"the pupil's reach of {pupil.reach:g} m is {pupil.reach / size:.0f} times the field's {size:.3g} m: "
             "hardly any ray meets the field; give metres, 6e-3 for 6 mm"

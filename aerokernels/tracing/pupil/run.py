@@ -34,9 +34,6 @@ from ..engines.device_memory import memory_of
 from ..launch import RAY_BYTES, retrace_rejected
 from ..status import RayStatus
 
-# Bytes of a ray that stay on the device for the second sum: pupil coordinates, OPD and status.
-KEPT_BYTES = 16 + 8 + 4
-
 
 @dataclass(eq=False)
 class Batch:
@@ -232,7 +229,8 @@ def _order(places: Any, engine: Engine, make: Callable[..., np.ndarray], count: 
 def check_memory(device: str, memory: tuple[float, float], together: int, kept: int) -> None:
     """Reject more rays than the device has memory for, before any is traced; `memory` is an Engine's."""
     whole, piece = memory
-    needed = together * RAY_BYTES + kept * KEPT_BYTES
+    # Bytes of a ray that stay on the device for the second sum: pupil coordinates, OPD and status.
+    needed = together * RAY_BYTES + kept * (16 + 8 + 4)
     if needed > whole or 24 * together > piece:
         raise ValueError(
             f"rays of a pupil take {needed / 2**30:.1f} GiB, and {24 * together / 2**30:.1f} GiB in one piece; "

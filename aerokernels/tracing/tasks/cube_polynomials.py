@@ -26,15 +26,8 @@ POWERS = sorted(
     key=lambda powers: sum(powers) == DEGREE,
 )
 WHOLE = sum(sum(powers) < DEGREE for powers in POWERS)
-# Points of a Gauss rule in each cell, for which the projection is exact.
-GAUSS = 4
 # Windows of coefficients that are processed together.
 SLAB = 1 << 14  # speed only
-# The greatest deviation of the potential anywhere over the greatest at the tested points: nodes and the middles of
-# cells.
-BETWEEN_POINTS = 1.5
-# Relative rounding of a coefficient of the third degree, at most: the upper half of a float has eight binary digits.
-CUT = 2.0**-8
 # Places along a line at which is estimated whether a table is worth making.
 PLACES = 24
 # The share of the greatest deviation of a slope that counts for each sample in a cube. The greatest deviation occurs at
@@ -85,8 +78,12 @@ def cube_polynomials(grid: UniformGrid) -> np.ndarray:
 
 def _value_bound(numbers: np.ndarray, deviation: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Bound the deviation of polynomials from the spline, given deviations at some points; and its part by rounding."""
-    cut = CUT * np.abs(numbers[WHOLE:]).sum(axis=0)
-    return BETWEEN_POINTS * deviation.max(axis=0) + cut, cut
+    # Relative rounding of a coefficient of the third degree, at most: the upper half of a float has eight binary
+    # digits.
+    cut = (2.0**-8) * np.abs(numbers[WHOLE:]).sum(axis=0)
+    # The greatest deviation of the potential anywhere over the greatest at the tested points: nodes and the middles of
+    # cells.
+    return 1.5 * deviation.max(axis=0) + cut, cut
 
 
 def approximate_deviation(grid: UniformGrid, lines: Lines) -> np.ndarray:
@@ -161,7 +158,8 @@ class _Axis:
 
 
 def _axis(inside: int) -> _Axis:
-    gauss, share = legendre.leggauss(GAUSS)
+    # Points of a Gauss rule in each cell, for which the projection is exact.
+    gauss, share = legendre.leggauss(4)
     place = (np.arange(inside)[:, None] + 0.5 * (gauss + 1.0)).ravel()
     basis = [Legendre.basis(n, domain=[0.0, inside]) for n in range(DEGREE + 1)]
     at = _window_weights(place, inside)[0] * np.tile(share, inside) / (2.0 * inside)

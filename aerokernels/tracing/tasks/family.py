@@ -22,8 +22,6 @@ from aerokernels.tracing.stop import ArcLength, stop_distance
 FAR = 1e300
 # Lines, and planes of starts, that differ by less than this fraction of a cell count as one: the rest is rounding.
 CLOSE = 1e-6
-# Part of the error limit that this difference may cost: see `closeness`.
-CLOSE_SHARE = 0.1
 # Directions that differ by no more than this are equal.
 EQUAL = 4e-15
 # Least cosine of the angle between a line and the axis of its family.
@@ -125,7 +123,8 @@ def closeness(field: IndexField, limit: float = np.inf) -> float:
     low, high = field.samples.extremes
     contrast = max(high, 0.0) - min(low, 0.0)
     change = contrast + np.sqrt(2.0 * field.ambient_index * contrast)
-    return min(close, CLOSE_SHARE * limit / change) if change > 0.0 else close
+    # Part of the error limit that this difference may cost: see `closeness`.
+    return min(close, 0.1 * limit / change) if change > 0.0 else close
 
 
 def find_family(field: IndexField, rays: RayBundle, until, limit: float = np.inf) -> Family | str:

@@ -18,13 +18,6 @@ from aerokernels.medium.grid import UniformGrid
 from aerokernels.process.threads import in_threads, own_cores, slabs
 from aerokernels.tracing.step_bound import potential_at_nodes
 
-# The share of a component that is passed at phi H = x is 1 - exp(-(x / edge)^24): for edge = 0.92 it is 0.03 at
-# x = 0.8 and 0.99 at x = 0.98.
-MOST_OVER_EDGE = 2.0
-# With lower edges it is 1 - exp(-(x / edge)^3), which grows like the error of a rule of fourth order at a line's end.
-STEEP_FROM = 0.5
-# Cells between samples from which on the nearest image is the only one that they do not resolve.
-COARSE = 1.35
 # Axes on which phi H over cycles a cell is smaller do not count; images count along axes on which it is above the
 # second.
 LEAST_ALONG, LEAST_IMAGED = 0.01, 0.8
@@ -99,8 +92,12 @@ def _shares_at(
 
 def _share_left(square: np.ndarray, edge: float) -> np.ndarray:
     """The share of components of this (phi H)^2 that is passed."""
-    over = np.minimum(square * square.dtype.type(edge**-2), square.dtype.type(MOST_OVER_EDGE))
-    if edge < STEEP_FROM:
+    # The share of a component that is passed at phi H = x is 1 - exp(-(x / edge)^24): for edge = 0.92 it is 0.03 at x =
+    # 0.8 and 0.99 at x = 0.98.
+    over = np.minimum(square * square.dtype.type(edge**-2), square.dtype.type(2.0))
+    # With lower edges it is 1 - exp(-(x / edge)^3), which grows like the error of a rule of fourth order at a line's
+    # end.
+    if edge < 0.5:
         over = over * np.sqrt(over)
     else:
         over *= over
@@ -115,7 +112,8 @@ def _images(rates: np.ndarray) -> list[tuple[int, int]]:
     """Axes, and along each the numbers m of the images that count; images along two axes at once do not."""
     main = int(np.argmax(rates))
     near = [(number, -1) for number, rate in enumerate(rates) if rate > LEAST_IMAGED]
-    return [*near, (main, 1), (main, -2)] if rates[main] < COARSE else near
+    # Cells between samples from which on the nearest image is the only one that they do not resolve.
+    return [*near, (main, 1), (main, -2)] if rates[main] < 1.35 else near
 
 
 def _held_share(cycles: np.ndarray) -> np.ndarray:

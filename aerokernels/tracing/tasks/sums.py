@@ -19,8 +19,6 @@ MOMENT_COUNT = 16
 GREATEST_ERROR = 10
 # A row of sums: the moments, then real and imaginary part of the phasor.
 SUM_COUNT = MOMENT_COUNT + 2
-# Rays that are on a device together, in whole replicates: this number times the bytes of a ray bounds the memory.
-BATCH_RAYS = 1 << 21  # speed only
 # Per-ray outputs of the tracer that the sums need, besides the status.
 PUPIL_OUTPUTS = frozenset(("opd", "step_error", "evaluation_count"))
 
@@ -186,7 +184,9 @@ def joined_counts(per_replicate: int) -> list[int]:
 
 def batches_of(replicates: int, per_replicate: int) -> list[slice]:
     """Slices of the replicates that are traced together."""
-    size = max(1, BATCH_RAYS // per_replicate)  # speed only
+    # Rays that are on a device together, in whole replicates: this number times the bytes of a ray bounds the memory
+    # (speed only).
+    size = max(1, (1 << 21) // per_replicate)  # speed only
     return [slice(first, min(first + size, replicates)) for first in range(0, replicates, size)]
 
 

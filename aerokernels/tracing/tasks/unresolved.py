@@ -30,15 +30,6 @@ EDGE, EDGE_AT_ENDS = 0.92, 0.37
 END, RULE_AT_END = 0.5, 3.0 * (8.0 - 1.0)
 # The error over int |R| dt: one for the sum, and one for the integral.
 BOTH = 2.0
-# With fewer cells than this between samples, R is computed for this many and scaled: a spline's images have no end.
-FINEST = 0.8
-# Overshoot of a spline through one outstanding node between the next two nodes, at most, over the node's value.
-LOBE = 0.15
-# The slope of a spline in a cell is at most the difference of its nodes and this share of the second differences at
-# both: through one outstanding node it is sqrt(3) times the difference.
-BENT = 0.25
-# Greatest value of the end-corrected midpoint rule's Peano kernel, the Bernoulli polynomial of degree 4 over 4!.
-PEANO = 1.0 / 720.0
 # Components of a direction below which no neighbouring block is met within half a stride.
 LEAST_OBLIQUITY = 0.05
 # Least component along an axis that all rays run along; greatest components along the other axes for which rays move by
@@ -153,7 +144,8 @@ def missed_at_ends(field: IndexField, sampling: Sampling, by_rule: bool) -> np.n
 def _by_rule(grid: UniformGrid, geometry: str, sampling: Sampling) -> np.ndarray:
     """The rule's own bound in each block, per metre of path [1]."""
     _, fourth, _ = roughness_of_blocks(grid)
-    scales = [PEANO * float(u * sampling.spacing) ** 4 for u in along_axes(sampling.steepness, geometry)]
+    # Greatest value of the end-corrected midpoint rule's Peano kernel, the Bernoulli polynomial of degree 4 over 4!.
+    scales = [(1.0 / 720.0) * float(u * sampling.spacing) ** 4 for u in along_axes(sampling.steepness, geometry)]
     return _joined([scale * change for scale, change in zip(scales, fourth, strict=True)])
 
 
@@ -186,7 +178,9 @@ def _slopes(values: np.ndarray, axis: int, nodes: tuple[slice, ...]) -> np.ndarr
     bends = np.diff(steps, axis=0)
     np.abs(steps, out=steps)
     np.abs(bends, out=bends)
-    bends *= values.dtype.type(BENT)
+    # The slope of a spline in a cell is at most the difference of its nodes and this share of the second differences at
+    # both: through one outstanding node it is sqrt(3) times the difference.
+    bends *= values.dtype.type(0.25)
     steps[1:] += bends
     steps[:-1] += bends
     found = np.empty_like(rows)
@@ -199,7 +193,8 @@ def _not_resolved(grid: UniformGrid, geometry: str, sampling: Sampling, edge: fl
     """The part of the potential at nodes that samples some distance apart do not resolve: along rays, or at ends."""
     obliquity = along_axes(sampling.steepness, geometry)
     # At higher frequencies a spline's images fall off as the fourth power of the frequency.
-    finest = FINEST / max(float((obliquity / grid.spacing).max()), 1.0 / float((grid.high - grid.low).max()))
+    # With fewer cells than this between samples, R is computed for this many and scaled: a spline's images have no end.
+    finest = 0.8 / max(float((obliquity / grid.spacing).max()), 1.0 / float((grid.high - grid.low).max()))
     spacing, share = max(sampling.spacing, finest), min(sampling.spacing / finest, 1.0) ** 4
     return high_pass(grid, obliquity, spacing, edge, sampling.is_fine), spacing, share
 
@@ -227,7 +222,9 @@ def _with_lobes(rest: np.ndarray, main: int | None) -> np.ndarray:
     """Values of blocks, raised to the overshoot of their neighbours' splines into them."""
     for axis in range(rest.ndim):
         if axis != main:
-            rest = np.maximum(rest, LOBE * greatest_around(rest, -1, 1, axis))
+            # Overshoot of a spline through one outstanding node between the next two nodes, at most, over the node's
+            # value.
+            rest = np.maximum(rest, 0.15 * greatest_around(rest, -1, 1, axis))
     return rest.astype(np.float64)
 
 

@@ -43,8 +43,6 @@ CANDIDATES, CURVE = 1 << 14, 1 << 10
 ORDERS = {"cubic": (3, 5), "linear": (1, 3), "monotone": (1, 3)}
 # Tolerance of the rays that measure the steps', as a share, and the greatest tolerance that it is a share of [waves].
 TIGHTER, LARGEST_TOLERANCE = 0.1, 1e-3
-# A mesh's next order over its change by cells cut in four.
-REFINED = 4.0 / 3.0
 # (field, rays, plan) -> what the rays bring, and their status
 Run = Callable[[IndexField, RayBundle, TracePlan], tuple[Rays, np.ndarray]]
 # (field, another in its place) -> what that changes
@@ -208,7 +206,8 @@ def _by_index(field: IndexField, paths: Paths, change: Change) -> dict[str, Caus
     if finer is None:
         order = paths.integral(next_order(field), shortest_cell(field, paths))
     else:
-        order = change(field, finer) * REFINED
+        # A mesh's next order over its change by cells cut in four.
+        order = change(field, finer) * (4.0 / 3.0)
     return {"interpolation": Cause(like=(order,)), "jumps": Cause(like=(lacking(field, paths),))}
 
 
