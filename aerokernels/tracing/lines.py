@@ -231,6 +231,13 @@ def walls_along(field: IndexField, position: np.ndarray, direction: np.ndarray, 
     return np.where(inside, leaves, 0.0), ended
 
 
+def after_body(body: Body | SolidBody, position: np.ndarray, direction: np.ndarray, enter: np.ndarray) -> np.ndarray:
+    """Where lines enter [m], but those that begin inside a body not before they leave it, shape (n,)."""
+    walls = body.crossings(position, direction)
+    out = np.where(walls > 0.0, walls, np.inf).min(axis=1, initial=np.inf)
+    return np.where(np.count_nonzero(walls <= 0.0, axis=1) % 2 == 1, np.maximum(enter, out), enter)
+
+
 def meets_wall(field: IndexField, position: np.ndarray, direction: np.ndarray) -> np.ndarray:
     """Which straight rays end on the body, see `walls_along`, shape (n,)."""
     return walls_along(field, position, direction, np.inf)[1]
@@ -279,11 +286,7 @@ def _lines(
         p, d = p[rows], d[rows]
     enter, leave, _ = crossing_of_box(p, d, part[0], part[1], geometry)
     if body is not None:
-        # A ray that begins inside the body is traced from where it leaves it.
-        wall = body.crossings(p, d)
-        inside = (np.count_nonzero(wall <= 0.0, axis=1) % 2).astype(bool)
-        first = np.where(wall > 0.0, wall, np.inf).min(axis=1, initial=np.inf)
-        enter = np.where(inside, np.maximum(enter, first), enter)
+        enter = after_body(body, p, d, enter)
     with np.errstate(divide="ignore", invalid="ignore"):
         if isinstance(until, Plane):
             stop, cosine = ((until.point - p) @ until.normal) / (d @ until.normal), np.abs(d @ until.normal)

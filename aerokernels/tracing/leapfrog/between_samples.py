@@ -230,19 +230,6 @@ class Layers:
     least: float
 
 
-@dataclass(frozen=True, eq=False)
-class BlockPath:
-    """The blocks that lines pass, with one more to each side, the greatest length and lever arm [m], and their layers.
-
-    There are layers for each axis that all lines run along, the one that they run along most first.
-    """
-
-    part: tuple[slice, ...]
-    longest: float
-    lever_arm: float
-    layers: tuple[Layers, ...]
-
-
 def disturbed_ends(field: IndexField, lines: Lines, limit: float) -> bytes:
     """Blocks around those in which lines begin or end in disturbed air, as packed bits; empty if there are none.
 
@@ -251,23 +238,14 @@ def disturbed_ends(field: IndexField, lines: Lines, limit: float) -> bytes:
     grid = field.samples
     assert isinstance(grid, UniformGrid)
     worth = potential_by_blocks(grid) * float((block_size(grid) * np.asarray(grid.spacing)).max())
-    near = _blocks_of_ends(lines, field.geometry, grid.low, block_size(grid) * grid.spacing, worth.shape)
+    near = np.zeros(worth.shape, dtype=np.uint8)
+    for end in known_ends(field, lines, worth.shape):
+        near[end] = 1
     # Ends of rays count where the potential over the length of a block exceeds this share of the tolerance.
-    near = near * (worth > 0.02 * limit)
+    near = with_neighbors(near) * (worth > 0.02 * limit)
     if not near.any():
         return b""
     return EVERYWHERE if near.ndim == 3 else np.packbits(near).tobytes()
-
-
-@cached_on("lines", 2)
-def _blocks_of_ends(
-    lines: Lines, geometry: str, low: np.ndarray, size: np.ndarray, shape: tuple[int, ...]
-) -> np.ndarray:
-    """1 in the blocks in which lines begin or end and in the adjacent blocks, 0 elsewhere."""
-    near = np.zeros(shape, dtype=np.uint8)
-    for end in _ends_of_lines(lines, geometry, low, size, shape):
-        near[end] = 1
-    return with_neighbors(near)
 
 
 @cached_on("lines", 2)
@@ -350,13 +328,14 @@ def _greatest_on_lines(
     geometry: str,
 ) -> float:
     """Greatest sum along any line of the error `missed` in blocks, and of its `changes` times the lever arms."""
-    path = path_of(lines, geometry, grid.low, block * grid.spacing, missed.shape)
-    met, changing = missed[path.part], None if changes is None else changes[path.part]
-    found = float(met.max()) * path.longest
+    part, layers_of_axes = path_of(lines, geometry, grid.low, block * grid.spacing, missed.shape)
+    met, changing = missed[part], None if changes is None else changes[part]
+    longest = float(lines.length.max(initial=0.0))
+    found = float(met.max()) * longest
     if changing is not None:
-        found += float(changing.max()) * path.lever_arm * path.longest
+        found += float(changing.max()) * float(lines.lever_arm.max(initial=0.0)) * longest
     # Along an axis that all rays run along: layer by layer, as far to the side as a ray may get.
-    for layers in path.layers:
+    for layers in layers_of_axes:
         amount = met if changing is None else met + changing * layers.lever_arms
         for other, count in layers.beside:
             amount = greatest_of_neighbors(amount, count, other)
@@ -384,8 +363,13 @@ def with_lever_arm(field: IndexField, lines: Lines) -> np.ndarray:
 
 
 @cached_on("lines", 2)
-def path_of(lines: Lines, geometry: str, low: np.ndarray, size: np.ndarray, shape: tuple[int, ...]) -> BlockPath:
-    """The path of lines through a grid's blocks: their size [m], numbers along the axes, and lowest corner [m]."""
+def path_of(
+    lines: Lines, geometry: str, low: np.ndarray, size: np.ndarray, shape: tuple[int, ...]
+) -> tuple[tuple[slice, ...], list[Layers]]:
+    """The blocks of a size [m] that lines pass, with one more to each side, and their layers along axes.
+
+    There are layers for each axis that all lines run along, the one that they run along most first.
+    """
     local = local_range(lines, geometry)
     # One block more to each side, for the deflection of rays and for rays between those of `lines`.
     first = np.clip(np.floor((local[0] - low) / size).astype(int) - 1, 0, np.array(shape) - 1)
@@ -406,7 +390,7 @@ def path_of(lines: Lines, geometry: str, low: np.ndarray, size: np.ndarray, shap
             levers = levers.reshape([-1 if other == axis else 1 for other in range(len(shape))])
             layers.append(Layers(axis, levers, beside, float(size[axis]), least))
     layers.sort(key=lambda each: -each.least)  # the axis along which lines run most gives the least bound
-    return BlockPath(part, longest, float(lines.lever_arm.max(initial=0.0)), tuple(layers))
+    return part, layers
 
 
 def _lever_arms_from(lines: Lines, faces: np.ndarray, component: int) -> np.ndarray:

@@ -104,11 +104,11 @@ def fit_leapfrog(
         some = _some_of(rays, field.geometry, until, *part)
     given = field, pilot, plan, until, wavelength, some
     # Not the number confirmed last, which may be a few samples more: each confirmation would add a few again.
-    fit = _confirmed(*given, like.searched_count) if like is not None and like.searched_count else None
-    fit = fit or _searched(*given)
+    fit = _found(*given, "confirm", like.searched_count) if like is not None and like.searched_count else None
+    fit = fit or _found(*given, "search")
     if fit is None:
         return None
-    cubes = _with_cubes(*given, fit) if _may_take_cubes(field, plan, ray_count * fit.count) else None
+    cubes = _found(*given, "with_cubes", fit) if _may_take_cubes(field, plan, ray_count * fit.count) else None
     fit = cubes or fit
     reason = (
         f"method leapfrog: {fit.count} leapfrog samples a ray, bending included; a pilot of {pilot.ray_count} rays has "
@@ -134,19 +134,13 @@ def fit_leapfrog(
     )
 
 
-@cached_on("field", CACHED)
-def _searched(field: IndexField, pilot: RayBundle, plan: TracePlan, until, wavelength: float, some: RayBundle):
-    return _Fitting(field, pilot, plan, until, wavelength, some).search()
-
-
-@cached_on("field", CACHED)
-def _confirmed(field, pilot, plan, until, wavelength: float, some: RayBundle, searched: int) -> _Fit | None:
-    return _Fitting(field, pilot, plan, until, wavelength, some).confirm(searched)
-
-
-@cached_on("field", CACHED)
-def _with_cubes(field, pilot, plan, until, wavelength: float, some: RayBundle, fit: _Fit) -> _Fit | None:
-    return _Fitting(field, pilot, plan, until, wavelength, some).with_cubes(fit)
+@cached_on("field", 3 * CACHED)
+def _found(
+    field: IndexField, pilot: RayBundle, plan: TracePlan, until, wavelength: float, some: RayBundle, search: str, *start
+) -> _Fit | None:
+    """The result of a search of `_Fitting`, by the name of its method."""
+    fit: _Fit | None = getattr(_Fitting(field, pilot, plan, until, wavelength, some), search)(*start)
+    return fit
 
 
 def _may_take_cubes(field: IndexField, plan: TracePlan, samples: int) -> bool:

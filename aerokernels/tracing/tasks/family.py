@@ -294,17 +294,13 @@ class FaceClasses:
 
 @dataclass(frozen=True, eq=False)
 class BundleTable(Derived):
-    """The patches of a family that meet the tolerance, and how they were found.
+    """The patches of a family that meet the tolerance, with `channels` of CHANNELS, and how they were found.
 
     Attributes:
-        family: The lines.
-        classes: Their classes by faces.
-        channels: How many of CHANNELS the patches have.
         map: Number of the block at each place of the parameter range, -1 where there is none, shape (mu, mv).
         header: HEADER numbers of each block, shape (block_count, 8).
         values: Value, slopes and mixed slope at the nodes of each block [per cell], shape (block_count, 5, 5, 4, c), in
             float32 where its rounding is negligible.
-        traced: Number of traced lines.
         error: Greatest estimated OPD error of the patches [m].
         refused: Approximate number of rays that are not interpolated, by reason.
     """

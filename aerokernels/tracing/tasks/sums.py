@@ -36,21 +36,11 @@ def replicate_seeds(seed: int | None, replicates: int) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class PupilTask:
-    """A pupil to trace and sum.
+    """A pupil to trace and sum: rays along the unit vector `look` to the plane `until`, in replicates.
 
-    Attributes:
-        field: The refractive index.
-        pupil: The pupil.
-        look: Direction of its rays, a unit vector, shape (3,).
-        until: The plane at which they stop.
-        plan: How they are traced.
-        wavelength: Vacuum wavelength [m].
-        per_replicate: Rays of a replicate.
-        replicates: Number of replicates.
-        terms: Terms of the surface from which phases are measured: "tilt", "focus".
-        by_radius: Whether rays are ordered by their distance from the pupil's centre alone.
-        is_radial: Whether the rays lie along one radius of the pupil.
-        generator: Generator of the lattice of a replicate's rays; 0 for Sobol points.
+    Phases are measured from a surface of the `terms` "tilt" and "focus". Rays are ordered by their distance from the
+    pupil's centre alone with `by_radius`, lie along one of its radii with `is_radial`, or on a lattice of a `generator`
+    (0: Sobol points).
     """
 
     field: IndexField

@@ -115,16 +115,9 @@ def variants(
 ) -> Variants:
     """Return how some rays of a run, all of which arrived, change by each cause.
 
-    Args:
-        field: The refractive index.
-        rays: The rays.
-        base: What they brought.
-        plan: The run's plan.
-        until: Their stop.
-        run: Traces rays by a plan to the same stop.
-        weight: Their shares in means over the bundle, shape (n,); None for equal ones.
-        lost: Optical path that the source has beyond the field's cuts [m], shape (n,).
-        group: Number of consecutive rays that belong together, as those of a pixel: few whole groups are traced again.
+    `base` is what they brought to their stop, `weight` their shares in means over the bundle (None: equal ones), and
+    `lost` the optical path that the source has beyond the field's cuts [m]. Of `group` consecutive rays that belong
+    together, as those of a pixel, whole groups are traced again.
     """
     paths = paths_of(field, rays.position, rays.direction, until, (base.position, base.direction))
     lost = np.zeros(rays.ray_count) if lost is None else lost
