@@ -27,7 +27,6 @@ from ..tracing.launch import report_rejected
 from ..tracing.plan import TraceOptions, TracePlan, complete
 from ..tracing.pupil.job import REPLICATES, PupilJob, PupilRequest
 from ..tracing.status import reached
-from ..tracing.trace import rerun
 from ..wavefronts.terms import NUMBERS, PupilNumbers, check_terms
 from .ratio import StrehlEstimate, combined, met_nothing
 
@@ -296,19 +295,18 @@ class StrehlVariants:
     @cached_property
     def found(self) -> "Variants | None":
         """The rays and their changes; None where none arrived."""
-        from ..tracing.variants.causes import sample_size, variants
+        from ..tracing.variants.causes import brought, sample_size, variants
 
         rays = RayBundle.collimated(self.pupil, sample_size(self.field), direction=self.look, seed=self.seed)
-        run = rerun(self.until, self.wavelength)
         plan = replace(self.plan, bundle=None)
-        base, status = run(self.field, rays, plan)
+        base, status = brought(self.field, rays, plan, self.until, self.wavelength)
         good = np.flatnonzero(reached(status))
         if not len(good):
             return None
         base, some = base[good], rays.rows(good)
         beyond = lost(self.field, some, self.until, (base.position, base.direction))
         return variants(
-            self.field, some, base, plan, self.until, run, weight=np.asarray(rays.weight)[good], lost=beyond
+            self.field, some, base, plan, self.until, self.wavelength, weight=np.asarray(rays.weight)[good], lost=beyond
         )
 
     def numbers(self, remove: tuple[str, ...]) -> PupilNumbers:

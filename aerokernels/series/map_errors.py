@@ -22,7 +22,6 @@ from aerokernels.tracing.plan import TracePlan
 from aerokernels.tracing.planning import backend_for
 from aerokernels.tracing.step_bound import step_allowance
 from aerokernels.tracing.stop import stop_distance
-from aerokernels.tracing.trace import rerun
 from aerokernels.tracing.variants.causes import Variants, errors, of_a_ray, variants
 from aerokernels.tracing.variants.paths import Rays
 
@@ -122,5 +121,4 @@ def straight_variants(
     base = Rays(np.asarray(opd, np.float64), rays.direction, rays.position + way[:, None] * rays.direction)
     weight = np.broadcast_to(np.asarray(rays.weight, np.float64), way.shape)
     beyond = lost(field, rays, until)
-    run = rerun(until, wavelength)
-    return variants(field, rays, base, plan, until, run, weight=weight / weight.sum(), lost=beyond)
+    return variants(field, rays, base, plan, until, wavelength, weight=weight / weight.sum(), lost=beyond)

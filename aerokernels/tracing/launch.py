@@ -293,6 +293,17 @@ RETRACE_SHARE = 0.5
 LEAST_SHARE = 1e-4
 
 
+def run_plan(field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelength: float, outputs: frozenset) -> dict:
+    """Trace rays as a plan says, again where above the tolerance; "step_error" is there if some stay above it."""
+    arrays = launch(field, rays, plan, until, wavelength, outputs)
+    if not plan.controls_error or plan.backend == "reference" or "step_error" not in arrays:
+        return arrays
+    retrace_rejected(field, rays, plan, until, wavelength, arrays)
+    if "step_error" not in outputs and not len(rows_where(arrays["status"], RayStatus.TOLERANCE_NOT_MET)):
+        del arrays["step_error"]
+    return arrays
+
+
 class ToleranceWarning(RuntimeWarning):
     """Some rays were traced again, and their own error estimate is still above the requested tolerance."""
 

@@ -10,6 +10,7 @@ from aerokernels.tracing.tasks.unresolved import (
     Sampling,
     along_axes,
     changes_missed,
+    grid_of,
     lookup_table,
     missed_at_ends,
     missed_in_blocks,
@@ -235,8 +236,7 @@ def disturbed_ends(field: IndexField, lines: Lines, limit: float) -> bytes:
 
     For a volume, of which all blocks are examined at once, the answer is EVERYWHERE instead: bundles then share tables.
     """
-    grid = field.samples
-    assert isinstance(grid, UniformGrid)
+    grid = grid_of(field)
     worth = potential_by_blocks(grid) * float((block_size(grid) * np.asarray(grid.spacing)).max())
     near = np.zeros(worth.shape, dtype=np.uint8)
     for end in known_ends(field, lines, worth.shape):
@@ -276,8 +276,7 @@ def greatest_error(
     A bound above `allowed` is refined by the change of the missed structure across the rays, unless `by_rule`. Rays
     begin and end where the lines do or, without `show_ends`, anywhere between the outermost of these.
     """
-    grid = field.samples
-    assert isinstance(grid, UniformGrid)
+    grid = grid_of(field)
     block, missed = missed_in_blocks(field, sampling, by_rule)
     changes = MISSED_SLOPE / float(np.min(field.spacing)) * missed if lines.lever_arm.any() else None
     ends = _greatest_at_ends(field, sampling, lines, by_rule, show_ends)
@@ -314,8 +313,7 @@ def _missed_at_ends_of(field: IndexField, sampling: Sampling, lines: Lines, by_r
 
 def known_ends(field: IndexField, lines: Lines, shape: tuple[int, ...]) -> list[tuple]:
     """The blocks of a field in which lines begin, and in which they end; cached."""
-    grid = field.samples
-    assert isinstance(grid, UniformGrid)
+    grid = grid_of(field)
     return _ends_of_lines(lines, field.geometry, grid.low, block_size(grid) * grid.spacing, shape)
 
 
@@ -345,8 +343,7 @@ def _greatest_on_lines(
 
 def missed_along(field: IndexField, sampling: Sampling, lines: Lines) -> np.ndarray:
     """Error of straight rays by structure between samples, by the kernels' own lookup [m], shape (line_count,)."""
-    grid, (block, table) = field.samples, lookup_table(field, sampling)
-    assert isinstance(grid, UniformGrid)
+    grid, (block, table) = grid_of(field), lookup_table(field, sampling)
     size = block * np.asarray(grid.spacing)
     count = max(1, int(np.ceil(float(lines.length.max(initial=0.0)) / (LOOKUP_STRIDE * float(size.min())))))
     found = np.zeros(len(lines.length))

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from aerokernels.tracing.tasks.cube_polynomials import approximate_deviation, may_have_cubes
-from aerokernels.tracing.tasks.unresolved import Sampling
+from aerokernels.tracing.tasks.unresolved import Sampling, grid_of
 
 from ...derived import cached_on
 from ...device_arrays import extremes_of, is_one_row
@@ -166,12 +166,6 @@ class _Fitting:
     some: RayBundle
 
     @cached_property
-    def grid(self) -> UniformGrid:
-        """The field's samples."""
-        assert isinstance(self.field.samples, UniformGrid)
-        return self.field.samples
-
-    @cached_property
     def limit(self) -> float:
         """The OPD error allowed to a ray [m]."""
         return error_limit(self.field, self.plan.tolerance * self.wavelength)
@@ -229,7 +223,9 @@ class _Fitting:
         structure, count = self.structure, fit.count
         # Number of lines from which is estimated whether a table is worth making.
         some = structure.lines.every(max(1, len(structure.lines.length) // 64))
-        rough = np.count_nonzero(approximate_deviation(self.grid, some) > self.limit) / max(1, len(some.length))
+        rough = np.count_nonzero(approximate_deviation(grid_of(self.field), some) > self.limit) / max(
+            1, len(some.length)
+        )
         if not self._may_retrace(rough, count):
             return None  # decided before a table is made
         # A sample costs so little that taking some more is cheaper than looking up the bound on structure between them.

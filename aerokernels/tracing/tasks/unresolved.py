@@ -100,7 +100,7 @@ def missed_in_blocks(field: IndexField, sampling: Sampling, by_rule: bool) -> tu
 
     With `by_rule` it is the rule's own bound, which is faster to compute and never less.
     """
-    grid = _grid_of(field)
+    grid = grid_of(field)
     block, geometry, factor = block_size(grid), field.geometry, turned(grid, sampling.lever_arm)
     missed = _by_rule(grid, geometry, sampling)
     if by_rule:
@@ -111,7 +111,8 @@ def missed_in_blocks(field: IndexField, sampling: Sampling, by_rule: bool) -> tu
     return block, factor * np.minimum(missed, BOTH * share * _with_lobes(rest, main))
 
 
-def _grid_of(field: IndexField) -> UniformGrid:
+def grid_of(field: IndexField) -> UniformGrid:
+    """The samples of a field on a uniform grid."""
     assert isinstance(field.samples, UniformGrid)
     return field.samples
 
@@ -126,7 +127,7 @@ def missed_at_ends(field: IndexField, sampling: Sampling, by_rule: bool) -> np.n
     """For each block the greatest error of a ray's path by beginning or ending in it [m]; None for rays that do not."""
     if not sampling.ends:
         return None
-    grid, geometry = _grid_of(field), field.geometry
+    grid, geometry = grid_of(field), field.geometry
     found = RULE_AT_END * sampling.spacing * _by_rule(grid, geometry, sampling)
     if not by_rule:
         part, spacing, share = _not_resolved(grid, geometry, sampling, EDGE_AT_ENDS)
@@ -152,7 +153,7 @@ def _by_rule(grid: UniformGrid, geometry: str, sampling: Sampling) -> np.ndarray
 @cached_on("field", 32)
 def changes_missed(field: IndexField, sampling: Sampling) -> np.ndarray:
     """Greatest change of the missed potential across the rays in each block, per metre of path [1/m]."""
-    grid, geometry = _grid_of(field), field.geometry
+    grid, geometry = grid_of(field), field.geometry
     part, _, share = _not_resolved(grid, geometry, sampling, EDGE)
     main = _main_axis(sampling.steepness, geometry)
     obliquity = along_axes(sampling.steepness, geometry)

@@ -26,6 +26,7 @@ from ...medium import IndexField
 from ...medium.grid import UniformGrid
 from ...medium.refined import refined
 from ...rays import RayBundle
+from ..launch import run_plan
 from ..plan import TracePlan
 from ..status import reached
 from ..step_bound import step_allowance
@@ -43,8 +44,6 @@ CANDIDATES, CURVE = 1 << 14, 1 << 10
 ORDERS = {"cubic": (3, 5), "linear": (1, 3), "monotone": (1, 3)}
 # Tolerance of the rays that measure the steps', as a share, and the greatest tolerance that it is a share of [waves].
 TIGHTER, LARGEST_TOLERANCE = 0.1, 1e-3
-# (field, rays, plan) -> what the rays bring, and their status
-Run = Callable[[IndexField, RayBundle, TracePlan], tuple[Rays, np.ndarray]]
 # (field, another in its place) -> what that changes
 Change = Callable[[IndexField, IndexField], Rays]
 
@@ -107,7 +106,7 @@ def variants(
     base: Rays,
     plan: TracePlan,
     until,
-    run: Run,
+    wavelength: float,
     *,
     weight: np.ndarray | None = None,
     lost: np.ndarray | None = None,
@@ -121,7 +120,7 @@ def variants(
     """
     paths = paths_of(field, rays.position, rays.direction, until, (base.position, base.direction))
     lost = np.zeros(rays.ray_count) if lost is None else lost
-    traced = _Traced(field, rays, base, plan, run, group)
+    traced = _Traced(field, rays, base, plan, until, wavelength, group)
     causes = traced.steps()
 
     def to_source(one: IndexField, source: IndexField) -> Rays:
@@ -204,12 +203,21 @@ def _by_index(field: IndexField, paths: Paths, change: Change) -> dict[str, Caus
     return {"interpolation": Cause(like=(order,)), "jumps": Cause(like=(lacking(field, paths),))}
 
 
+def brought(field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelength: float) -> tuple[Rays, np.ndarray]:
+    """Trace rays by a plan; return what they bring to their stop, and their status."""
+    arrays = run_plan(field, rays, plan, until, wavelength, frozenset(("opd", "position", "direction", "step_error")))
+    opd, direction, position = (np.asarray(arrays[name]) for name in ("opd", "direction", "position"))
+    return Rays(opd, direction, position), np.asarray(arrays["status"])
+
+
 class _Traced:
     """Traces few of some rays again, by other plans and through other fields; each stands for those nearest to it."""
 
-    def __init__(self, field: IndexField, rays: RayBundle, base: Rays, plan: TracePlan, run: Run, group: int):
+    def __init__(
+        self, field: IndexField, rays: RayBundle, base: Rays, plan: TracePlan, until, wavelength: float, group: int
+    ):
         """Take the rays, all of which arrived, in groups of a size, and what they brought by a plan."""
-        self.field, self.base, self.plan, self.run = field, base, plan, run
+        self.field, self.base, self.plan, self.stop = field, base, plan, (until, wavelength)
         self.rays, self.group = rays, group
         # What a coarse grid makes of a mesh's shocks is finer than the distance of few rays.
         few = rays.ray_count if field.resampling is not None else TRACED
@@ -241,7 +249,7 @@ class _Traced:
     def through(self, field: IndexField) -> tuple[Rays, np.ndarray]:
         """Trace the rays through a field by such a plan."""
         if id(field) not in self.true:
-            self.true[id(field)] = self.run(field, self.some, self.tight(field))
+            self.true[id(field)] = brought(field, self.some, self.tight(field), *self.stop)
         return self.true[id(field)]
 
     def change(self, field: IndexField, other: IndexField) -> Rays:
@@ -251,9 +259,9 @@ class _Traced:
     def steps(self) -> dict[str, Cause]:
         """Return the changes by bundle, precision and steps."""
         plan, few = self.plan, (self.base[self.few], np.zeros(len(self.few), int))
-        one_by_one = self.run(self.field, self.some, plan) if plan.bundle is not None else few
+        one_by_one = brought(self.field, self.some, plan, *self.stop) if plan.bundle is not None else few
         doubled = replace(plan, precision="float64")
-        double = self.run(self.field, self.some, doubled) if plan.precision != "float64" else one_by_one
+        double = brought(self.field, self.some, doubled, *self.stop) if plan.precision != "float64" else one_by_one
         chain = {"": few, "bundle": one_by_one, "precision": double, "step": self.through(self.field)}
         return {name: Cause(known=(change,)) for name, change in self._for_all(chain).items()}
 
