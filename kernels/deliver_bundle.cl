@@ -1,6 +1,6 @@
 // The kernel that interpolates rays of a two-parameter family between traced rays.
 //
-// It uses the table of aerokernels/tracing/tasks/bundle_table.py, one lookup per ray. tests/tracing/bundle/bundle_delivery.py has
+// It uses the table of aerokernels/tracing/tasks/family.py, one lookup per ray. tests/tracing/bundle/bundle_delivery.py has
 // the same formulas in NumPy.
 //
 // block_map: number of the block at each place of the range of parameters, -1 for none. header: eight numbers for each

@@ -221,11 +221,9 @@ class _Fitting:
     def with_cubes(self, fit: _Fit) -> _Fit | None:
         """At least as many samples of polynomials of cubes; None where the tolerance needs the spline."""
         structure, count = self.structure, fit.count
-        # Number of lines from which is estimated whether a table is worth making.
-        some = structure.lines.every(max(1, len(structure.lines.length) // 64))
-        rough = np.count_nonzero(approximate_deviation(grid_of(self.field), some) > self.limit) / max(
-            1, len(some.length)
-        )
+        some = structure.lines.every(max(1, len(structure.lines.length) // 64))  # about 64 tell whether it is worth it
+        deviation = approximate_deviation(grid_of(self.field), some)
+        rough = np.count_nonzero(deviation > self.limit) / max(1, len(some.length))
         if not self._may_retrace(rough, count):
             return None  # decided before a table is made
         # A sample costs so little that taking some more is cheaper than looking up the bound on structure between them.
