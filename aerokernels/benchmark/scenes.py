@@ -31,9 +31,6 @@ Formula = Callable[[np.ndarray, np.ndarray, np.ndarray], tuple[np.ndarray, np.nd
 SIZES = (1e-6, 1e-6, 1e-3, 1e-3, 1e-6)
 TIGHT = 1e-12
 WAVELENGTH = 905e-9
-STREHL_PUPIL = Disc(6e-3, np.array([0.0, 0.0, -8e-3]))
-STREHL_SPACING = 5e-5  # [m]
-STREHL_REGION = ((0.0, -9e-3), (7.5e-3, 4.4e-3))  # lowest and highest (r, z) [m]
 CONE_AMBIENT = 1.0 + 3.6e-4
 CONE_NODES = (65, 65, 257)
 CONE_SPACING = 1e-3 / 16.0  # [m]
@@ -46,19 +43,12 @@ LONGEST_STEP = 1e-3  # [m]
 
 @dataclass(frozen=True, eq=False)
 class Truth:
-    """The ends of rays on a plane z = const.
+    """The ends of rays on a plane z = const."""
 
-    Attributes:
-        position: Places [m], shape (ray_count, 3).
-        direction: Unit tangents, shape (ray_count, 3).
-        opd: Optical path less that of the undisturbed ray [m], shape (ray_count,).
-        evaluation_count: Evaluations of the formula for each ray; 0 where none was needed.
-    """
-
-    position: np.ndarray
-    direction: np.ndarray
-    opd: np.ndarray
-    evaluation_count: int = 0
+    position: np.ndarray  # places [m], shape (ray_count, 3)
+    direction: np.ndarray  # unit tangents, shape (ray_count, 3)
+    opd: np.ndarray  # optical path less that of the undisturbed ray [m], shape (ray_count,)
+    evaluation_count: int = 0  # evaluations of the formula for each ray; 0 where none was needed
 
 
 def slopes(
@@ -90,18 +80,10 @@ def potential_of(contrast: Formula, ambient: float) -> Formula:
 def integrate(
     potential: Formula, ambient: float, z_end: float, longest: float, rays: RayBundle, tolerance: float = TIGHT
 ) -> Truth:
-    """Trace rays that all start on one plane z = const to another such plane.
+    """Trace rays that all start on one plane z = const, with positive z components, to the plane z = `z_end` [m].
 
-    Args:
-        potential: The optical potential (see `potential_of`).
-        ambient: Ambient index a.
-        z_end: Where the rays end [m].
-        longest: Greatest step [m], so that no thin structure is stepped over.
-        rays: The rays, whose directions have positive z components.
-        tolerance: Relative tolerance.
-
-    Raises:
-        ValueError: Rays that start on different planes.
+    `potential` is the optical potential, `ambient` the index a, and `longest` the greatest step [m], so that no thin
+    structure is stepped over.
     """
     from scipy.integrate import solve_ivp
 
@@ -150,18 +132,11 @@ class PupilScene:
     pupil: Disc
 
 
-def strehl_scene(flow: str = "mach3", ambient_density: float | None = None) -> PupilScene:
-    """The part of a shipped flow seen by the forward pupil, resampled; a new field at every call.
-
-    Args:
-        flow: A shipped flow's name.
-        ambient_density: Density of the free stream [kg/m3], None for the flow's own.
-    """
-    density = shipped(flow)
-    if ambient_density is not None:
-        density = density.scaled(ambient_density)
-    field = density.index_field(WAVELENGTH, "paper").resample(STREHL_SPACING, region=STREHL_REGION)
-    return PupilScene(field, STREHL_PUPIL)
+def strehl_scene(flow: str = "mach3") -> PupilScene:
+    """The part of a shipped flow seen by the forward pupil, resampled; a new field at every call."""
+    region = ((0.0, -9e-3), (7.5e-3, 4.4e-3))  # lowest and highest (r, z) [m]
+    field = shipped(flow).index_field(WAVELENGTH, "paper").resample(5e-5, region=region)
+    return PupilScene(field, Disc(6e-3, np.array([0.0, 0.0, -8e-3])))
 
 
 def cone_contrast(x: np.ndarray, y: np.ndarray, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

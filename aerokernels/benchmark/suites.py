@@ -13,7 +13,6 @@ from aerokernels.benchmark.measuring import (
     errors,
     measure,
     on_processor,
-    plan_facts,
     traced_clocks,
 )
 from aerokernels.benchmark.scenes import (
@@ -29,6 +28,7 @@ from aerokernels.focus.estimate import estimate_strehl
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import Plane, trace
 from aerokernels.tracing.engines.choice import choose_backend
+from aerokernels.tracing.plan import TracePlan
 
 # Rays of the radial quadrature whose Strehl ratio serves as the truth.
 TRUTH_RAYS = 1 << 15
@@ -52,8 +52,7 @@ def cone_runs(settings: Settings, targets: Targets) -> Iterator[dict]:
         evaluations = float(counted.evaluation_count.mean())
         yield {
             "suite": "cone",
-            "settings": _settings(options, settings),
-            "plan": plan_facts(result.plan),
+            **_described(options, settings, result.plan),
             **traced_clocks(timing, rays.ray_count, on_processor(options["backend"], options["device"])),
             "fresh_field_seconds": measure(
                 partial(trace, cone_field(), rays, outputs=("direction", "optical_path"), **options), 0
@@ -78,8 +77,7 @@ def strehl_runs(settings: Settings, targets: Targets) -> Iterator[dict]:
             found = timing.results[-1]
             yield {
                 "suite": "strehl",
-                "settings": {**_settings(options, settings), "symmetry": symmetry},
-                "plan": plan_facts(found.plan),
+                **_described({**options, "symmetry": symmetry}, settings, found.plan),
                 **traced_clocks(timing, found.traced_ray_count, on_processor(options["backend"], options["device"])),
                 "fresh_field_seconds": measure(partial(estimate, fresh.field, fresh.pupil), 0).first_seconds,
                 "rays_traced": found.traced_ray_count,
@@ -130,8 +128,12 @@ def _choices(settings: Settings, targets: Targets) -> Iterator[dict]:
                 }
 
 
-def _settings(options: dict, settings: Settings) -> dict:
-    return {**options, "ray_count": settings.ray_count, "repeats": settings.repeats}
+def _described(options: dict, settings: Settings, plan: TracePlan) -> dict:
+    """The settings of a run, and what was chosen."""
+    return {
+        "settings": {**options, "ray_count": settings.ray_count, "repeats": settings.repeats},
+        "plan": {"method": plan.method, "step": plan.step, "reasons": list(plan.reasons)},
+    }
 
 
 RUNS = {"cone": cone_runs, "strehl": strehl_runs}

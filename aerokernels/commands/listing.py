@@ -61,7 +61,7 @@ def fields(
     if flow is not None and picture is not None:
         from aerokernels.jobs.plots import save_flow_figure
 
-        save_flow_figure(flow, picture, path.name)
+        save_flow_figure(flow, picture)
         note(f"wrote {picture}")
 
 
@@ -252,7 +252,7 @@ def bench(
     Report rays per second, CPU seconds and the share of the hardware's peak performance.
     """
     from aerokernels.benchmark import Settings, run_bench
-    from aerokernels.benchmark.measuring import COLUMNS, table_rows
+    from aerokernels.benchmark.measuring import COLUMNS, table_row
     from aerokernels.files.writing import replacing
 
     settings = Settings(
@@ -271,7 +271,7 @@ def bench(
     if out is not None:
         with replacing(out, name="--out ") as (draft,):
             draft.write_text(json.dumps(measured, indent=1, allow_nan=False) + "\n", encoding="utf-8")
-    print_table(f"Benchmark on {measured['machine']['cpu']}", COLUMNS, table_rows(measured))
+    print_table(f"Benchmark on {measured['machine']['cpu']}", COLUMNS, list(map(table_row, measured["runs"])))
     if out is not None:
         note(f"wrote {out}")
 

@@ -51,11 +51,7 @@ MOST_FRAMES, FRAME_SIDE = 60, 320  # most frames of the film, and least pixels a
 
 
 def scene_series(scene: Scene) -> Series:
-    """Open the snapshots of a scene.
-
-    Raises:
-        ValueError: The scene names no snapshots, or they cannot be opened; the message names the key.
-    """
+    """Open the snapshots of a scene."""
     table = scene.series
     if table.source is None:
         raise ValueError(
@@ -88,10 +84,6 @@ def run_series(scene: Scene, out: Path, progress: Progress | None = None) -> dic
 
     Returns:
         The summary.
-
-    Raises:
-        ValueError: The scene, the snapshots or the folder cannot be used; nothing is written then.
-        ImportError: Zarr is not installed.
     """
     check_output_folder(out, own=(MAPS_FILE,))
     with only_writer(out):

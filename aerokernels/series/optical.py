@@ -11,7 +11,7 @@ import numpy as np
 
 from aerokernels import __version__
 from aerokernels.inputs.checks import warn_caller
-from aerokernels.series.map_errors import NAMES, WRONG, Chosen
+from aerokernels.series.snapshot import NAMES, WRONG, Chosen
 
 from ..flow import GridMesh, Series
 from ..flow.series import mark_of
@@ -91,7 +91,7 @@ def optical_series(
         where the first snapshot ends in disturbed air, which the maps take as the whole flow. Lazy where `out` is
         given.
         Pixels whose rays end on a body, and with method="linear" those whose rays leave the grid sideways or miss it,
-        are not valid, and in no number. Errors are computed on some snapshots (map_errors.py), the part of the
+        are not valid, and in no number. Errors are computed on some snapshots (snapshot.py), the part of the
         pixels on each (pupil_grid.py).
 
     Warns:
@@ -129,28 +129,26 @@ def optical_series(
             "check the pupil's center, its normal and the units (metres are expected)"
         )
     template = _template(series, pupil, grid, settings, terms, snapshots)
-    store: MemoryStore | ZarrStore
-    if out is None:
-        store = MemoryStore(template)
-    else:
+    store = MemoryStore(template)
+    if out is not None:
         define = partial(_definition, series, template, settings)
         store = ZarrStore(Path(out), template, define, partial(_is_unchanged, series))
         if store.changed_count:
             warn_caller(
-                f"out={out}: files of snapshot {store.done.count} have changed since its map was stored: it and those "
+                f"out={out}: files of snapshot {store.count} have changed since its map was stored: it and those "
                 f"after it, {store.changed_count} in all, are computed again"
             )
-        if store.done.count and store.is_finished:
+        if store.count and store.is_finished:
             maps = store.finish()
             if text := maps.attrs.get(TRUNCATION, ""):
                 warn_caller(text, TruncationWarning)
             return maps
     chosen = Chosen(len(series))
-    for slope, probe in zip(*map(store.done.column, ("slope", "probe")), strict=True):
+    for slope, probe in zip(*map(store.column, ("slope", "probe")), strict=True):
         snapshots.resume(slope, probe)
         chosen(slope)
     lit: np.ndarray | None = None
-    first = store.done.count
+    first = store.count
     # While a snapshot is computed the next one is read and the maps of the one before are written.
     with store.writing(), ThreadPoolExecutor(1) as writer:
         written = None
@@ -177,7 +175,7 @@ def optical_series(
                 entry[1].update(stamp=code_of(stamp), mark=code_of(mark_of(stored)))
             written = writer.submit(store.add, *entry)
         _finished(written, len(series), len(series), progress)
-    _warn_of_lost(store.done.column("known"))
+    _warn_of_lost(store.column("known"))
     return store.finish()
 
 
@@ -271,8 +269,6 @@ def _template(
     def meaning(units: str, words: str) -> dict[str, str]:
         return {"units": units, "long_name": words}
 
-    model = snapshots.model
-    constant = model.constant(settings.wavelength) if model.form == "gladstone-dale" else np.empty(0)
     return xarray.Dataset(
         {"weight": (("y", "x"), grid.weight, meaning("1", "share of the pixel in means over the pupil"))},
         {
@@ -289,10 +285,8 @@ def _template(
             "direction": settings.direction.tolist(),
             "pupil_center": pupil.center.tolist(),
             "pupil_axes": np.concatenate(grid.aperture.axes).tolist(),
-            "relation": settings.relation or model.name,
+            "relation": settings.relation or snapshots.model.name,
             **({} if settings.constant is None else {"constant": settings.constant}),
-            # Of a composition as well, unless it varies in space.
-            **({} if np.ndim(constant) else {"gladstone_dale_constant": float(constant)}),
             "pupil": f"{type(pupil).__name__} at {pupil.center.tolist()} m, normal {pupil.normal.tolist()}",
             "tolerance": settings.tolerance,
             TRUNCATION: "",
@@ -344,5 +338,4 @@ def _is_unchanged(series: Series, number: int, stamp: float, mark: float) -> boo
 
 
 def _digest(*arrays: np.ndarray) -> str:
-    """Return a short hash of arrays."""
     return hashlib.sha256(b"".join(np.ascontiguousarray(one).tobytes() for one in arrays)).hexdigest()[:16]

@@ -17,7 +17,7 @@ from ..inputs.arguments import checked, seconds
 from ..inputs.checks import check_count, check_positive
 from ..inputs.wavelength import DEFAULT_WAVELENGTH, check_wavelength
 from ..wavefronts import weighted_mean
-from .modes import orthogonal_modes
+from .modes import Mean, about_mean_of, deviations_of, mean_of, orthogonal_modes, root_of, standard_errors
 from .pupil_grid import MapReader
 from .statistic_parts import (
     Table,
@@ -31,7 +31,6 @@ from .statistic_parts import (
     spread_map,
     terms_of,
 )
-from .uncertainty import Mean, about_mean_of, deviations_of, mean_of, root_of, standard_errors
 
 if TYPE_CHECKING:
     import xarray
@@ -52,10 +51,10 @@ def statistics(
 
     Means are over the snapshots, each of which counts once. Standard errors account for the correlation of snapshots
     and for a series too short to tell it: two of them are meant to contain the truth in 95 of 100 series, which few
-    independent snapshots do not quite reach (see uncertainty.py). Variances about a mean in time are corrected for
+    independent snapshots do not quite reach (see modes.py). Variances about a mean in time are corrected for
     the error of that mean. The errors of the maps' own numbers, as `optical_series` gives them, are added
-    (model_errors.py). The attribute `independent_count` says how many independent snapshots there are, `drifting` lists
-    the variables that drift. Below four snapshots errors are NaN.
+    (statistic_parts.py). The attribute `independent_count` says how many independent snapshots there are, `drifting`
+    lists the variables that drift. Below four snapshots errors are NaN.
 
     Args:
         dataset: Of `optical_series`, or any with `opd` over (time, y, x), NaN outside the pupil, in metres and
@@ -109,9 +108,8 @@ def statistics(
     for text in warned:
         warn_caller(text)
     table.number("opd_rms", root_of(mean_of(squares[:, 1])), "m", "optical path difference, mean and tilt removed, rms")
-    table.number(
-        "opd_rms_with_tilt", root_of(mean_of(squares[:, 0])), "m", "optical path difference, mean removed, rms"
-    )
+    rms = root_of(mean_of(squares[:, 0]))
+    table.number("opd_rms_with_tilt", rms, "m", "optical path difference, mean removed, rms")
     for k, axis in enumerate("xy"):
         table.number(f"boresight_{axis}", mean_of(tilts[:, k]), "rad", f"tilt along {axis}")
         value, error = (float(one) for one in deviations_of(tilts[:, k]))
@@ -150,11 +148,7 @@ def _in_order(dataset: Any) -> Any:
 
 
 def _unit(dataset: Any, name: str) -> float:
-    """Return the unit of a variable in SI, 1 where none is stated; dates have none.
-
-    Raises:
-        ValueError: A unit of another dimension, or an unknown unit.
-    """
+    """Return the unit of a variable in SI, 1 where none is stated, or for dates; raises a ValueError for others."""
     if dataset[name].dtype.kind in "mM":
         return 1.0
     try:
@@ -226,18 +220,6 @@ def _maps(table: Table, opd: np.ndarray, weight: np.ndarray, lit: np.ndarray) ->
     return independent
 
 
-UNITS = {
-    "time": "s",
-    "y": "m",
-    "x": "m",
-    "frequency": "Hz",
-    "strouhal": "1",
-    "aperture": "m",
-    "lag_x": "m",
-    "lag_y": "m",
-}
-
-
 def _dataset(table: Table, coordinates: dict[str, Any], source: Any, wavelength: float, said: dict[str, list[str]]):
     import xarray
 
@@ -252,6 +234,7 @@ def _dataset(table: Table, coordinates: dict[str, Any], source: Any, wavelength:
         **{name: "; ".join(texts) for name, texts in said.items()},
     }
     found = xarray.Dataset(table.variables, coordinates, about)
+    units = {"time": "s", "frequency": "Hz", **dict.fromkeys(("x", "y", "aperture", "lag_x", "lag_y"), "m")}
     for name in coordinates:
-        found[name].attrs["units"] = UNITS.get(name, "1")
+        found[name].attrs["units"] = units.get(name, "1")
     return found

@@ -12,7 +12,7 @@ from contextlib import suppress
 from dataclasses import replace
 from importlib.metadata import PackageNotFoundError, version
 
-from aerokernels.process.kernel_cache import NoCacheError
+from aerokernels.process.quiet_warp import NoCacheError
 
 from ...process.opened import OPENED
 from .info import NO_CUDA, BackendInfo, absent, cuda_driver_loads, known_memory, warp_processor

@@ -28,6 +28,7 @@ from ...rays import PILOT_RAYS, Pupil, RayBundle
 from ..engines import engine_of
 from ..engines.device_memory import memory_of
 from ..grid_tables import prepare_grid
+from ..lines import box_size
 from ..plan import TracePlan
 from ..planning import check_choices, plan_rays
 from ..stop import Plane, plane_beyond
@@ -81,6 +82,7 @@ class PupilRequest:
         `like` is a job of this request through a field like this one: its results are confirmed, not searched again.
         """
         pupil, look, choices = self.pupil, self.look, self.choices
+        _check_size(field, pupil)
         check_choices(field, **{name: choices[name] for name in ("method", "precision", "tolerance", "step")})
         pilot, air_rays = (None, None) if like is None else like.samples
         if like is not None and isinstance(field.samples, UniformGrid):
@@ -268,3 +270,13 @@ def _bare(field: IndexField) -> IndexField:
     grid = copy(field.samples)
     vars(grid)["extremes"] = field.samples.extremes
     return replace(field, samples=grid)
+
+
+def _check_size(field: IndexField, pupil: Pupil) -> None:
+    """Reject a pupil so much larger than the field that hardly one ray in a hundred would meet it."""
+    size = 0.5 * box_size(field)
+    if pupil.reach > 10.0 * size:
+        raise ValueError(
+            f"the pupil's reach of {pupil.reach:g} m is {pupil.reach / size:.0f} times the field's {size:.3g} m: "
+            "hardly any ray meets the field; give metres, 6e-3 for 6 mm"
+        )

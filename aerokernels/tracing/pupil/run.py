@@ -71,7 +71,7 @@ class PupilRun:
         self.kernels = engine.kernels(needed if task.is_radial else ("launch_pupil", *needed))
         with stage("upload"):
             self.one = engine.put(np.ones(1))
-            self.seeds = None if task.is_radial else engine.sent(np.zeros((self.widest, 2), np.uint32))
+            self.seeds = None if task.is_radial else engine.sent(np.zeros(2 * self.widest, np.uint32))
             self.starts = None if self.seeds is None else self._starts(self.seeds.buffer)
             self.headings = None
             if task.is_radial:
@@ -156,7 +156,7 @@ class PupilRun:
         """Make a batch: upload the rays along a radius, or the seeds from which other rays are made on the device."""
         task = self.task
         if self.seeds is not None:
-            self.seeds.array[: rows.stop - rows.start] = points[rows]
+            self.seeds.array[: 2 * (rows.stop - rows.start)] = points[rows].ravel()
             if number < len(self.made):
                 return self.made[number]
         count = (rows.stop - rows.start) * task.per_replicate

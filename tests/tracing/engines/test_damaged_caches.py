@@ -168,12 +168,12 @@ def test_a_limit_on_files_is_seen_before_pocl_meets_it(monkeypatch):
 
 
 def test_a_full_disk_gives_the_process_a_cache_of_its_own(tmp_path, monkeypatch):
-    from aerokernels.process import kernel_cache
+    from aerokernels.process import quiet_warp
     from aerokernels.tracing.engines.opencl import pocl_cache
 
     monkeypatch.setenv("POCL_CACHE_DIR", str(tmp_path))
     real, full = shutil.disk_usage, shutil.disk_usage(tmp_path)._replace(free=0)
-    monkeypatch.setattr(kernel_cache.shutil, "disk_usage", lambda folder: full if folder == tmp_path else real(folder))
+    monkeypatch.setattr(quiet_warp.shutil, "disk_usage", lambda folder: full if folder == tmp_path else real(folder))
     with pytest.warns(RuntimeWarning, match="is full: kernels are built in"):
         pocl_cache.make_safe()
     assert pocl_cache.cache_folder() != tmp_path and pocl_cache.cache_folder().is_dir()
@@ -182,7 +182,7 @@ def test_a_full_disk_gives_the_process_a_cache_of_its_own(tmp_path, monkeypatch)
 
 def test_what_a_crash_left_of_warps_kernels_is_compiled_again(tmp_path: Path):
     """Set-up: a whole module, one being made, and five that are not whole. Expected: those five go, and no other."""
-    from aerokernels.process.kernel_cache import remove_damaged
+    from aerokernels.process.quiet_warp import remove_damaged
 
     contents = {"wp_whole": b"{}", "wp_made_p12_t34": b"", "wp_empty": b"", "wp_list": b"[]", "wp_bytes": b"\xff",
                 "wp_deep": b"[" * 100_000}  # fmt: skip

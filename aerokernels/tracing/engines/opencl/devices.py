@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from aerokernels.process.kernel_cache import NoCacheError, why_unusable
+from aerokernels.process.quiet_warp import NoCacheError, why_unusable
 
 from ....process.machine import patient_threads
 from ....process.opened import OPENED

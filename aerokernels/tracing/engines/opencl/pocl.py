@@ -25,7 +25,7 @@ import sys
 import tempfile
 from typing import Any
 
-from aerokernels.process.kernel_cache import LEAST_SPACE
+from aerokernels.process.quiet_warp import LEAST_SPACE
 
 from ....process.machine import python_child
 from .pocl_cache import cache_folder

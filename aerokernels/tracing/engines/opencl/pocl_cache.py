@@ -18,7 +18,7 @@ import zlib
 from contextlib import suppress
 from pathlib import Path
 
-from aerokernels.process.kernel_cache import is_whole, spare_cache, why_unusable
+from aerokernels.process.quiet_warp import is_whole, spare_cache, why_unusable
 
 VARIABLE = "POCL_CACHE_DIR"
 RECORD = "aerokernels-checked.json"  # beside PoCL's folders, which have names of two letters
