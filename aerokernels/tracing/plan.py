@@ -14,6 +14,26 @@ LEAPFROG = "leapfrog"
 PRECISIONS = ("float32", "float64")
 
 
+# Per-ray arrays: unit and meaning, in the order of results.
+RAY_OUTPUTS = {
+    "position": ("m", "end point"),
+    "direction": ("1", "unit tangent at the stop"),
+    "optical_path": ("m", "integral of n ds from the start to the stop"),
+    "opd": ("m", "optical path less the ambient index times the undisturbed distance to the same stop"),
+    "arc_length": ("m", "length of the ray"),
+    "step_error": ("m", "OPD error of the steps, estimated by the embedded formula"),
+    "step_count": ("1", "accepted steps"),
+    "evaluation_count": ("1", "field evaluations"),
+}
+# Kernels receive the requested outputs as an integer with one bit for each.
+OUTPUT_BITS = {name: 1 << bit for bit, name in enumerate(RAY_OUTPUTS)}
+
+
+def output_mask(outputs: frozenset) -> int:
+    """Return the bits of the requested outputs."""
+    return sum(bit for name, bit in OUTPUT_BITS.items() if name in outputs)
+
+
 class TraceOptions(TypedDict, total=False):
     """How rays are traced: keywords of `trace`, `estimate_strehl`, `wavefront` and whatever else traces rays.
 

@@ -11,26 +11,14 @@ from ..display.quantities import ErrorBudget, Quantity, unknown
 from ..display.shown import drawn_on, shown
 from ..process.clock import clocked, stage
 from ..pupils import transverse_axes
+from .plan import RAY_OUTPUTS
 from .status import RayStatus, reached
 
 if TYPE_CHECKING:
     from .variants.causes import Variants
 
-# Per-ray arrays: unit and meaning, in the order of results.
-RAY_OUTPUTS = {
-    "position": ("m", "end point"),
-    "direction": ("1", "unit tangent at the stop"),
-    "optical_path": ("m", "integral of n ds from the start to the stop"),
-    "opd": ("m", "optical path less the ambient index times the undisturbed distance to the same stop"),
-    "arc_length": ("m", "length of the ray"),
-    "step_error": ("m", "OPD error of the steps, estimated by the embedded formula"),
-    "step_count": ("1", "accepted steps"),
-    "evaluation_count": ("1", "field evaluations"),
-}
 # Names that `on_device` accepts.
 ON_DEVICE = (*RAY_OUTPUTS, "status", "start_position", "start_direction")
-# Kernels receive the requested outputs as an integer with one bit for each.
-OUTPUT_BITS = {name: 1 << bit for bit, name in enumerate(RAY_OUTPUTS)}
 
 
 def _rms(opd: np.ndarray, share: np.ndarray) -> float:
@@ -38,11 +26,6 @@ def _rms(opd: np.ndarray, share: np.ndarray) -> float:
     # Not by BLAS, whose last bits depend on the number of threads.
     mean = np.sum(share * opd) / np.sum(share)
     return float(np.sqrt(np.sum(share * (opd - mean) ** 2) / np.sum(share)))
-
-
-def output_mask(outputs: frozenset) -> int:
-    """Return the bits of the requested outputs."""
-    return sum(bit for name, bit in OUTPUT_BITS.items() if name in outputs)
 
 
 @shown

@@ -15,8 +15,9 @@ from ..rays import RayBundle
 from .cuts import flow_ends, lost, may_lose
 from .launch import report_rejected, run_plan
 from .lines import check_meeting
+from .plan import RAY_OUTPUTS
 from .planning import backend_for, check_choices, plan_bundle
-from .result import RAY_OUTPUTS, TraceResult
+from .result import TraceResult
 from .status import RayStatus
 from .stop import ArcLength, Plane
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from aerokernels.tracing.engines.layout import OPTIONS
-from aerokernels.tracing.result import output_mask
+from aerokernels.tracing.plan import output_mask
 from aerokernels.tracing.stop import ArcLength, Plane
 from aerokernels.tracing.tasks.family import FAR, LEAST_COSINE, BundleTable, Family
 

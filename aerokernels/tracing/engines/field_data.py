@@ -15,8 +15,7 @@ from ...derived import Derived
 from ...medium import IndexField
 from ...medium.grid import UniformGrid
 from ..error_limit import error_limit, left_out, support_box
-from ..plan import TracePlan
-from ..result import output_mask
+from ..plan import TracePlan, output_mask
 from ..scheme import LAXEST, MESH_STEP_LIMIT, STEP_LIMIT
 from ..step_bound import CONES, cones_of, step_bound
 from ..stop import ArcLength, Plane

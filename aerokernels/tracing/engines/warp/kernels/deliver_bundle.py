@@ -10,7 +10,7 @@ from aerokernels.tracing.engines.bundle_frame import SHAPES, STOPS
 from aerokernels.tracing.tasks.family import EQUAL, FAR
 
 from ....lines import FACES
-from ....result import output_mask
+from ....plan import output_mask
 from ....status import NOT_DELIVERED, RayStatus
 from ..library import TYPES, Scene, built_once
 from .outputs import build_write_outputs
