@@ -31,7 +31,7 @@ OUTPUT_BITS = {name: 1 << bit for bit, name in enumerate(RAY_OUTPUTS)}
 
 def output_mask(outputs: frozenset) -> int:
     """Return the bits of the requested outputs."""
-    return sum(bit for name, bit in OUTPUT_BITS.items() if name in outputs)
+    return sum([bit for name, bit in OUTPUT_BITS.items() if name in outputs])
 
 
 class TraceOptions(TypedDict, total=False):
