@@ -14,8 +14,7 @@ import numpy as np
 
 from aerokernels.display.quantities import ErrorBudget, combine, root_sum_square, unknown
 from aerokernels.focus import StrehlEstimate
-from aerokernels.focus.budget import StrehlVariants
-from aerokernels.focus.estimate import PreparedStrehl
+from aerokernels.focus.estimate import PreparedStrehl, StrehlVariants
 from aerokernels.lidar.parts import RANGING_METHODS, Setup
 from aerokernels.lidar.paths import air_error
 from aerokernels.lidar.pulse_curve import peak_height
