@@ -176,16 +176,6 @@ def test_folded_cells_are_refused_and_dented_ones_cut():
         four_cells((1.0, 1.0), ((0, 1, 4, 3), (1, 5, 2, 4), (3, 4, 7, 6), (4, 5, 8, 7)))
 
 
-def test_double_points_are_refused(tmp_path):
-    """Set-up: a mesh of SU2 with two points in one place."""
-
-    def double(cells, lines, points):
-        lines[points + 40] = lines[points + 41]
-
-    with pytest.raises(flow.ReadError, match=r"not where the mesh has them|coincident|same place"):
-        flow.read(su2_cells(tmp_path, double))
-
-
 def test_the_error_travels_between_processes(tmp_path):
     with pytest.raises(flow.ReadError) as caught:
         flow.read(tmp_path / "nothing.vtu")
@@ -232,15 +222,3 @@ def test_damaged_copies_of_what_libraries_read(tmp_path, kind):
     pytest.importorskip("vtkmodules")
     counts = fuzzing.fuzz(tmp_path, kind, range(2015, 2025))
     assert counts["refused"] > 0
-
-
-def test_a_name_that_is_no_utf_8_is_read_all_the_same(tmp_path):
-    """Set-up: the name of an array in a legacy VTK file with a byte of Latin-1, which VTK hands over as bytes.
-
-    Expected: the array is listed, and a density asked for in vain is refused in words.
-    """
-    pytest.importorskip("vtkmodules")
-    path = fuzzing.plain(tmp_path, "vtk-ascii")
-    path.write_bytes(path.read_bytes().replace(b"rho", b"rh\xf3"))
-    with pytest.raises(flow.ReadError, match=r"a\.vtk: .*rh\ufffd"):
-        flow.read(path)

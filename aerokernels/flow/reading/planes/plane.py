@@ -215,7 +215,11 @@ def hole_body(mesh: QuadMesh) -> Body | None:
     cell, side = np.nonzero(behind < 0)
     ends = np.stack([mesh.cells[cell, side], mesh.cells[cell, (side + 1) % 4]], axis=1)
     size = float(max(np.ptp(mesh.vertices, axis=0).max(), 1e-300))
-    edges = _without_seams(mesh.vertices[ends], CLOSE * size)
+    edges = mesh.vertices[ends]
+    # Edges that occur twice are the seam of a grid that closes on itself.
+    pairs = np.sort(joined(edges.reshape(-1, 2), CLOSE * size)[1].reshape(-1, 2), axis=1)
+    _, same, count = np.unique(pairs, axis=0, return_inverse=True, return_counts=True)
+    edges = edges[count[same.ravel()] == 1]
     try:
         found = chains(edges, CLOSE * size)
     except ValueError:  # cells that touch in a corner only: holes are ambiguous there
@@ -225,13 +229,6 @@ def hole_body(mesh: QuadMesh) -> Body | None:
         return None
     loops.sort(key=lambda loop: -abs(_area(loop)))
     return _joined(loops[1:], mesh.geometry)
-
-
-def _without_seams(edges: np.ndarray, near: float) -> np.ndarray:
-    """Return edges without those that occur twice, as along the seam of a grid that closes on itself."""
-    pairs = np.sort(joined(edges.reshape(-1, 2), near)[1].reshape(-1, 2), axis=1)
-    _, same, count = np.unique(pairs, axis=0, return_inverse=True, return_counts=True)
-    return np.asarray(edges[count[same.ravel()] == 1])
 
 
 def chains(edges: np.ndarray, near: float) -> list[np.ndarray]:
