@@ -10,7 +10,7 @@ import numpy as np
 
 from ..inputs.checks import warn_caller
 from ..medium import IndexField
-from ..medium.tensor_points import contrast_without_gradient
+from ..medium.grid import contrast_without_gradient
 from ..rays import RayBundle
 from ..tracing.cuts import lost, may_lose
 from ..tracing.lines import box_size, cell_along, cylinder_span, slab_span

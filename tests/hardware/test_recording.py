@@ -18,9 +18,8 @@ import pytest
 from aerokernels import Scene, compare_waveforms, estimate_range
 from aerokernels.hardware.frames import EchoFrame, encode
 from aerokernels.hardware.port import PortError, open_port
-from aerokernels.hardware.pseudo_terminal import PseudoTerminal
 from aerokernels.hardware.recorder import Recorder, RecordingStatus
-from aerokernels.hardware.simulator import EchoSource
+from aerokernels.hardware.simulator import EchoSource, PseudoTerminal
 from aerokernels.hardware.store import EchoStore
 from aerokernels.lidar import fwhm_from_pulse_tau
 from aerokernels.lidar.parts import Setup

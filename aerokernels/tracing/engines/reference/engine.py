@@ -12,8 +12,7 @@ import numpy as np
 
 from ....medium import IndexField
 from ....rays import RayBundle
-from ...plan import TracePlan
-from ...result import RAY_OUTPUTS
+from ...plan import RAY_OUTPUTS, TracePlan
 from ...status import RayStatus, reached
 from .ends import Ends
 from .medium import GridAir
@@ -44,7 +43,7 @@ def trace(field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelength
             ends,
             SHARE * min(plan.tolerance, LAXEST) * wavelength,
             plan.max_steps,
-            plan.method == "straight" and not air.jumps,
+            plan.method == "straight",
         )
         if plan.method in ("fixed", "paper"):
             turn = march(field, ends, flight, plan)
