@@ -59,7 +59,7 @@ def _answers(labels: "Sequence[LabelComparison]") -> list[Answer]:
     peak = max(labels, key=lambda one: abs(one.waveform.peak_error))
     wave = peak.waveform
     error = 100.0 * math.hypot(
-        peak.covering * peak.peak_standard_error / wave.recorded_peak,
+        peak.covering * peak.errors.peak / wave.recorded_peak,
         peak.run.error_of("echo_peak_v") / wave.simulated_peak,
     )
     of = f" Label {label_text(peak.label)}." if len(labels) > 1 else ""
@@ -88,16 +88,16 @@ def _answers(labels: "Sequence[LabelComparison]") -> list[Answer]:
 
 def _span(one: "LabelComparison") -> tuple[float, float]:
     """Return the times [ns] between which a label's waveforms are shown."""
-    time = 1e9 * one.time
-    high = np.flatnonzero(np.maximum(one.mean, one.simulated) > SHOWN_ABOVE * one.simulated.max())
+    time = 1e9 * one.recorded.time
+    high = np.flatnonzero(np.maximum(one.recorded.mean, one.simulated) > SHOWN_ABOVE * one.simulated.max())
     margin = SHOWN_MARGIN * float(time[high[-1]] - time[high[0]])
     return max(float(time[0]), float(time[high[0]]) - margin), min(float(time[-1]), float(time[high[-1]]) + margin)
 
 
 def _waveforms(number: int, one: "LabelComparison") -> Panel:
-    wave, name, time = one.waveform, label_text(one.label), 1e9 * one.time
+    wave, name, time = one.waveform, label_text(one.label), 1e9 * one.recorded.time
     lines = [
-        Line(time, one.mean, "recorded, mean", "one", one.standard_error),
+        Line(time, one.recorded.mean, "recorded, mean", "one", one.recorded.standard_error),
         Line(time, one.simulated, "simulated", "two"),
     ]
     limits = [("y", wave.edge_level, f"edge at {wave.edge_level:.3g} V")]
@@ -115,10 +115,10 @@ def _waveforms(number: int, one: "LabelComparison") -> Panel:
 
 
 def _residual(number: int, one: "LabelComparison") -> Panel:
-    time, rest = 1e9 * one.time, 1e3 * (one.mean - one.simulated)
-    bias = 1e3 * one.covering * np.nan_to_num(one.standard_error)
+    time, rest = 1e9 * one.recorded.time, 1e3 * (one.recorded.mean - one.simulated)
+    bias = 1e3 * one.covering * np.nan_to_num(one.recorded.standard_error)
     lines = [
-        Line(time, rest, "spread of one echo", "plain", 1e3 * np.nan_to_num(one.spread)),
+        Line(time, rest, "spread of one echo", "plain", 1e3 * np.nan_to_num(one.recorded.spread)),
         Line(time, rest, "difference, with the mean's error", "one", bias),
     ]
     shown = Lines(
@@ -145,7 +145,7 @@ def _peaks(labels: "Sequence[LabelComparison]") -> Panel:
     place = np.arange(len(labels), dtype=float)
     recorded = [one.waveform.recorded_peak for one in labels]
     simulated = [one.waveform.simulated_peak for one in labels]
-    errors = [one.covering * one.peak_standard_error for one in labels]
+    errors = [one.covering * one.errors.peak for one in labels]
     told = [abs(one.run.error_of("echo_peak_v")) for one in labels]
     lines = [
         Line(place - 0.06, recorded, "recorded", "one", errors, dots=True),

@@ -177,9 +177,9 @@ def _panels(dataset: "xarray.Dataset", definition: Definition, shown: list[Colum
         values, error = dataset[each.name] * each.number.factor, _errors(dataset, each.name) * each.number.factor
         if definition.mode != "grid":
             for key in definition.keys:
-                picture = _lines(dataset, values, error, [key], each, joined=False)
+                scattered = _lines(dataset, values, error, [key], each, joined=False)
                 says = f"Over {key}, case by case."
-                yield Panel(f"{each.name}-{key}", each.words, says, f"{each.words} over {key}.", picture)
+                yield Panel(f"{each.name}-{key}", each.words, says, f"{each.words} over {key}.", scattered)
             continue
         counts = [
             dim for dim, changes in zip(definition.dims, each.changes, strict=True) if changes or values.size == 1
