@@ -54,8 +54,8 @@ def test_edges_of_a_reflector_tilted_about_any_axis(axis):
     """Set-up: reflector 100 x 60 mm turned by 0.8 rad about an axis, 0.25 m away, in a beam from 2 mm to 40 mm.
 
     Formula: the share of 400 000 Gaussian rays, straight from their homologous points, that land on it, found by the
-    reflector's own coordinates. All quadrature rays land on it, and nearly reach its edges. Error: Monte Carlo, 0.003. Without the turn of the edges
-    it would be off by 0.03 or more.
+    reflector's own coordinates. All quadrature rays land on it, and nearly reach its edges. Error: Monte Carlo, 0.003.
+    Without the turn of the edges it would be off by 0.03 or more.
     """
     setting = scene(
         target__tilt=0.8,
