@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from aerokernels.pages.figures import (
+from aerokernels.display.figures import (
     LEAST_DECADE,
     Axis,
     Line,
@@ -17,7 +17,7 @@ from aerokernels.pages.figures import (
     packed,
     plain,
 )
-from aerokernels.pages.page import Bar, Panel
+from aerokernels.jobs.pages.page import Bar, Panel
 
 if TYPE_CHECKING:
     import xarray

@@ -11,10 +11,10 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Protocol
 
 from aerokernels import __version__
+from aerokernels.display.figures import color_tables
 from aerokernels.display.plain_text import plain
 from aerokernels.display.quantities import Quantity
 from aerokernels.display.shown import told
-from aerokernels.pages.figures import color_tables
 from aerokernels.process.foreign_files import fault_text
 from aerokernels.process.opened import OPENED
 
@@ -250,7 +250,7 @@ def _template() -> "tuple[jinja2.Template, dict[str, Any]]":
     from markupsafe import Markup
 
     environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("aerokernels.pages"),
+        loader=jinja2.PackageLoader("aerokernels.jobs.pages"),
         autoescape=True,
         trim_blocks=True,
         lstrip_blocks=True,

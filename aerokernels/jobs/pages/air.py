@@ -6,13 +6,19 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from aerokernels.display.figures import Axis, Line, Lines, color_bar, color_map, data_url, figure_of, packed, plain
 from aerokernels.display.shown import is_flat
-from aerokernels.jobs.plots import density_limits
-from aerokernels.pages.figures import Axis, Line, Lines, color_bar, color_map, data_url, figure_of, packed, plain
-from aerokernels.pages.page import Panel
+from aerokernels.jobs.pages.page import Panel
 
 if TYPE_CHECKING:
     import xarray
+
+
+def density_limits(density: np.ndarray) -> tuple[float, float]:
+    """Return the ends of a density's color scale; those of uniform air are far from its value."""
+    low, high = float(np.nanmin(density)), float(np.nanmax(density))
+    return (0.9 * low, 1.1 * high) if is_flat(density) else (low, high)
+
 
 RASTER = 220  # pixels along a side of a flow without a structured mesh, as the page's script holds it
 

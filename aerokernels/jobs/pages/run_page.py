@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from aerokernels.display.figures import Axis, Line, Lines
 from aerokernels.display.quantities import CAUSES, REMEDIES, TOTAL, WORTHLESS, Quantity, two_digits
 from aerokernels.display.shown import is_flat
 from aerokernels.jobs.numbers import NUMBERS, quantity_of
+from aerokernels.jobs.pages.air import Air
+from aerokernels.jobs.pages.front import GROUPS, Front
+from aerokernels.jobs.pages.page import Answer, Bar, Page, Panel, Row, flat, shown
 from aerokernels.jobs.store import number_or_nan
-from aerokernels.pages.air import Air
-from aerokernels.pages.figures import Axis, Line, Lines
-from aerokernels.pages.front import GROUPS, Front
-from aerokernels.pages.page import Answer, Bar, Page, Panel, Row, flat, shown
 from aerokernels.zernike import zernike_modes
 
 if TYPE_CHECKING:

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from aerokernels.display.figures import SHADES, Axis, Line, Lines, Raster
 from aerokernels.display.quantities import Quantity
 from aerokernels.display.shown import is_flat
 from aerokernels.jobs.numbers import NUMBERS, Number
+from aerokernels.jobs.pages.page import Answer, Page, Panel
 from aerokernels.jobs.sweeps.definition import CASE, Definition
-from aerokernels.pages.figures import SHADES, Axis, Line, Lines, Raster
-from aerokernels.pages.page import Answer, Page, Panel
 
 if TYPE_CHECKING:
     import xarray

@@ -1,15 +1,13 @@
-"""Pictures of a report: each is described once, and shown by the page's script or, on paper, as a static figure."""
+"""Pictures: each is described once, and shown by a report's script or, on paper and in notebooks, as a static figure."""
 
 import base64
 import io
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-
-from aerokernels.jobs.figure_layout import house_style
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -44,6 +42,8 @@ STYLE = {
     "svg.fonttype": "none",
     "svg.hashsalt": "aerokernels",
 }
+# Matplotlib's parameters that are no matter of drawing.
+NOT_DRAWN = "backend", "interactive", "toolbar", "timezone", "webagg"
 WIDTH = 3.8  # of a static figure [in], half a page of paper
 DPI = 150
 RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -332,6 +332,20 @@ class Raster:
                 marks = np.arange(np.ceil(low), high + 0.5)
                 bar.set_ticks(list(marks), labels=[_power_of_ten(10.0**mark) for mark in marks])
             return data_url(figure, "png")
+
+
+@contextmanager
+def house_style(style: Mapping[str, Any] | None = None) -> Iterator[None]:
+    """Draw the block in Matplotlib's own defaults and `style`, whatever a user's matplotlibrc says.
+
+    One with `text.usetex` needs LaTeX, which reads "%", "#" and "_" in a name as commands. Nor is a text read as a
+    formula: labels and names of files may hold "$".
+    """
+    from matplotlib import rc_context, rcParamsDefault
+
+    own = {name: value for name, value in rcParamsDefault.items() if not name.startswith(NOT_DRAWN)}
+    with rc_context({**own, "text.parse_math": False, **(style or {})}):
+        yield
 
 
 @contextmanager

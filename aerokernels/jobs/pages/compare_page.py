@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from aerokernels.display.figures import SHADES, Axis, Line, Lines
 from aerokernels.display.quantities import Quantity
+from aerokernels.jobs.pages.page import Answer, Page, Panel
 from aerokernels.jobs.recorded import label_text
-from aerokernels.pages.figures import SHADES, Axis, Line, Lines
-from aerokernels.pages.page import Answer, Page, Panel
 
 if TYPE_CHECKING:
     from aerokernels.jobs.comparison import BenchComparison, LabelComparison

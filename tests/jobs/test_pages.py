@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 import aerokernels
+from aerokernels.display.figures import Axis, Line, Lines, Raster, packed
 from aerokernels.display.quantities import Quantity
-from aerokernels.pages.figures import Axis, Line, Lines, Raster, packed
-from aerokernels.pages.page import Answer, Bar, Page, Panel
+from aerokernels.jobs.pages.page import Answer, Bar, Page, Panel
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 browser = pytest.mark.skipif(CHROMIUM is None, reason="no chromium: the script of reports is not tested")

@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from aerokernels.display.figures import Axis, Line, Lines, Raster
 from aerokernels.display.quantities import Quantity
 from aerokernels.display.shown import is_flat
 from aerokernels.jobs.numbers import SERIES_NUMBERS, quantity_of
-from aerokernels.pages.figures import Axis, Line, Lines, Raster
-from aerokernels.pages.page import Answer, Page, Panel, Row, flat, shown
+from aerokernels.jobs.pages.page import Answer, Page, Panel, Row, flat, shown
 
 if TYPE_CHECKING:
     import xarray
