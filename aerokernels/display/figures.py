@@ -1,4 +1,4 @@
-"""Pictures: each is described once, and shown by a report's script or, on paper and in notebooks, as a static figure."""
+"""Pictures: each is described once, and shown by a report's script, or on paper and in notebooks as a figure."""
 
 import base64
 import io

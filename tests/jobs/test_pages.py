@@ -81,7 +81,8 @@ def test_every_plot_of_a_run_is_drawn_and_terms_can_be_removed(run: Path):
     told = "document.title = JSON.stringify(TOLD)"
     script = (
         "const w = report.wavefront, first = {rms: w.state.rms, peak: w.state.psf[80 * 161 + 80]};"
-        "for (const b of document.querySelectorAll('[data-term]')) b.checked = ['tilt', 'focus'].includes(b.dataset.term);"
+        "for (const b of document.querySelectorAll('[data-term]'))"
+        " b.checked = ['tilt', 'focus'].includes(b.dataset.term);"
         "w.refresh();"
         + told.replace(
             "TOLD",
