@@ -7,7 +7,6 @@ of second order in the step. Layers are sampled once: half as many steps cost on
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
 from importlib import import_module
 from typing import Any
 
@@ -56,7 +55,7 @@ def split_step(
         tolerance: Requested error of the amplitude due to the steps, rms over the rms amplitude.
         step_count: Number of steps; None takes as many as the tolerance needs.
         paraxial: Whether to use the paraxial equation for free space.
-        device: "cpu" (None) by SciPy, or "gpu" by CuPy or PyTorch, whichever is installed.
+        device: "cpu" (None) by SciPy, or "gpu" by PyTorch.
         precision: "float64" or "float32" for the transforms. In both cases the plane wave's phase is removed and the
             phase of a step is computed in float64.
 
@@ -96,26 +95,21 @@ def split_step(
             sampled = mean_layers(field, wave, begin, end, count)
         warn_of_wrapping(wave.amplitude, wave.pixel, wave.wavelength, end, wave.ambient_index)
         with stage("upload"):
-            layers = library.array(sampled[0])
-            opaque = None if sampled[1] is None else library.array(sampled[1])
+            layers = Layers.of(*sampled, end - begin, paraxial, PRECISIONS[precision], library)
         with stage("kernel"):
             start = propagated(wave, begin, paraxial)
-            propagate = partial(
-                through_layers, length=end - begin, paraxial=paraxial, library=library, precision=precision
-            )
-            size = float(np.linalg.norm(start.amplitude))
-            found, coarse, steps, error = _refined(
-                partial(propagate, start, layers, opaque), size, len(layers), tolerance, step_count
-            )
+            found, coarse, steps, error = _refined(layers, start, tolerance, step_count)
             sparse = every_second_pixel(light, wave, window)
             strehl_error, path = float("nan"), sampled[0].sum(axis=0)
             if coarse is not None and sparse is not None:
                 rough = propagated(sparse, begin, paraxial)
-                kept = every_second(wave.amplitude.shape)
-                behind = propagate(rough, layers[:, *kept], None if opaque is None else opaque[:, *kept], steps)
                 fine, fewer, larger = (
                     replace(one, amplitude=amplitude).strehl()
-                    for one, amplitude in ((start, found), (start, coarse), (rough, behind))
+                    for one, amplitude in (
+                        (start, found),
+                        (start, coarse),
+                        (rough, layers.every_second().through(rough, steps)),
+                    )
                 )
                 # The error due to the steps is estimated as in `_refined`. The order in the pixels is not known at an
                 # edge: the whole difference counts. It may vanish by chance.
@@ -169,24 +163,22 @@ def every_second_pixel(light: Pupil | Wave, wave: Wave, window: float) -> Wave |
 
 
 def _refined(
-    propagate: Callable[[int], np.ndarray], size: float, most: int, tolerance: float, step_count: int | None
+    layers: "Layers", start: Wave, tolerance: float, step_count: int | None
 ) -> tuple[np.ndarray, np.ndarray | None, int, float]:
     """Double the steps until the error is within the tolerance, or there is one per layer.
 
     Return the amplitude, that of half as many steps (None if their number is odd), the number of steps, and the error.
     """
-    if step_count is not None:
-        found = propagate(step_count)
-        if step_count % 2:
-            return found, None, step_count, float("nan")
-        coarse = propagate(step_count // 2)
-        return found, coarse, step_count, float(np.linalg.norm(found - coarse)) / _gain(step_count) / size
-    steps = FEWEST_STEPS
-    coarse, fine = propagate(steps // 2), propagate(steps)
-    while (error := float(np.linalg.norm(fine - coarse)) / _gain(steps) / size) > tolerance and steps < most:
+    steps = step_count or FEWEST_STEPS
+    coarse = None if steps % 2 else layers.through(start, steps // 2)
+    fine = layers.through(start, steps)
+    while coarse is not None:
+        error = float(np.linalg.norm(fine - coarse)) / _gain(steps) / float(np.linalg.norm(start.amplitude))
+        if step_count is not None or not error > tolerance or steps >= len(layers.paths):
+            return fine, coarse, steps, error
         steps *= 2
-        coarse, fine = fine, propagate(steps)
-    return fine, coarse, steps, error
+        coarse, fine = fine, layers.through(start, steps)
+    return fine, None, steps, float("nan")
 
 
 def _gain(steps: int) -> float:
@@ -221,25 +213,16 @@ def _changes(light: Wave, path: np.ndarray, other: np.ndarray) -> tuple[float, f
 
 @dataclass(frozen=True)
 class ArrayLibrary:
-    """NumPy, CuPy or PyTorch: layers are copied to the device once, and every step stays there."""
+    """NumPy with SciPy's transforms, or PyTorch on a device."""
 
-    module: Any  # the library
-    fft: Any  # its module of Fourier transforms; SciPy's for NumPy
+    module: Any
+    fft: Any
     array: Callable[[np.ndarray], Any]  # converts a NumPy array to the library's array
-    numpy: Callable[[Any], np.ndarray]  # converts the library's array to a NumPy array
-
-    def phase_factor(self, layers: Any, wave_number: float, kind: type) -> Any:
-        """Return exp(i k p) of the sum p of layers (count, rows, columns) [m] for a wave number k [1/m]."""
-        own, single = self.module, kind is np.complex64
-        phase = wave_number * layers.sum(0, dtype=own.float64)
-        # In single precision sine and cosine are ten times as fast, once whole turns are removed in double precision.
-        phase -= 2.0 * np.pi * own.round(phase / (2.0 * np.pi))
-        phase = own.asarray(phase, dtype=own.float32 if single else own.float64)
-        return own.cos(phase) + own.asarray(1j, dtype=own.complex64 if single else own.complex128) * own.sin(phase)
+    numpy: Callable[[Any], np.ndarray]
 
 
 def fourier_library(device: str | None = None) -> ArrayLibrary:
-    """Return the library for a device: SciPy for "cpu" (None), CuPy or PyTorch for "gpu", whichever is installed."""
+    """Return SciPy for "cpu" (None), and PyTorch for "gpu", if it is installed and finds one."""
     if device not in (None, "cpu", "gpu"):
         raise ValueError(f"device {device!r} is not known: choose one of cpu, gpu")
     if device != "gpu":
@@ -247,18 +230,12 @@ def fourier_library(device: str | None = None) -> ArrayLibrary:
 
         return ArrayLibrary(np, fft, np.asarray, np.asarray)
     try:
-        cupy: Any = import_module("cupy")
-        if cupy.cuda.runtime.getDeviceCount() > 0:
-            return ArrayLibrary(cupy, cupy.fft, cupy.asarray, cupy.asnumpy)
-    except Exception:  # not installed, or no driver: each version raises its own error
-        pass
-    try:
         torch: Any = import_module("torch")
         if torch.cuda.is_available():
             return torch_library(torch, "cuda")
-    except Exception:
+    except Exception:  # not installed, or no driver: each version raises its own error
         pass
-    raise ValueError("device 'gpu': install CuPy (cupy-cuda12x) or PyTorch for your GPU, or take device='cpu'")
+    raise ValueError("device 'gpu': install PyTorch for your GPU, or take device='cpu'")
 
 
 def torch_library(torch: Any, device: str) -> ArrayLibrary:
@@ -271,34 +248,56 @@ def torch_library(torch: Any, device: str) -> ArrayLibrary:
     )
 
 
-def through_layers(
-    wave: Wave,
-    layers: Any,
-    opaque: Any,
-    steps: int,
-    *,
-    length: float,
-    paraxial: bool,
-    library: ArrayLibrary,
-    precision: str,
-) -> np.ndarray:
-    """Return the amplitude after all layers in so many steps; adjacent half steps of free space are merged.
+@dataclass(frozen=True, eq=False)
+class Layers:
+    """Layers of a field with free space between them, copied to a device once: every step stays there."""
 
-    Light ends where `opaque`, of the shape of the layers, is true. Both are the library's arrays.
-    """
-    kind, wave_number = PRECISIONS[precision], 2.0 * np.pi / wave.wavelength
-    step = length / steps
-    each = len(layers) // steps
-    exponent = transfer_exponent(wave.amplitude.shape, wave.pixel, wave.wavelength, wave.ambient_index, paraxial)
-    half, whole = (library.array(np.exp(part * step * exponent).astype(kind)) for part in (0.5, 1.0))
-    spectrum = library.fft.fft2(library.array(wave.amplitude.astype(kind)))
-    spectrum *= half
-    for number in range(steps):
-        part = slice(number * each, (number + 1) * each)
-        amplitude = library.fft.ifft2(spectrum)
-        amplitude *= library.phase_factor(layers[part], wave_number, kind)
-        if opaque is not None:
-            amplitude[opaque[part].any(0)] = 0.0
-        spectrum = library.fft.fft2(amplitude)
-        spectrum *= half if number == steps - 1 else whole
-    return library.numpy(library.fft.ifft2(spectrum)).astype(np.complex128)
+    paths: Any  # optical paths [m], shape (count, rows, columns)
+    opaque: Any  # where light ends, of the same shape; None for nowhere
+    length: float  # of all layers [m]
+    paraxial: bool
+    kind: type  # of the amplitude, complex128 or complex64
+    library: ArrayLibrary
+
+    @classmethod
+    def of(
+        cls, paths: np.ndarray, opaque: np.ndarray | None, length: float, paraxial: bool, kind: type, library=None
+    ) -> "Layers":
+        """Copy sampled layers to the device of a library; None for SciPy."""
+        library = library or fourier_library()
+        dark = None if opaque is None else library.array(opaque)
+        return cls(library.array(paths), dark, length, paraxial, kind, library)
+
+    def every_second(self) -> "Layers":
+        """Return the layers at every second pixel."""
+        kept = every_second(self.paths.shape[1:])
+        opaque = None if self.opaque is None else self.opaque[:, *kept]
+        return replace(self, paths=self.paths[:, *kept], opaque=opaque)
+
+    def through(self, wave: Wave, steps: int) -> np.ndarray:
+        """Return the amplitude after all layers in so many steps; adjacent half steps of free space are merged."""
+        library, kind = self.library, self.kind
+        step, each = self.length / steps, len(self.paths) // steps
+        shape = wave.amplitude.shape
+        exponent = transfer_exponent(shape, wave.pixel, wave.wavelength, wave.ambient_index, self.paraxial)
+        half, whole = (library.array(np.exp(part * step * exponent).astype(kind)) for part in (0.5, 1.0))
+        spectrum = library.fft.fft2(library.array(wave.amplitude.astype(kind)))
+        spectrum *= half
+        for number in range(steps):
+            part = slice(number * each, (number + 1) * each)
+            amplitude = library.fft.ifft2(spectrum)
+            amplitude *= self._phase_factor(part, 2.0 * np.pi / wave.wavelength)
+            if self.opaque is not None:
+                amplitude[self.opaque[part].any(0)] = 0.0
+            spectrum = library.fft.fft2(amplitude)
+            spectrum *= half if number == steps - 1 else whole
+        return library.numpy(library.fft.ifft2(spectrum)).astype(np.complex128)
+
+    def _phase_factor(self, part: slice, wave_number: float) -> Any:
+        """Return exp(i k p) of the summed path p of some layers for a wave number k [1/m]."""
+        own, single = self.library.module, self.kind is np.complex64
+        phase = wave_number * self.paths[part].sum(0, dtype=own.float64)
+        # In single precision sine and cosine are ten times as fast, once whole turns are removed in double precision.
+        phase -= 2.0 * np.pi * own.round(phase / (2.0 * np.pi))
+        phase = own.asarray(phase, dtype=own.float32 if single else own.float64)
+        return own.cos(phase) + own.asarray(1j, dtype=own.complex64 if single else own.complex128) * own.sin(phase)
