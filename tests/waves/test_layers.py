@@ -8,8 +8,8 @@ import pytest
 
 from aerokernels import Body, Disc, IndexField, Wave, split_step, wavefront
 from aerokernels.waves import angular_spectrum
-from aerokernels.waves.validity import bending
 from aerokernels.waves.layers import mean_layers, path_range, sample_layers
+from aerokernels.waves.validity import bending
 from tests.moved_air import PITCH, lumps
 from tests.random_fields import mesh_field, uniform_field
 
