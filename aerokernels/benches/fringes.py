@@ -6,8 +6,7 @@ Reference: W. Merzkirch, Flow Visualization, 2nd ed. (Academic Press, 1987), sec
 """
 
 import math
-from dataclasses import dataclass, replace
-from functools import partial
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,10 +15,10 @@ from ..display.shown import shown
 from ..inputs.arguments import checked
 from ..inputs.checks import warn_caller
 from ..medium import IndexField
-from .bench import Bench, SourceLight
+from .bench import Bench, light_of_source
 from .line_of_sight import LineOfSight, check_exposure, check_turn, line_of_sight
 from .picture import TracedPicture
-from .picture_error import SomeLight, error_of
+from .picture_error import SomeLight, shared_attributes
 
 if TYPE_CHECKING:
     import xarray
@@ -97,17 +96,8 @@ def interferogram(
     check_exposure(exposure)
     if bench is None:
         return _picture(line_of_sight(field, **options), fringes, exposure)
-    points, shares = bench.points()
-    traced = SourceLight(field, points, bench.focus, options)
-    light = exposure * sum(share * fringes.light(one) for share, one in zip(shares, traced, strict=True))
-    assert traced.middle is not None
-    brightness = np.clip(light, 0.0, 1.0)
-    return replace(
-        _picture(traced.middle, fringes, exposure, brightness, is_same=len(points) == 1),
-        # Light above white included: a sensor may not be saturated by it.
-        intensity=brightness if bench.sensor is None else bench.sensor.expose(light, bench.seed),
-        known=traced.known,
-    )
+    light, middle, known = light_of_source(field, bench, 0.0, lambda traced, point: fringes.light(traced), options)
+    return _picture(middle, fringes, exposure, light, bench=bench, known=known, is_same=len(bench.points()[1]) == 1)
 
 
 @checked
@@ -151,6 +141,10 @@ class Fringes:
         """Return the light of traced rays, a mean over each pixel, shape (ny, nx)."""
         return traced.pixel_mean(np.where(traced.through, self.of_rays(traced), 0.0))
 
+    def light_of(self, some: SomeLight) -> np.ndarray:
+        """Return the light of some pixels, shape (pixels,)."""
+        return np.asarray(self.of_rays(some).mean(axis=1))
+
     def of_rays(self, traced: LineOfSight | SomeLight) -> np.ndarray:
         """Return the light of each ray, of the shape of `waves`; errors as there."""
         return np.asarray(0.5 * (1.0 + self.visibility * np.cos(2.0 * np.pi * self.waves(traced))))
@@ -173,34 +167,20 @@ class Fringes:
 
 
 def _picture(
-    traced: LineOfSight,
-    fringes: Fringes,
-    exposure: float,
-    brightness: np.ndarray | None = None,
-    is_same: bool = True,
+    traced: LineOfSight, fringes: Fringes, exposure: float, light: np.ndarray | None = None, **shared: Any
 ) -> Interferogram:
-    """Return the picture of traced light; `brightness` is that of a bench, and `is_same` as in `error_of`."""
-    if brightness is None:
-        brightness = np.clip(exposure * fringes.light(traced), 0.0, 1.0)
+    """Return the picture of traced light, or of a bench's `light`."""
+    light = fringes.light(traced) if light is None else light
     _warn_of_narrow(traced, fringes)
-    of_pixels = partial(_of_pixels, fringes=fringes, exposure=exposure)
     return Interferogram(
-        intensity=brightness,
         opd=traced.pixel_mean(traced.opd),
-        **traced.frame,
         wavelength=traced.wavelength,
         fringe_spacing=None if fringes.spacing is None else float(fringes.spacing),
         fringe_angle=float(fringes.angle),
         phase=float(fringes.phase),
         visibility=float(fringes.visibility),
-        exposure=float(exposure),
-        measure_error=error_of(brightness, traced, of_pixels, is_same=is_same),
+        **shared_attributes(fringes, traced, light, exposure, **shared),
     )
-
-
-def _of_pixels(some: SomeLight, fringes: Fringes, exposure: float) -> np.ndarray:
-    """Return the brightness of some pixels."""
-    return np.clip(exposure * fringes.of_rays(some).mean(axis=1), 0.0, 1.0)
 
 
 def _warn_of_narrow(traced: LineOfSight, fringes: Fringes) -> None:

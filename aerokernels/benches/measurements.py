@@ -87,6 +87,8 @@ def measure_shock_angle(
         raise ValueError(f"degree = {degree!r}: give 1 (straight) or 2 (curved)")
     if (near is None) != (reach is None):
         raise ValueError("near and reach belong together: give both, or neither for the outermost shock")
+    if reach is not None and not (np.isfinite(reach) and reach > 0.0):
+        raise ValueError(f"reach = {reach!r}: give a positive length in metres")
     columns = columns_in(picture, window)
 
     seen = Picture(_without_body(picture), picture.horizontal, picture.vertical)
@@ -164,10 +166,10 @@ def _in_half(
     height = np.abs(picture.vertical[inwards] - axis)  # decreases from a line's start to its end
     pitch = float(height[0] - height[1])
     along = picture.horizontal[columns]
-    if near is None:
+    if near is None or reach is None:
         places = outer_fronts(lines, level)
     else:
-        places = inner_bands(lines, (height[0] - _line_through(near, along)) / pitch, _checked_reach(reach) / pitch)
+        places = inner_bands(lines, (height[0] - _line_through(near, along)) / pitch, reach / pitch)
     middle, found = 0.5 * (along[0] + along[-1]), height[0] - pitch * places
     curve, covariance, used = fit_curve(along - middle, found, degree, 0.5 * pitch)
     rest = found[used] - np.vander(along[used] - middle, degree + 1, increasing=True) @ curve
@@ -209,12 +211,6 @@ def _line_through(points, along: np.ndarray) -> np.ndarray:
         )
     slope = (ends[1, 1] - ends[0, 1]) / (ends[1, 0] - ends[0, 0])
     return ends[0, 1] + slope * (along - ends[0, 0])
-
-
-def _checked_reach(reach: float | None) -> float:
-    if reach is None or not (np.isfinite(reach) and reach > 0.0):
-        raise ValueError(f"reach = {reach!r}: give a positive length in metres")
-    return float(reach)
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     import xarray
 
 
+@dataclass(frozen=True, eq=False, repr=False)
 class PictureView:
     """A picture with its scale.
 
@@ -41,9 +42,6 @@ class TracedPicture(PictureView):
     """A picture made of traced light, rows from the lowest up.
 
     Attributes:
-        intensity: brightness, 1 for white; shape (ny, nx).
-        horizontal: pixel centres along `right` [m], shape (nx,); z where the view is along x.
-        vertical: pixel centres along `up` [m], shape (ny,); y where the view is along x.
         blocked: pixels that the body hides, without deflection, shape (ny, nx).
         right: direction of the picture's horizontal axis, shape (3,).
         up: direction of its vertical axis, shape (3,).
@@ -52,9 +50,6 @@ class TracedPicture(PictureView):
         measure_error: function of the brightness without sensor noise that returns its error; `error` calls it.
     """
 
-    intensity: np.ndarray
-    horizontal: np.ndarray
-    vertical: np.ndarray
     blocked: np.ndarray
     right: np.ndarray
     up: np.ndarray
@@ -84,20 +79,11 @@ class TracedPicture(PictureView):
 @checked
 @dataclass(frozen=True, eq=False, repr=False)
 class Picture(PictureView):
-    """A picture with its scale.
-
-    Attributes:
-        intensity: brightness, 0 black to 1 white, rows from the lowest up, shape (ny, nx).
-        horizontal: pixel centres along the horizontal [m], even and increasing, shape (nx,).
-        vertical: pixel centres along the vertical [m], even and increasing, shape (ny,).
+    """A picture with its scale, such as a photograph.
 
     Raises:
         ValueError: shapes disagree, numbers are not finite, or centres do not increase evenly.
     """
-
-    intensity: np.ndarray
-    horizontal: np.ndarray
-    vertical: np.ndarray
 
     def __post_init__(self) -> None:
         """Check the values."""
@@ -148,10 +134,7 @@ class HalfComparison(PictureView):
     """Upper half simulated, lower half measured.
 
     Attributes:
-        intensity: the two halves on the simulation's pixels, rows from the lowest up, shape (ny, nx); mid-grey where
-            the measured picture does not reach.
-        horizontal: pixel centres along the horizontal [m], shape (nx,).
-        vertical: pixel centres along the vertical [m], shape (ny,).
+        intensity: the two halves on the simulation's pixels, mid-grey where the measured picture does not reach.
         simulated: the simulated picture's lower half on the common pixels, shape (m,).
         measured: the measured brightness there, scaled to the simulation's, shape (m,).
         correlation: Pearson's r of the two, over the common pixels of the lower half.
@@ -160,9 +143,6 @@ class HalfComparison(PictureView):
         covered: share of the lower half that the measured picture covers.
     """
 
-    intensity: np.ndarray
-    horizontal: np.ndarray
-    vertical: np.ndarray
     simulated: np.ndarray
     measured: np.ndarray
     correlation: float
@@ -172,17 +152,8 @@ class HalfComparison(PictureView):
 
     def to_xarray(self) -> "xarray.Dataset":
         """Return the picture as a dataset with units."""
-        return picture_dataset(
-            self,
-            {},
-            {
-                "kind": "upper half simulated, lower half measured",
-                "correlation": self.correlation,
-                "gain": self.gain,
-                "offset": self.offset,
-                "covered": self.covered,
-            },
-        )
+        numbers = {name: getattr(self, name) for name in ("correlation", "gain", "offset", "covered")}
+        return picture_dataset(self, {}, {"kind": "upper half simulated, lower half measured", **numbers})
 
 
 @checked

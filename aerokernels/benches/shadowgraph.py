@@ -5,8 +5,7 @@ which they map that square: light is conserved, also where rays have crossed. Di
 Settles, Schlieren and Shadowgraph Techniques (Springer, 2001), chapter 6.
 """
 
-from dataclasses import dataclass, replace
-from functools import partial
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,7 +18,7 @@ from ..tracing.pupil.air import GREATEST_SHARE
 from .bench import Bench, blurred, check_source
 from .line_of_sight import LineOfSight, check_exposure, line_of_sight
 from .picture import TracedPicture
-from .picture_error import SPREAD, SomeLight, error_of, light_on_squares
+from .picture_error import SPREAD, SomeLight, light_on_squares, shared_attributes
 from .window import Window, ray_lines
 
 if TYPE_CHECKING:
@@ -89,10 +88,7 @@ def shadowgraph(
         if source_angle:
             raise ValueError(f"source_angle = {source_angle}: the bench's source gives it; leave it out")
         screen = Screen(distance, bench.angle, bench.source)
-    found = _picture(line_of_sight(field, **options), screen, exposure)
-    if bench is None or bench.sensor is None:
-        return found
-    return replace(found, intensity=bench.sensor.expose(exposure * found.irradiance, bench.seed))
+    return _picture(line_of_sight(field, **options), screen, exposure, bench)
 
 
 @checked
@@ -140,31 +136,27 @@ class Screen:
         sharp, width = spread(traced, self.landing(traced), share), self.distance * self.source_angle
         return blurred(sharp, self.source, width, traced.window.pitch) if self.source_angle > 0.0 else sharp
 
+    def light_of(self, some: SomeLight) -> np.ndarray:
+        """Return the light of some pixels, shape (pixels,)."""
+        return light_on_squares(some, self.landing(some))
 
-def _picture(traced: LineOfSight, screen: Screen, exposure: float) -> Shadowgraph:
+
+def _picture(traced: LineOfSight, screen: Screen, exposure: float, bench: Bench | None = None) -> Shadowgraph:
     if min(traced.through.shape) < 2:
         raise ValueError(f"a shadowgraph needs at least 2 x 2 rays, got {traced.through.shape}: raise pixel_count")
     irradiance, known = screen.light(traced), traced.known
-    brightness = np.clip(exposure * irradiance, 0.0, 1.0)
     if traced.doubtful is not None and traced.doubtful.any():
         known = known & (screen.light(traced, traced.doubtful.astype(np.float64)) <= GREATEST_SHARE)
-    of_pixels = partial(_of_pixels, screen=screen, exposure=exposure)
     square = max(*traced.window.pitch, abs(screen.distance) * screen.source_angle)
     return Shadowgraph(
-        intensity=brightness,
         irradiance=irradiance,
-        **{**traced.frame, "known": known},
         distance=float(screen.distance),
         source_angle=float(screen.source_angle),
-        exposure=float(exposure),
         source=screen.source,
-        measure_error=error_of(brightness, traced, of_pixels, square=square, curved=SPREAD),
+        **shared_attributes(
+            screen, traced, irradiance, exposure, bench=bench, known=known, square=square, curved=SPREAD
+        ),
     )
-
-
-def _of_pixels(some: SomeLight, screen: Screen, exposure: float) -> np.ndarray:
-    """Return the brightness of some pixels."""
-    return np.clip(exposure * light_on_squares(some, screen.landing(some)), 0.0, 1.0)
 
 
 def spread(traced: LineOfSight, shift: np.ndarray, share: np.ndarray | None = None) -> np.ndarray:
