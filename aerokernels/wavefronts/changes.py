@@ -39,7 +39,7 @@ class Changes:
         """Return the wavefront with the OPD changed as that of the places, without the terms removed from it."""
         opd = np.array(wave.opd)
         opd[wave.lit] += (rays.opd - self.found.base.opd)[self.nearest]
-        return removed_again(replace(wave, opd=opd))
+        return without_named(replace(wave, opd=opd), wave.removed)
 
 
 def changes_of(wave: Any) -> Changes | None:
@@ -171,17 +171,18 @@ def finer(wave: Any) -> Any:
     found = np.stack(parts).reshape(PARTS, PARTS, *lit.shape).transpose(2, 0, 3, 1).reshape(_repeated(lit).shape)
     weight, intensity = _divided(wave, wave.weight, 1), _divided(wave, wave.intensity, 2)
     intensity = np.maximum(intensity, weight**2)
-    return removed_again(replace(wave, opd=found, weight=weight, intensity=intensity, pixel=wave.pixel / PARTS))
+    fine = replace(wave, opd=found, weight=weight, intensity=intensity, pixel=wave.pixel / PARTS)
+    return without_named(fine, wave.removed)
 
 
-def removed_again(wave: Any) -> Any:
-    """Return a wavefront with the terms fitted and removed again that were removed from it."""
-    if not wave.removed:
+def without_named(wave: Any, names: tuple[str, ...]) -> Any:
+    """Return a wavefront without terms of `remove_terms` and Zernike polynomials "Z4", ..., fitted to its samples."""
+    if not names:
         return wave
     opd = np.full(wave.opd.shape, np.nan)
     path, weight = wave.samples
-    opd[wave.lit] = remove_named(path, weight, wave.points, wave.removed, wave.radius)
-    return replace(wave, opd=opd)
+    opd[wave.lit] = remove_named(path, weight, wave.points, names, wave.radius)
+    return replace(wave, opd=opd, removed=tuple(dict.fromkeys((*wave.removed, *names))))
 
 
 def _divided(wave: Any, values: np.ndarray, power: int) -> np.ndarray:

@@ -14,15 +14,6 @@ from .point_spread import PointSpread, complex_amplitude, width_at_half
 from .transfer import autocorrelation, encircler, transfer_function
 
 
-def spot_width(wave: Any) -> tuple[float, float]:
-    """Return the full width at half maximum of the point spread function [rad] and its error by the image's sampling.
-
-    NaN if all windows are too narrow for it.
-    """
-    found = _spot(wave)
-    return found[2:] if found else (float("nan"), float("nan"))
-
-
 def _spot(wave: Any) -> tuple[np.ndarray, float, float, float] | None:
     """Return middle (y, x) and half width of a window about the spot, the spot's width and its error [rad].
 
@@ -69,7 +60,8 @@ def polychromatic_psf(
             )
         angle = reach / max(int(np.ceil(steps)), 1) * np.arange(-int(np.ceil(steps)), int(np.ceil(steps)) + 1)
     each = [wavefront.at_wavelength(float(length)).psf(angle) for length in lengths]
-    share = mixed_weights(lengths, shares)
+    share = shares / lengths**2
+    share /= share.sum()
     mean = np.tensordot(share, np.stack([one.intensity for one in each]), 1)
     errors = partial(spread_errors, wavefront.at_wavelength(shortest), each[0].angle, partial(_mixed, lengths, share))
     return PointSpread(mean, each[0].angle, errors)
@@ -78,12 +70,6 @@ def polychromatic_psf(
 def _mixed(wavelengths: np.ndarray, shares: np.ndarray, wave: Any, angle: np.ndarray) -> np.ndarray:
     each = [intensities(wave.at_wavelength(float(length)), angle) for length in wavelengths]
     return np.asarray(np.tensordot(shares, np.stack(each), 1))
-
-
-def mixed_weights(wavelengths: np.ndarray, shares: np.ndarray) -> np.ndarray:
-    """Return the weights of each wavelength's point spread function in their mean; they sum to 1."""
-    weight = shares / wavelengths**2
-    return np.asarray(weight / weight.sum())
 
 
 def intensities(wave: Any, angle: np.ndarray) -> np.ndarray:
@@ -151,19 +137,26 @@ def encircled_errors(wave: Any, angle: np.ndarray, center: np.ndarray | None) ->
     return np.minimum(of_map(wave, number), 1.0)
 
 
-def _width_error(wave: Any, middle: np.ndarray, half_width: float) -> float:
-    """Return the error of the full width at half maximum of a spot in a window [rad]."""
-    count = int(32.0 * half_width * len(wave.opd) * wave.pixel / wave.wavelength) | 1
-    angle = np.linspace(-half_width, half_width, count)
-    return float(of_map(wave, lambda one: width_at_half(angle, intensities(_turned(one, middle), angle))[0]))
+def fwhm(wave: Any) -> float:
+    """Full width at half maximum of the point spread function [rad]: see `PointSpread.fwhm`.
+
+    It counts all area above half of the peak, including spots apart from the one that holds the peak. NaN if all
+    windows are too narrow for it.
+    """
+    spot = _spot(wave)
+    return float("nan") if spot is None else spot[2]
 
 
 def image_quantities(wave: Any) -> dict[str, Quantity]:
-    """Return "centroid_x", "centroid_y" and "fwhm" [rad] of the image of a `Wavefront` with their errors."""
+    """Return "centroid_x", "centroid_y" and "fwhm" [rad] of the image with errors as in `quantities`."""
     (x, y), errors, spot = wave.centroid, of_map(wave, lambda one: one.centroid), _spot(wave)
-    width, error = (float("nan"), float("nan")) if spot is None else spot[2:]
+    width, error = float("nan"), float("nan")
     if spot is not None:
-        error = float(np.hypot(_width_error(wave, *spot[:2]), error))
+        middle, half_width, width, sampling = spot
+        count = int(32.0 * half_width * len(wave.opd) * wave.pixel / wave.wavelength) | 1
+        angle = np.linspace(-half_width, half_width, count)
+        changed = of_map(wave, lambda one: width_at_half(angle, intensities(_turned(one, middle), angle))[0])
+        error = float(np.hypot(float(changed), sampling))
     return {
         "centroid_x": Quantity(float(x), float(errors[0]), "rad"),
         "centroid_y": Quantity(float(y), float(errors[1]), "rad"),

@@ -17,11 +17,10 @@ from ..inputs.wavelength import check_wavelength
 from ..process.clock import clocked, stage
 from ..pupils import Projected, Pupil, seen_along
 from ..tracing.variants.causes import Variants
-from .changes import Changes, changes_of, of_extremes, of_opd, of_samples
+from .changes import Changes, changes_of, of_extremes, of_opd, of_samples, without_named
 from .exports import (
     SIGN_CONVENTION,
     from_xarray,
-    over_wavelengths,
     to_fits,
     to_hcipy,
     to_poppy,
@@ -31,17 +30,17 @@ from .exports import (
 )
 from .image import (
     encircled_errors,
+    fwhm,
     image_quantities,
     intensities,
     polychromatic_psf,
-    spot_width,
     spread_errors,
     transfer_errors,
 )
-from .modes import StructureFunction, centroid, fit_zernike, structure_function, zernike_errors, zernike_surface
+from .modes import centroid, structure_function, zernike, zernike_errors
 from .point_spread import PointSpread, point_spread_function
 from .scattered import from_scattered
-from .terms import check_metres, fit_tilt, mean_phasor, remove_terms, weighted_mean
+from .terms import check_metres, check_terms, fit_tilt, mean_phasor, weighted_mean
 from .transfer import EncircledEnergy, Transfer, encircler, transfer_function
 
 
@@ -240,10 +239,7 @@ class Wavefront:
         Raises:
             ValueError: An unknown term.
         """
-        opd, weight = self.samples
-        flat = np.full(self.opd.shape, np.nan)
-        flat[self.lit] = remove_terms(opd, terms, self.points, weight)
-        return replace(self, opd=flat, removed=tuple(dict.fromkeys((*self.removed, *terms))))
+        return without_named(self, check_terms(terms))
 
     def without_zernike(self, *indices: int) -> "Wavefront":
         """Return the wavefront without Zernike polynomials of these Noll indices, fitted with all up to the greatest.
@@ -254,12 +250,8 @@ class Wavefront:
         if not indices:
             return self
         indices = tuple(check_count(index, "a Noll index") for index in indices)
-        coefficients = self.zernike(max(indices))
-        kept = np.zeros(len(coefficients))
-        for index in indices:
-            kept[index - 1] = coefficients[index - 1]
-        names = (*self.removed, *(f"Z{index}" for index in indices))
-        return replace(self, opd=self.opd - zernike_surface(self, kept), removed=names)
+        self.zernike(max(indices))  # refuses more than the samples can distinguish
+        return without_named(self, tuple(f"Z{index}" for index in indices))
 
     def at_wavelength(self, wavelength: float) -> "Wavefront":
         """Return the same OPD at another wavelength [m].
@@ -291,30 +283,8 @@ class Wavefront:
         opd, weight = self.samples
         return np.asarray(fit_tilt(opd, self.points, weight).tilt)
 
-    @checked
-    def zernike(self, count: int) -> np.ndarray:
-        """Return the coefficients [m] of the first `count` Zernike polynomials, Noll's index 1 first, shape (count,).
-
-        The polynomials have rms 1 over the disc of `radius` (zernike.py) and are fitted together by weighted least
-        squares: on a pupil that is not a disc they are not orthogonal. `zernike_errors` gives the error of each
-        coefficient.
-
-        Raises:
-            ValueError: A count below 1, or more polynomials than the pupil's samples can distinguish.
-        """
-        return fit_zernike(self, check_count(count, "count"))
-
-    @checked
-    def zernike_errors(self, count: int) -> np.ndarray:
-        """Return the error of each Zernike coefficient [m], shape (count,).
-
-        Each is fitted again to maps that changed, and to finer pixels (changes.py). NaN if that is not
-        known; infinite if the pupil's samples cannot distinguish the polynomials.
-
-        Raises:
-            ValueError: A count below 1.
-        """
-        return zernike_errors(self, check_count(count, "count"))
+    zernike = zernike
+    zernike_errors = zernike_errors
 
     @checked
     def psf(
@@ -329,7 +299,7 @@ class Wavefront:
         """Return the point spread function over the peak of the perfect one; arguments as in `point_spread_function`.
 
         With `wavelengths` [m], shape (n,), it is the one of polychromatic light with this OPD at all wavelengths.
-        `weights` are the shares of the light at the wavelengths, equal if None: see `over_wavelengths`.
+        `weights` are the shares of the light at the wavelengths, equal if None.
         """
         if wavelengths is not None or weights is not None:
             return polychromatic_psf(self, wavelengths, weights, angle, half_width, padding)
@@ -373,22 +343,10 @@ class Wavefront:
         shares = encircler(self.otf().frequency, angle)(self.otf().value, point)
         return EncircledEnergy(angle, shares, point, errors)
 
-    @property
-    def centroid(self) -> np.ndarray:
-        """Centroid of the point spread function, along x and y [rad], shape (2,): the mean slope of the OPD."""
-        return centroid(self)
-
-    @cached_property
-    def fwhm(self) -> float:
-        """Full width at half maximum of the point spread function [rad]: see `PointSpread.fwhm`.
-
-        It counts all area above half of the peak, including spots apart from the one that holds the peak.
-        """
-        return spot_width(self)[0]
-
-    def structure_function(self) -> StructureFunction:
-        """Return the mean square OPD difference of pairs of points by their distance."""
-        return structure_function(self)
+    centroid = property(centroid)
+    fwhm = cached_property(fwhm)
+    structure_function = structure_function
+    image_quantities = image_quantities
 
     @cached_property
     def quantities(self) -> dict[str, Quantity]:
@@ -405,10 +363,6 @@ class Wavefront:
             "tilt_x": Quantity(float(tilt[0]), float(slopes[0]), "rad"),
             "tilt_y": Quantity(float(tilt[1]), float(slopes[1]), "rad"),
         }
-
-    def image_quantities(self) -> dict[str, Quantity]:
-        """Return "centroid_x", "centroid_y" and "fwhm" [rad] of the image with errors as in `quantities`."""
-        return image_quantities(self)
 
     def __repr__(self) -> str:
         """The quantities with their errors. Some rays are retraced for them when they are first read."""
@@ -430,7 +384,6 @@ class Wavefront:
         return cls(**from_xarray(dataset))
 
     to_xarray = to_xarray
-    over_wavelengths = over_wavelengths
     to_poppy = to_poppy
     to_hcipy = to_hcipy
     to_prysm = to_prysm
