@@ -8,13 +8,11 @@ import math
 
 import numpy as np
 
-from ..inputs.checks import warn_caller
 from ..medium import IndexField
 from ..medium.tensor_points import contrast_without_gradient
 from ..rays import RayBundle
 from ..tracing.cuts import lost, may_lose
 from ..tracing.lines import box_size, cell_along, cylinder_span, slab_span
-from ..tracing.pupil.air import GREATEST_SHARE, TruncationWarning
 from ..tracing.stop import ways_through
 from .instrument import FLDI
 
@@ -82,13 +80,6 @@ def beam_grid(field: IndexField, instrument: FLDI, ends: tuple[float, float], ra
     return np.stack([u, v], axis=1), light / light.sum(), half / half.sum()
 
 
-def layer_count(field: IndexField, instrument: FLDI, ends: tuple[float, float]) -> int:
-    """Return the number of layers along the beams that a field needs between the ends [m]."""
-    cell = float(cell_along(field, instrument.axis[None])[0])
-    wanted = LAYERS_PER_CELL[field.interpolation == "cubic"] * (ends[1] - ends[0]) / cell
-    return math.ceil(min(max(wanted, LEAST_LAYERS), MOST_LAYERS))
-
-
 def gathered(
     field: IndexField,
     instrument: FLDI,
@@ -97,7 +88,6 @@ def gathered(
     ends: tuple[float, float],
     *,
     coarser: int = 1,
-    layers: int | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the optical paths [m] of the rays of both beams, the one toward `direction` first, and which rays pass.
 
@@ -105,7 +95,9 @@ def gathered(
     light is in the box [m]. Two Gauss points are used in the part of each layer, `coarser` times as thick, that is in
     the box.
     """
-    count = math.ceil((layer_count(field, instrument, ends) if layers is None else layers) / coarser)
+    cell = float(cell_along(field, instrument.axis[None])[0])
+    wanted = LAYERS_PER_CELL[field.interpolation == "cubic"] * (ends[1] - ends[0]) / cell
+    count = math.ceil(math.ceil(min(max(wanted, LEAST_LAYERS), MOST_LAYERS)) / coarser)
     edges = np.linspace(*ends, count + 1)
     thickness = (ends[1] - ends[0]) / count
     path, passes = np.zeros((2, len(places))), np.ones((2, len(places)), dtype=bool)
@@ -176,31 +168,18 @@ def truncated_share(
     if ends is None:
         along, size = float(ways_through(field.box, focus, instrument.axis)[0]), box_size(field)
         ends = along - size, along + size
-    first, second = instrument.direction, instrument.normal
-    assert first is not None
     u, v = (axis.ravel() for axis in np.meshgrid(*(2 * [np.linspace(-reach, reach, 33)])))
-    light = np.exp(-2.0 * (u**2 + v**2)) * (u**2 + v**2 <= reach**2)
-    across = u[:, None] * first + v[:, None] * second
+    places, light = np.stack([u, v], axis=1), np.exp(-2.0 * (u**2 + v**2)) * (u**2 + v**2 <= reach**2)
     over = np.zeros((2, len(light)), dtype=bool)
     for beam, side in enumerate((0.5, -0.5)):
-        middle = focus + side * instrument.separation * first
         for end in ends:
-            # From the focus; from the middle of the range if the focus is this end.
-            begin = 0.0 if abs(end) > 1e-6 * (ends[1] - ends[0]) else 0.5 * (ends[0] + ends[1])
-            start = middle + begin * instrument.axis + float(instrument.radius(begin)) * across
             if end * (ends[0] + ends[1]) < 0.0 and ends[0] * ends[1] > 0.0:
                 continue  # the whole box is on the other side of the focus
-            way = middle + end * instrument.axis + float(instrument.radius(end)) * across - start
+            # From the focus; from the middle of the range if the focus is this end.
+            begin = 0.0 if abs(end) > 1e-6 * (ends[1] - ends[0]) else 0.5 * (ends[0] + ends[1])
+            distance = np.repeat([[begin], [end]], len(light), axis=1)
+            start, stop = ray_points(instrument, places, focus, side, distance)
+            way = stop - start
             rays = RayBundle(start, way / np.linalg.norm(way, axis=1)[:, None])
             over[beam] |= np.abs(lost(field, rays, None, tolerance=tolerance)) > tolerance
     return float(light @ over.mean(axis=0) / light.sum())
-
-
-def warn_of_truncation(share: float) -> None:
-    """Warn the caller of `fldi_response` if more than a thousandth of the light is truncated."""
-    if share > GREATEST_SHARE:
-        text = (
-            f"{100.0 * share:.3g} % of the light goes through disturbed air that was cut off the field, and is in no "
-            "error; give the field a larger region there, move the focus or turn the axis"
-        )
-        warn_caller(text, TruncationWarning)
