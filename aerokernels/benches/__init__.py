@@ -5,8 +5,7 @@ from .fringes import Interferogram, fringe_picture, interferogram
 from .knife_edge import SchlierenImage, knife_edge_picture, schlieren
 from .line_of_sight import LineOfSight, line_of_sight
 from .measurements import ShockAngle, StandOff, measure_shock_angle, measure_stand_off
-from .picture import HalfComparison, Picture, compare_halves
-from .picture_file import read_picture, write_picture
+from .picture import HalfComparison, Picture, compare_halves, read_picture, write_picture
 from .shadowgraph import Shadowgraph, shadow_picture, shadowgraph
 
 __all__ = [

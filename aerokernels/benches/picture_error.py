@@ -15,8 +15,7 @@ from ..tracing.some_pixels import SomePixels, total
 from ..tracing.variants.causes import FACTOR
 from ..tracing.variants.paths import Rays
 from .bench import Bench
-from .line_of_sight import LineOfSight, ParallelLight
-from .window import Window
+from .line_of_sight import LineOfSight, ParallelLight, Window
 
 # Most rays along a side of a pixel that are traced again.
 MOST_RAYS = 3

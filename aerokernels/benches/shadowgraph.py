@@ -16,10 +16,9 @@ from ..medium import IndexField
 from ..pupils import Pupil
 from ..tracing.pupil.air import GREATEST_SHARE
 from .bench import Bench, blurred, check_source
-from .line_of_sight import LineOfSight, check_exposure, line_of_sight
+from .line_of_sight import LineOfSight, Window, check_exposure, line_of_sight, ray_lines
 from .picture import TracedPicture
 from .picture_error import SPREAD, SomeLight, light_on_squares, shared_attributes
-from .window import Window, ray_lines
 
 if TYPE_CHECKING:
     import xarray

@@ -25,8 +25,7 @@ from ..tracing.some_pixels import STUDENT, total
 from ..tracing.stop import Plane
 from ..tracing.variants.causes import line_variants, of_each
 from ..tracing.variants.paths import Paths, Rays, paths_of
-from .instrument import FLDI
-from .rays import BEYOND_REACH, REACH, beam_grid, crossed, gathered, ray_points, truncated_share
+from .instrument import BEYOND_REACH, FLDI, REACH, beam_grid, crossed, gathered, ray_points, truncated_share
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -28,20 +28,23 @@ from .exports import (
     to_xarray,
     to_zemax,
 )
-from .image import (
+from .modes import centroid, structure_function, zernike, zernike_errors
+from .point_spread import PointSpread, point_spread_function
+from .scattered import from_scattered
+from .terms import check_metres, check_terms, fit_tilt, mean_phasor, weighted_mean
+from .transfer import (
+    EncircledEnergy,
+    Transfer,
     encircled_errors,
+    encircler,
     fwhm,
     image_quantities,
     intensities,
     polychromatic_psf,
     spread_errors,
     transfer_errors,
+    transfer_function,
 )
-from .modes import centroid, structure_function, zernike, zernike_errors
-from .point_spread import PointSpread, point_spread_function
-from .scattered import from_scattered
-from .terms import check_metres, check_terms, fit_tilt, mean_phasor, weighted_mean
-from .transfer import EncircledEnergy, Transfer, encircler, transfer_function
 
 
 @shown

@@ -156,7 +156,7 @@ def test_a_slanted_way_through_a_slab_that_ends_abruptly(slant: float):
 @pytest.mark.parametrize("interpolation", ["cubic", "linear", "monotone"])
 def test_the_error_told_holds_the_layers_along_the_beams(interpolation: str):
     """Waves aslant of nine samples each, which end at the faces, against sums of many more layers."""
-    import aerokernels.fldi.rays as rays
+    import aerokernels.fldi.instrument as rays
 
     y, z = np.linspace(-4e-3, 4e-3, 41), np.linspace(-0.02, 0.02, 31)
     contrast = 1e-5 * np.sin(3.5e3 * y[:, None] + 500.0 * z + 0.4)
