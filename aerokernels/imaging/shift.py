@@ -8,8 +8,7 @@ A pixel's ray meets the scene at L with the flow and at L0 without it; for a far
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
-from numbers import Real
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 
@@ -19,8 +18,10 @@ from ..inputs.checks import check_positive, warn_caller
 from ..medium import IndexField
 from ..process.clock import clocked, stage
 from ..rays import RayBundle
+from ..sensor import Sensor
 from ..tracing import trace
 from ..tracing.cuts import lost, may_lose
+from ..tracing.plan import TraceOptions, complete
 from ..tracing.pupil.air import GREATEST_SHARE
 from ..tracing.some_pixels import SomePixels, total
 from ..tracing.status import reached
@@ -33,13 +34,9 @@ if TYPE_CHECKING:
 
 # Points of the aperture: a ring of four gives the exact mean of polynomials up to the third order.
 APERTURE_RAYS = 4
-# Default tolerance of `trace` [waves].
-DEFAULT_TOLERANCE = 1e-3
 # (point of the aperture [m], its share of the light, shifts [pixels] of shape (rows, columns, 2), mask of the rays that
 # arrived)
 Visit = Callable[[np.ndarray, float, np.ndarray, np.ndarray], None]
-# Options passed to `trace`.
-TRACE_OPTIONS = ("method", "tolerance", "wavelength", "backend", "device", "precision", "step", "max_steps")
 
 
 # Most points of the aperture whose rays change.
@@ -54,6 +51,7 @@ class KnownView:
     camera: Camera
     aperture: Aperture
     tolerance: float  # greatest OPD that a ray may lose by cuts [m]
+    options: dict[str, Any]  # of `trace`
 
     def truncated(self, shape: tuple[int, int], stride: tuple[int, int] = (1, 1)) -> np.ndarray:
         """Return the share of the aperture that loses more than the tolerance, for every `stride`-th pixel."""
@@ -90,12 +88,13 @@ class KnownView:
 class PixelErrors:
     """Errors of the maps of a camera's view."""
 
-    def __init__(self, field: IndexField, camera: Camera, shape: tuple[int, int], own: Aperture, options: dict):
-        """Trace rays of some pixels of a shape through an aperture's own points."""
-        self.field, self.camera, self.options, self.own = field, camera, options, own
-        self.few = own if len(own.points) <= MOST_POINTS else _thinned(own)
+    def __init__(self, view: KnownView, shape: tuple[int, int]):
+        """Trace rays of some pixels of a shape through points of the view's aperture."""
+        self.view, self.camera, self.own = view, view.camera, view.aperture
+        self.few = self.own if len(self.own.points) <= MOST_POINTS else _thinned(self.own)
         self.pixels = SomePixels(shape, len(self.few.points))
-        self.pixels.trace(field, self._rays(self.few, self.pixels.place), camera.scene_plane, options)
+        rays = self._rays(self.few, self.pixels.place)
+        self.pixels.trace(view.field, rays, self.camera.scene_plane, view.options)
 
     def displacement(self, stored: np.ndarray, other: Aperture | None) -> np.ndarray:
         """Return the error of the size of a displacement [pixels]; `other` points of the aperture tell its sampling."""
@@ -117,9 +116,8 @@ class PixelErrors:
         if other is not None:
             tried = np.arange(len(place))[:64]
             rays = self._rays(other, place[tried])
-            traced = trace(
-                self.field, rays, until=self.camera.scene_plane, outputs=("position", "direction"), **self.options
-            )
+            outputs, plane = ("position", "direction"), self.camera.scene_plane
+            traced = trace(self.view.field, rays, until=plane, outputs=outputs, **self.view.options)
             assert traced.direction is not None and traced.position is not None  # requested
             ends = Rays(np.zeros(rays.ray_count), traced.direction, traced.position)
             at = place[tried]
@@ -169,7 +167,6 @@ class BackgroundDisplacement:
         plan: How the rays of one point of the aperture were traced.
         seconds: Wall time by stage: see STAGES in clock.py.
         view: The view, for `truncated` and `error`, which are computed when first read.
-        options: Options of `trace` that were used.
     """
 
     displacement: np.ndarray
@@ -180,7 +177,6 @@ class BackgroundDisplacement:
     plan: Any = None
     seconds: dict[str, float] = field(default_factory=dict)
     view: KnownView | None = None
-    options: dict[str, Any] = field(default_factory=dict)
 
     @cached_property
     def error(self) -> np.ndarray:
@@ -208,7 +204,7 @@ class BackgroundDisplacement:
         """Rays of some pixels and how they change by each cause; None for a displacement without a view."""
         if self.view is None:
             return None
-        return PixelErrors(self.view.field, self.camera, self.through.shape, self.view.aperture, self.options)
+        return PixelErrors(self.view, self.through.shape)
 
     @cached_property
     def truncated(self) -> np.ndarray:
@@ -297,8 +293,8 @@ def background_displacement(
     *,
     aperture_rays: int = APERTURE_RAYS,
     shape: tuple[int, int] | None = None,
-    allow_truncation: bool = False,
-    **options: Any,
+    wavelength: float | None = None,
+    **options: Unpack[TraceOptions],
 ) -> BackgroundDisplacement:
     """Trace the displacement of a camera's picture by a flow, for every pixel.
 
@@ -307,18 +303,19 @@ def background_displacement(
         camera: The camera; its scene may be far.
         aperture_rays: Approximate number of points of the aperture; 1 takes only its middle.
         shape: Rows and columns, which override the camera's.
-        allow_truncation: Whether more than a thousandth of the picture's light may come through disturbed air that was
-            cut off the field. The affected pixels are marked in `known`; if they are fewer, there is only a warning.
-        **options: method, tolerance [waves], wavelength, backend, device, precision, step, max_steps: as in `trace`.
+        wavelength: Vacuum wavelength [m]; None takes the field's own, or 905 nm where it has none.
+        options: tolerance [waves], method, step, max_steps, backend, device, precision: see `trace`; and
+            allow_truncation, whether more than a thousandth of the picture's light may come through disturbed air that
+            was cut off the field. The affected pixels are marked in `known`; if they are fewer, there is only a warning.
 
     Raises:
         TypeError: `field` or `camera` is of the wrong type, or an option is unknown.
         ValueError: A number is out of range, no ray of the camera meets the field, or the view is truncated and
             `allow_truncation` is not set.
     """
-    check_view(field, camera, options)
+    whole = view_options(field, camera, wavelength, options)
     size = camera.shape() if shape is None else rows_and_columns(shape, "shape")
-    return gather(field, camera, size, aperture_rays, options, allow_truncation=allow_truncation)
+    return gather(field, camera, size, aperture_rays, whole)
 
 
 def gather(
@@ -328,14 +325,15 @@ def gather(
     aperture_rays: int,
     options: dict[str, Any],
     visit: Visit | None = None,
-    allow_truncation: bool = False,
 ) -> BackgroundDisplacement:
     """Return the displacement; call `visit` for each point of the aperture while its rays exist."""
+    options = dict(options)
+    allowed = options.pop("allow_truncation")
     with clocked() as seconds, stage("landing"):
         points = camera.aperture(aperture_rays)
-        tolerance = float(options.get("tolerance", DEFAULT_TOLERANCE))
-        view = KnownView(field, camera, points, tolerance * field.wavelength_for(options.get("wavelength")))
-        view.check(shape, allow_truncation)
+        tolerance = options["tolerance"] * field.wavelength_for(options["wavelength"])
+        view = KnownView(field, camera, points, tolerance, options)
+        view.check(shape, allowed)
         x, y = (axis.ravel() for axis in np.meshgrid(*camera.tangents(shape)))
         name = "position" if np.isfinite(camera.distance) else "direction"
         through, mean, square = np.zeros(shape), np.zeros((*shape, 2)), np.zeros((*shape, 2))
@@ -365,25 +363,24 @@ def gather(
         plan=traced.plan,
         seconds=seconds,
         view=view,
-        options=options,
     )
 
 
-def check_view(field: IndexField, camera: Camera, options: dict[str, Any]) -> None:
-    """Check the types of field and camera, the options of `trace`, and that light from a far scene leaves the field."""
+def view_options(
+    field: IndexField, camera: Camera, wavelength: float | None, options: TraceOptions, sensor: Sensor | None = None
+) -> dict[str, Any]:
+    """Return all options of a view; check types and tolerance, and that light from a far scene leaves the field."""
     if not isinstance(field, IndexField):
         raise TypeError(f"field must be an IndexField, got {type(field).__name__}")
     if not isinstance(camera, Camera):
         raise TypeError(f"camera must be a Camera, got {type(camera).__name__}")
-    unknown = sorted(set(options) - set(TRACE_OPTIONS))
-    if unknown:
-        raise TypeError(f"options {unknown} are not known: choose from {', '.join(TRACE_OPTIONS)}")
-    tolerance = options.get("tolerance", DEFAULT_TOLERANCE)
-    if isinstance(tolerance, bool) or not isinstance(tolerance, Real):
-        raise TypeError(f"tolerance must be a number of waves, got {tolerance!r}")
-    check_positive(float(tolerance), "tolerance", "waves")
+    if sensor is not None and not isinstance(sensor, Sensor):
+        raise TypeError(f"sensor must be a Sensor, got {type(sensor).__name__}")
+    whole: dict[str, Any] = {**complete(options), "wavelength": wavelength}
+    check_positive(whole["tolerance"], "tolerance", "waves")
     if not np.isfinite(camera.distance):
         plane_beyond(field, camera.pupil, camera.pupil.normal)
+    return whole
 
 
 def _others(count: int, many: int) -> int:

@@ -10,7 +10,7 @@ import warnings
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 
@@ -23,9 +23,10 @@ from ..inputs.wavelength import check_spectrum
 from ..medium import IndexField
 from ..process.clock import clocked, stage
 from ..sensor import Sensor
+from ..tracing.plan import TraceOptions
 from .camera import Camera
 from .render import render
-from .shift import APERTURE_RAYS, BackgroundDisplacement, check_view, gather
+from .shift import APERTURE_RAYS, BackgroundDisplacement, gather, view_options
 from .spreads import PupilSamples, SpreadGrid, defocus_paths, spread_grid
 
 # Defaults: nodes along a side, pixels across a point spread function, rays across the pupil.
@@ -125,8 +126,8 @@ def image_through(
     seed: int = 0,
     wavelengths: Numbers | None = None,
     weights: Numbers | None = None,
-    allow_truncation: bool = False,
-    **options: Any,
+    wavelength: float | None = None,
+    **options: Unpack[TraceOptions],
 ) -> ImageThrough:
     """Render an extended scene through a flow: displaced by the shift map, blurred by point spread functions.
 
@@ -148,8 +149,8 @@ def image_through(
         wavelengths: Vacuum wavelengths of the light [m], shape (n,), with one OPD: dispersion of air is ignored. None
             takes the wavelength of the trace.
         weights: Shares of the light's energy at those wavelengths, shape (n,), of any sum. None: equal shares.
-        allow_truncation: As in `background_displacement`.
-        **options: method, tolerance [waves], wavelength, backend, device, precision, step, max_steps: as in `trace`.
+        wavelength: As in `background_displacement`.
+        options: As in `background_displacement`.
 
     Raises:
         TypeError: An argument is of the wrong type, or an option is unknown.
@@ -160,12 +161,10 @@ def image_through(
         RuntimeWarning: More than a fifth of the light of a point spread function is outside of its `psf_pixels`, as far
             out of focus: `spreads.kept` has the shares.
     """
-    check_view(field, camera, options)
+    whole = view_options(field, camera, wavelength, options, sensor)
     check_count(psf_nodes, "psf_nodes")
     check_count(psf_pixels, "psf_pixels")
     check_count(pupil_pixels, "pupil_pixels", 2)
-    if sensor is not None and not isinstance(sensor, Sensor):
-        raise TypeError(f"sensor must be a Sensor, got {type(sensor).__name__}")
     scene = _brightness(scene_image)
     shape = camera.shape(scene)
     if any(n < m or (n - m) % 2 for n, m in zip(scene.shape, shape, strict=False)):
@@ -174,12 +173,13 @@ def image_through(
             "must be as large, or larger by an even number"
         )
     spectrum = None if wavelengths is None and weights is None else check_spectrum(wavelengths, weights)
-    if spectrum is not None and field.wavelength is None and options.get("wavelength") is None:
-        options = {**options, "wavelength": float(spectrum[0].min())}
+    if spectrum is not None and field.wavelength is None and wavelength is None:
+        whole["wavelength"] = float(spectrum[0].min())
     with clocked() as seconds:
-        found = gather(field, camera, shape, aperture_rays, options, allow_truncation=allow_truncation)
+        found = gather(field, camera, shape, aperture_rays, whole)
         spectrum = check_spectrum(found.wavelength) if spectrum is None else spectrum
         shift, dark = filled(found.shift)
+        assert found.view is not None
         with stage("spread"):
             spreads = spread_grid(
                 field,
@@ -189,7 +189,7 @@ def image_through(
                 node_count=int(psf_nodes),
                 size=int(psf_pixels),
                 pupil_pixels=pupil_pixels,
-                options=options,
+                options=found.view.options,
                 spectrum=spectrum,
             )
         with stage("render"):
