@@ -10,36 +10,22 @@ from dataclasses import dataclass
 import numpy as np
 
 from aerokernels.flow import CellDensity, ConicalFlow, DensityField, GridDensity, VertexDensity
-from aerokernels.medium import AveragesLacking, IndexField, ResamplingError
+from aerokernels.medium import IndexField, ResamplingError
 from aerokernels.pupils import Pupil
 from aerokernels.scene import Scene
 
 Region = tuple[tuple[float, float], tuple[float, float]]
 
-# Margin around the rays: many times their displacement by refraction, and the range of the spline's boundary effects.
-MARGIN = 1e-3  # [m]
-MARGIN_NODES = 8
-
 
 @dataclass(frozen=True, eq=False)
 class Prepared:
-    """The index field that a scene's rays are traced through, and how it was made.
+    """The index field that a scene's rays are traced through, and how it was made."""
 
-    Attributes:
-        density: The flow; None where the caller gave an index field.
-        mesh_field: The refractive index of the whole flow, on the flow's own mesh where it has one.
-        field: The refractive index that is traced: `mesh_field` itself (route "mesh") or its resampled part.
-        region: Lowest and highest (r, z) or (y, z) of `field` [m].
-        seconds: Time of each stage [s].
-        lacking: Deficit of the interpolant against the cell averages of the flow's mesh; None without cell averages.
-    """
-
-    density: DensityField | None
-    mesh_field: IndexField
-    field: IndexField
-    region: Region
-    seconds: dict[str, float]
-    lacking: AveragesLacking | None = None
+    density: DensityField | None  # the flow; None where the caller gave an index field
+    mesh_field: IndexField  # the refractive index of the whole flow, on the flow's own mesh where it has one
+    field: IndexField  # the refractive index that is traced: `mesh_field` itself (route "mesh") or its resampled part
+    region: Region  # lowest and highest (r, z) or (y, z) of `field` [m]
+    seconds: dict[str, float]  # time of each stage [s]
 
     @property
     def resampling(self) -> ResamplingError | None:
@@ -60,11 +46,7 @@ class Prepared:
 
 
 def view_radius(scene: Scene, z: float) -> float:
-    """Return the greatest distance from the axis [m] at which a ray between pupil or beam exit and target crosses z.
-
-    A line from a point of the pupil, at most `a` off the axis, to a point of the target, at most `t` off the axis, is
-    at most (1 - f) a + f t off the axis at the fraction f of its length.
-    """
+    """Return the greatest distance from the axis [m] at which a ray between pupil or beam exit and target crosses z."""
     pupil, edge, nearest = view_extent(scene)
     fraction = float(np.clip((z - scene.receiver.aperture_z) / max(nearest, 1e-9), 0.0, 1.0))
     return (1.0 - fraction) * pupil + fraction * max(edge, pupil)
@@ -88,11 +70,7 @@ def view_extent(scene: Scene) -> tuple[float, float, float]:
 
 
 def ray_region(scene: Scene, mesh_field: IndexField) -> Region:
-    """Return the part of the flow that the scene's rays can cross, as lowest and highest (r, z) or (y, z) [m].
-
-    Raises:
-        ValueError: The receiver's pupil is ahead of the whole flow.
-    """
+    """Return the part of the flow that the scene's rays can cross, as lowest and highest (r, z) or (y, z) [m]."""
     low, high = (corner[1:] for corner in mesh_field.box)
     aperture = scene.receiver.aperture_z
     if aperture >= high[1]:
@@ -100,7 +78,8 @@ def ray_region(scene: Scene, mesh_field: IndexField) -> Region:
             f"receiver.aperture_z = {aperture:g} m is ahead of the whole flow, which ends at {high[1]:g} m: "
             "give a place behind it, such as '-8 mm'"
         )
-    margin = max(MARGIN, MARGIN_NODES * scene.grid.spacing)
+    # Many times the rays' displacement by refraction [m], and the range of the spline's boundary effects.
+    margin = max(1e-3, 8.0 * scene.grid.spacing)
     radius, lowest = view_radius(scene, float(high[1])), aperture
     if scene.has_own_pupil:
         wider, lower = _reach_of_view(scene.view, float(low[1]), float(high[1]))
@@ -118,9 +97,7 @@ def _reach_of_view(pupil: Pupil, low: float, high: float) -> tuple[float, float]
     ahead = float(pupil.normal[2])
     end = high if ahead > 0.0 else low
     length = (end - float(pupil.center[2])) / ahead if abs(ahead) > 1e-6 else np.inf
-    rim = pupil.reach * float(
-        np.sqrt(max(1.0 - ahead**2, 0.0))
-    )  # distance of the rim before or behind the centre's plane
+    rim = pupil.reach * float(np.sqrt(max(1.0 - ahead**2, 0.0)))  # before or behind the centre's plane
     lowest = float(pupil.center[2]) - rim if ahead > 1e-6 else -np.inf
     if not np.any(pupil.normal[:2]):
         return float(np.hypot(*pupil.center[:2])) + pupil.reach, lowest
@@ -131,21 +108,9 @@ def _reach_of_view(pupil: Pupil, low: float, high: float) -> tuple[float, float]
 
 
 def prepare_field(scene: Scene, field: IndexField | DensityField | None = None) -> Prepared:
-    """Make the index field of a scene.
+    """Make the index field of a scene, resampled to `grid.spacing` unless `grid.route` is "mesh" or it is on a grid.
 
-    Args:
-        scene: The scene.
-        field: A flow to use unchanged in place of the scene's: flow.source and flow.density of the scene are then
-            ignored. The index of a density field is computed by the scene's relation at the scene's wavelength.
-
-    Returns:
-        The density field, the index on its mesh, and the index that is traced, resampled to `grid.spacing` unless
-        `grid.route` is "mesh"; the error of resampling is measured. A field on a uniform grid is traced unchanged.
-
-    Raises:
-        TypeError: `field` is neither an IndexField nor a DensityField.
-        ValueError: A pupil ahead of the flow, a spacing that is too fine for the memory or too coarse for the region,
-            or an index field of another wavelength than the scene's.
+    `field` is a flow to use unchanged in place of the scene's.
     """
     if field is not None and not isinstance(field, (IndexField, DensityField)):
         raise TypeError(f"field must be an IndexField or a DensityField, got {type(field).__name__}")
@@ -157,7 +122,6 @@ def prepare_field(scene: Scene, field: IndexField | DensityField | None = None) 
     start = time.perf_counter()
     whole = field if isinstance(field, IndexField) else flow_index(scene, density)
     whole.wavelength_for(scene.flow.wavelength)
-    lacking = whole.averages_lacking  # computed on first access: here, so that the stage's time includes it
     seconds["index"] = time.perf_counter() - start
 
     start = time.perf_counter()
@@ -173,7 +137,7 @@ def prepare_field(scene: Scene, field: IndexField | DensityField | None = None) 
         first = 0.0 if whole.geometry == "axisymmetric" else float(low[0])
         region = ((first, float(low[1])), (float(high[0]), float(high[1])))
     seconds["resample"] = time.perf_counter() - start
-    return Prepared(density, whole, traced, region, seconds, lacking)
+    return Prepared(density, whole, traced, region, seconds)
 
 
 def flow_index(scene: Scene, density: DensityField | None) -> IndexField:

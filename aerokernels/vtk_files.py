@@ -15,8 +15,6 @@ from aerokernels.rays import RayBundle
 from aerokernels.tracing import Plane, RayStatus, trace
 from aerokernels.tracing.status import reached
 
-POINT_COUNT = 33
-
 
 @checked
 def field_to_vtk(field: IndexField, path: str | Path) -> Path:
@@ -34,21 +32,33 @@ def field_to_vtk(field: IndexField, path: str | Path) -> Path:
         raise TypeError(f"field must be an IndexField, got {type(field).__name__}")
     vtk = _vtk()
     if field.is_uniform:
-        return _write_grid(field, Path(path), vtk)
-    mesh = field.mesh
-    place = np.zeros((len(mesh.vertices), 3))
-    place[:, 1 if field.geometry == "planar" else 0], place[:, 2] = mesh.vertices.T
-    data = vtk.vtkUnstructuredGrid()
-    data.SetPoints(_points(place, vtk))
-    cells = vtk.vtkCellArray()
-    cells.SetData(4, _array(np.ascontiguousarray(mesh.cells, dtype=np.int64).ravel()))
-    data.SetCells(vtk.VTK_QUAD, cells)
-    return _write(data, _named(field, np.asarray(field.samples.values)), Path(path), ".vtu", vtk)  # type: ignore[union-attr]
+        values = np.asarray(field.samples.samples, dtype=np.float64)  # type: ignore[union-attr]
+        low, spacing = np.asarray(field.samples.low), np.asarray(field.spacing)
+        if (across := {"planar": 0, "axisymmetric": 1}.get(field.geometry)) is not None:
+            values, low = np.expand_dims(values, across), np.insert(low, across, 0.0)
+            spacing = np.insert(spacing, across, spacing.min())
+        data = vtk.vtkImageData()
+        data.SetDimensions(*values.shape)
+        data.SetOrigin(*low)
+        data.SetSpacing(*spacing)
+        contrast = values.ravel(order="F")
+    else:
+        mesh = field.mesh
+        place = np.zeros((len(mesh.vertices), 3))
+        place[:, 1 if field.geometry == "planar" else 0], place[:, 2] = mesh.vertices.T
+        data = vtk.vtkUnstructuredGrid()
+        data.SetPoints(_points(place, vtk))
+        cells = vtk.vtkCellArray()
+        cells.SetData(4, _array(np.ascontiguousarray(mesh.cells, dtype=np.int64).ravel()))
+        data.SetCells(vtk.VTK_QUAD, cells)
+        contrast = np.asarray(field.samples.values, dtype=np.float64).ravel()  # type: ignore[union-attr]
+    arrays = {"contrast": contrast, "index": field.ambient_index + contrast}
+    return _write(data, arrays, Path(path), ".vti" if field.is_uniform else ".vtu", vtk)
 
 
 @checked
 def rays_to_vtk(
-    field: IndexField, rays: RayBundle, path: str | Path, *, length: float, point_count: int = POINT_COUNT, **options
+    field: IndexField, rays: RayBundle, path: str | Path, *, length: float, point_count: int = 33, **options
 ) -> Path:
     """Write the paths of rays through a field as polylines (.vtp), with the OPD [m] accumulated up to each point.
 
@@ -127,26 +137,6 @@ def _points(place: np.ndarray, vtk):
     points = vtk.vtkPoints()
     points.SetData(_array(np.ascontiguousarray(place)))
     return points
-
-
-def _named(field: IndexField, contrast: np.ndarray) -> dict[str, np.ndarray]:
-    contrast = np.asarray(contrast, dtype=np.float64).ravel()
-    return {"contrast": contrast, "index": field.ambient_index + contrast}
-
-
-def _write_grid(field: IndexField, path: Path, vtk) -> Path:
-    values = np.asarray(field.samples.samples, dtype=np.float64)  # type: ignore[union-attr]
-    low, spacing = np.asarray(field.samples.low), np.asarray(field.spacing)
-    if field.geometry == "planar":
-        values, low, spacing = values[None], np.array([0.0, *low]), np.array([spacing.min(), *spacing])
-    elif field.geometry == "axisymmetric":
-        values, low = values[:, None], np.array([low[0], 0.0, low[1]])
-        spacing = np.array([spacing[0], spacing.min(), spacing[1]])
-    data = vtk.vtkImageData()
-    data.SetDimensions(*values.shape)
-    data.SetOrigin(*low)
-    data.SetSpacing(*spacing)
-    return _write(data, _named(field, values.ravel(order="F")), path, ".vti", vtk)
 
 
 def _write(data, arrays: dict[str, np.ndarray], path: Path, ending: str, vtk) -> Path:

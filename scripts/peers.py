@@ -1,6 +1,7 @@
 """Trace the benchmark's cone scene and its bundles by other libraries: the same rays, the same truth, the same clocks.
 
-Each is used as its documentation recommends. `aerokernels bench cone bundles` measures this package.
+Each is used as its documentation recommends. `aerokernels bench cone` measures this package on the cone scene; on the
+bundles it is measured here, by its map of a bundle and ray by ray.
 
 All of them read this package's own B-spline coefficients of the gridded field and integrate the equations of
 aerokernels/benchmark/scenes.py in deviation form, so that a peer has no disadvantage by a coarser interpolant or by
@@ -30,11 +31,10 @@ from aerokernels.benchmark.scenes import (
     CONE_AMBIENT,
     CONE_HALF,
     CONE_SPACING,
-    KINDS,
     LONGEST_STEP,
     SIZES,
+    WAVELENGTH,
     Truth,
-    bundle_scene,
     cone_field,
     cone_rays,
     cone_truth,
@@ -46,6 +46,8 @@ from aerokernels.medium import IndexField
 from aerokernels.medium.grid import UniformGrid
 from aerokernels.process.foreign_files import fault_text
 from aerokernels.rays import RayBundle
+from aerokernels.tracing import trace
+from scripts.studies.bundles import KINDS, BundleScene, bundle_scene, bundle_truth
 from scripts.studies.report import markdown_table
 
 PIP = "pip install 'aerokernels[bench]'"
@@ -115,18 +117,34 @@ def cone_runs(ray_count: int, repeats: int) -> Iterator[dict]:
 
 
 def bundle_runs(ray_count: int, repeats: int) -> Iterator[dict]:
-    """Measure Dr.Jit on the bundles of the suite "bundles", but for the turbulent volume."""
-    if importlib.util.find_spec("drjit") is None:
+    """Measure this package on every bundle, and Dr.Jit on those through the cone scene."""
+    drjit = importlib.util.find_spec("drjit") is not None
+    if not drjit:
         yield _absent("drjit", f"not installed: drjit; {PIP}")
-        return
     for kind in KINDS:
-        if kind == "turbulence":
-            continue
         scene = bundle_scene(kind)
-        rays = scene.make_rays(ray_count, 1)
-        truth = cone_truth(rays[chosen_rays(rays.ray_count)])
-        for scheme in drjit_schemes(scene.make_field(), rays, BUNDLE_STEPS):
-            yield measured_scheme("drjit", replace(scheme, text=f"{kind}: {scheme.text}"), rays, truth, repeats)
+        rays, field = scene.make_rays(ray_count, 1), scene.make_field()
+        truth = bundle_truth(scene, rays[chosen_rays(rays.ray_count)])
+        schemes = {"aerokernels": own_schemes(scene, field, rays)}
+        if drjit and kind != "turbulence":
+            schemes["drjit"] = drjit_schemes(field, rays, BUNDLE_STEPS)
+        for peer, each in schemes.items():
+            for scheme in each:
+                yield measured_scheme(peer, replace(scheme, text=f"{kind}: {scheme.text}"), rays, truth, repeats)
+
+
+def own_schemes(scene: BundleScene, field: IndexField, rays: RayBundle) -> Iterator[Scheme]:
+    """This package's map of the bundle, and every ray by itself."""
+    for bundle in ("auto", "off"):
+
+        def run(bundle: str = bundle) -> RayEnds:
+            options = {"until": scene.until, "wavelength": WAVELENGTH, "outputs": ("direction", "opd")}
+            found = trace(field, rays, bundle=bundle, **options)
+            predicted = found.plan.predicted_evaluations
+            evaluations = float("nan") if predicted is None else predicted
+            return RayEnds(found.direction, found.opd, evaluations, found.seconds["kernel"])
+
+        yield Scheme(f"bundle {bundle}", "float32", "auto", run)
 
 
 def measured_scheme(peer: str, scheme: Scheme, rays: RayBundle, truth: Truth, repeats: int) -> dict:

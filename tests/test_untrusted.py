@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from aerokernels.flow import open_series, read
-from aerokernels.hardware.echo_source import EchoSource
+from aerokernels.hardware.simulator import EchoSource
 from aerokernels.jobs.recorded import load_netcdf, recorded_labels
 from aerokernels.jobs.store import read_result
 from aerokernels.process import fragile

@@ -3,8 +3,6 @@
     suite     what is measured
     cone      a million rays along z through the cone's volume: `trace(..., outputs=("direction", "optical_path"))`
     strehl    the Strehl ratio of the shipped Mach 3 field, from launch to value
-    sweep     a Strehl ratio for every shipped flow at three densities, for new values of a known field, and anew
-    bundles   a million rays of any kind through the cone's volume and a turbulent one, interpolated and ray by ray
 
 docs/performance-bench.md describes the file.
 """
@@ -23,12 +21,8 @@ __all__ = ["SCHEMA", "SUITES", "Settings", "find_targets", "run_bench"]
 def run_bench(settings: Settings, report: Callable[[str], None] = lambda line: None) -> dict[str, Any]:
     """Measure the requested suites; return a dictionary for JSON, described in docs/performance-bench.md.
 
-    Args:
-        settings: What to run.
-        report: Called with a line of text when a part begins.
-
-    Raises:
-        ValueError: A backend or device that is not available; nothing is measured then.
+    `report` is called with a line of text when a part begins. A ValueError names a backend or device that is not
+    available; nothing is measured then.
     """
     from aerokernels.benchmark.measuring import machine
     from aerokernels.benchmark.suites import RUNS

@@ -20,41 +20,21 @@ PACKAGES = ("aerokernels", "numpy", "scipy", "warp-lang", "pyopencl", "pocl-bina
 TRUTH_RAYS = 256
 # Optical path of an undisturbed ray from face to face [m].
 UNDISTURBED = CONE_AMBIENT * 2.0 * CONE_HALF[2]
-SUITES = ("cone", "strehl", "sweep", "bundles")
-DEFAULT_METHODS = ("auto", "adaptive", "straight")
-RAY_COUNT = 1_000_000
+SUITES = ("cone", "strehl")
 # The reference traces one ray at a time in Python: more rays would take hours.
 REFERENCE_RAYS = 10_000
-COLUMNS = (
-    "suite",
-    "who",
-    "how",
-    "M rays/s, kernel",
-    "per core",
-    "end to end",
-    "per CPU s",
-    "evaluations",
-    "error",
-)
+COLUMNS = ("suite", "who", "how", "M rays/s, kernel", "per core", "end to end", "per CPU s", "evaluations", "error")
 
 
 @dataclass(frozen=True, eq=False)
 class Timing:
-    """One call made several times, after a first one that may compile.
+    """One call made several times, after a first one that may compile."""
 
-    Attributes:
-        first_seconds: Wall time of the first call.
-        wall_seconds: Wall time of each other call.
-        cpu_seconds: CPU time of each, of all threads of this process.
-        results: What each returned.
-        first: What the first call returned.
-    """
-
-    first_seconds: float
-    wall_seconds: list[float]
-    cpu_seconds: list[float]
+    first_seconds: float  # wall time of the first call
+    wall_seconds: list[float]  # of each other call
+    cpu_seconds: list[float]  # of all threads of this process
     results: list[Any]
-    first: Any
+    first: Any  # what the first call returned
 
 
 def measure(call: Callable[[], Any], repeats: int) -> Timing:
@@ -95,25 +75,17 @@ def clocks(count: int, kernel: Sequence[float], wall: Sequence[float], processor
     }
 
 
-def traced_clocks(timing: Timing, count: int, on_cpu: bool, kernels: Timing | None = None) -> dict:
-    """Times of the first call and `clocks` of the others, of a call whose results have `seconds`; per core on a CPU.
-
-    `kernels` are calls from which the kernel's time is taken, if not from the same ones.
-    """
+def traced_clocks(timing: Timing, count: int, on_cpu: bool) -> dict:
+    """Times of the first call and `clocks` of the others, of a call whose results have `seconds`; per core on a CPU."""
     from aerokernels.process.machine import core_count
 
-    kernel = [result.seconds["kernel"] for result in (kernels or timing).results]
+    kernel = [result.seconds["kernel"] for result in timing.results]
     return {
         "first_call_seconds": timing.first_seconds,
         "compile_seconds": timing.first.seconds["compile"],
         **clocks(count, kernel, timing.wall_seconds, timing.cpu_seconds),
         "kernel_rays_per_core_second": rate(count / core_count(), kernel) if on_cpu else None,
     }
-
-
-def plan_facts(plan: Any) -> dict:
-    """The method, step and reasons of a plan."""
-    return {"method": plan.method, "step": plan.step, "reasons": list(plan.reasons)}
 
 
 def installed(package: str) -> str | None:
@@ -161,11 +133,7 @@ def chosen_rays(ray_count: int) -> np.ndarray:
 def errors(truth: Truth, direction: Any, opd: Any, good: Any = None) -> dict:
     """OPD errors in waves, without removing piston, and the greatest angle error [urad], over the rays that arrived.
 
-    Args:
-        truth: The true ends.
-        direction: Unit tangents of the same rays, shape (n, 3).
-        opd: Their optical paths less the undisturbed ones [m], shape (n,).
-        good: Which rays arrived, shape (n,); None for all.
+    `direction` are unit tangents (n, 3), `opd` is in metres (n,), and `good` tells which rays arrived (n,).
     """
     good = np.ones(len(opd), dtype=bool) if good is None else np.asarray(good)
     found: dict[str, float | None] = dict.fromkeys(("opd_rms_waves", "opd_max_waves", "direction_max_urad"))
@@ -180,30 +148,16 @@ def errors(truth: Truth, direction: Any, opd: Any, good: Any = None) -> dict:
 
 @dataclass(frozen=True)
 class Settings:
-    """The choices of a benchmark.
+    """The choices of a benchmark; a ValueError names one that makes no sense."""
 
-    Attributes:
-        suites: Names from SUITES, none for all.
-        backends: Names of backends; none for all that are available except the reference.
-        device: A device's name, None for the best of each backend.
-        precisions: "float32", "float64" or both.
-        methods: Tracing methods, see `trace`.
-        tolerances: Requested OPD errors [waves]; several show run time against error.
-        ray_count: Rays of a trace or of a Strehl ratio.
-        repeats: Timed calls of each run, after one that compiles.
-
-    Raises:
-        ValueError: A name that is not known or a number that makes no sense.
-    """
-
-    suites: tuple[str, ...] = ()
-    backends: tuple[str, ...] = ()
-    device: str | None = None
+    suites: tuple[str, ...] = ()  # from SUITES, none for all
+    backends: tuple[str, ...] = ()  # none for all that are available except the reference
+    device: str | None = None  # None for the best of each backend
     precisions: tuple[str, ...] = ("float32",)
-    methods: tuple[str, ...] = DEFAULT_METHODS
-    tolerances: tuple[float, ...] = (1e-3,)
-    ray_count: int = RAY_COUNT
-    repeats: int = 5
+    methods: tuple[str, ...] = ("auto", "adaptive", "straight")
+    tolerances: tuple[float, ...] = (1e-3,)  # requested OPD errors [waves]
+    ray_count: int = 1_000_000
+    repeats: int = 5  # timed calls of each run, after one that compiles
 
     def __post_init__(self) -> None:
         """Check names and numbers."""
@@ -232,11 +186,7 @@ class Settings:
 
 
 def find_targets(settings: Settings) -> list[tuple[str, str]]:
-    """Pairs of backend and device to measure.
-
-    Raises:
-        ValueError: A named backend or device is not available.
-    """
+    """Pairs of backend and device to measure; a ValueError says which is not available."""
     backends = settings.backends or _present(settings.device)
     return [choose_backend(backend, settings.device)[:2] for backend in dict.fromkeys(backends)]
 
@@ -265,47 +215,23 @@ def on_processor(backend: str, device: str) -> bool:
     )
 
 
-def table_rows(bench: dict[str, Any]) -> list[tuple[str, ...]]:
-    """One row for each run, in the order of COLUMNS."""
-    return [_run_row(run) for run in bench["runs"]]
-
-
-def _run_row(run: dict) -> tuple[str, ...]:
-    made, chosen = run["settings"], run["plan"]["method"]
+def table_row(run: dict) -> tuple[str, ...]:
+    """A run as texts, in the order of COLUMNS."""
+    made, chosen, is_cone = run["settings"], run["plan"]["method"], run["suite"] == "cone"
     method = made["method"] if made["method"] == chosen else f"{made['method']}: {chosen}"
-    symmetry = made.get("symmetry")
-    if run["suite"] == "bundles":
-        method = f"{made['kind']}, bundle {made['bundle']}: {chosen}"
-    how = f"{method}, {made['precision']}, {made['tolerance']:g} wave" + (
-        f", symmetry {symmetry}" if symmetry is not None else ""
-    )
+    how = f"{method}, {made['precision']}, {made['tolerance']:g} wave"
+    how += "" if is_cone else f", symmetry {made['symmetry']}"
     return (
         run["suite"],
         f"{made['backend']} {made['device']}",
         how,
         millions(run.get("kernel_rays_per_second")),
         millions(run.get("kernel_rays_per_core_second")),
-        _end_to_end(run),
+        millions(run["rays_per_second"]) if is_cone else spread_text(run["wall_seconds"], 1e3, "ms"),
         millions(run.get("rays_per_cpu_second")),
         f"{run['evaluations_per_ray']:.1f}",
-        _error(run),
+        cone_error(run["error"]) if is_cone else f"{run['error']['value']:+.1e}",
     )
-
-
-def _end_to_end(run: dict) -> str:
-    if run["suite"] in ("cone", "bundles"):
-        return millions(run["rays_per_second"])
-    if run["suite"] == "strehl":
-        return _spread(run["wall_seconds"], 1e3, "ms")
-    return _spread(run["ratios_per_second"], 1.0, "ratios/s")
-
-
-def _error(run: dict) -> str:
-    if run["suite"] in ("cone", "bundles"):
-        return cone_error(run["error"])
-    if run["suite"] == "strehl":
-        return f"{run['error']['value']:+.1e}"
-    return "-"
 
 
 def cone_error(error: dict) -> str:
@@ -318,12 +244,11 @@ def cone_error(error: dict) -> str:
 
 def millions(measured: dict | None) -> str:
     """A rate and its error, in millions a second."""
-    return "-" if measured is None else _spread(measured, 1e-6, "")
+    return "-" if measured is None else spread_text(measured, 1e-6, "")
 
 
-def _spread(measured: dict | None, scale: float, unit: str) -> str:
-    if measured is None:
-        return "-"
+def spread_text(measured: dict, scale: float, unit: str) -> str:
+    """A measured number and its error, in another unit."""
     error = measured["standard_error"]
     text = f"{measured['median'] * scale:.3g}" + ("" if error is None else f" ± {error * scale:.1g}")
     return f"{text} {unit}".rstrip()

@@ -4,10 +4,6 @@ The cone: n = 1 + 2.4e-4 (1 + 0.5 tanh((r - a tan 25 deg) / 0.5 mm)), a = y + 6 
 about the y axis that rays along z cross twice. Far from the axis n tends to 1 + 3.6e-4: that is the ambient index, and
 at the faces z = +-8 mm through which rays enter and leave the contrast is below 1e-10.
 
-Bundles through it start on the face z = -8 mm and end on z = +8 mm: "along z", "slanted" by 0.05 and 0.02, "divergent"
-from a point 60 mm ahead, "incoherent" with slopes of 0.02 rms. "turbulence" has the spectrum of Kolmogorov's turbulence
-between its own size and its cells, 0.4 wave rms along z, and slanted rays.
-
 True rays by SciPy's DOP853, all as one system with z in place of time. With s = (n^2 - a^2) / 2 the optical potential,
 a the ambient index and T = n dr/ds the momentum:
 
@@ -28,7 +24,6 @@ import numpy as np
 from aerokernels.flow import shipped
 from aerokernels.medium import IndexField
 from aerokernels.rays import Disc, RayBundle
-from aerokernels.tracing import Plane
 
 # (x, y, z) [m] -> a value, shape (n,), and its derivatives by x and y (and z) [1/m], shape (2, n) or (3, n).
 Formula = Callable[[np.ndarray, np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
@@ -36,9 +31,6 @@ Formula = Callable[[np.ndarray, np.ndarray, np.ndarray], tuple[np.ndarray, np.nd
 SIZES = (1e-6, 1e-6, 1e-3, 1e-3, 1e-6)
 TIGHT = 1e-12
 WAVELENGTH = 905e-9
-STREHL_PUPIL = Disc(6e-3, np.array([0.0, 0.0, -8e-3]))
-STREHL_SPACING = 5e-5  # [m]
-STREHL_REGION = ((0.0, -9e-3), (7.5e-3, 4.4e-3))  # lowest and highest (r, z) [m]
 CONE_AMBIENT = 1.0 + 3.6e-4
 CONE_NODES = (65, 65, 257)
 CONE_SPACING = 1e-3 / 16.0  # [m]
@@ -47,30 +39,16 @@ CONE_APERTURE = 1.5e-3  # half the width of the square of rays [m]
 _SLOPE, _APEX, _THICKNESS = np.tan(np.deg2rad(25.0)), 6e-3, 0.5e-3
 # Longest step of the true rays, so that none steps over the layer.
 LONGEST_STEP = 1e-3  # [m]
-KINDS = ("along z", "slanted", "divergent", "incoherent", "turbulence")
-APERTURE = 1.2e-3  # half the width of the square of rays where they cross z = 0, or start [m]
-SLOPE = np.array([0.05, 0.02, 1.0])
-APEX = np.array([0.1e-3, -0.2e-3, -60e-3])
-TURBULENT_NODES, TURBULENT_SPACING, TURBULENT_WAVES = 96, 1e-3, 0.4
-TURBULENT_SLOPE = np.array([0.1, -0.05, 1.0])
-TURBULENT_AMBIENT = 1.00027
 
 
 @dataclass(frozen=True, eq=False)
 class Truth:
-    """The ends of rays on a plane z = const.
+    """The ends of rays on a plane z = const."""
 
-    Attributes:
-        position: Places [m], shape (ray_count, 3).
-        direction: Unit tangents, shape (ray_count, 3).
-        opd: Optical path less that of the undisturbed ray [m], shape (ray_count,).
-        evaluation_count: Evaluations of the formula for each ray; 0 where none was needed.
-    """
-
-    position: np.ndarray
-    direction: np.ndarray
-    opd: np.ndarray
-    evaluation_count: int = 0
+    position: np.ndarray  # places [m], shape (ray_count, 3)
+    direction: np.ndarray  # unit tangents, shape (ray_count, 3)
+    opd: np.ndarray  # optical path less that of the undisturbed ray [m], shape (ray_count,)
+    evaluation_count: int = 0  # evaluations of the formula for each ray; 0 where none was needed
 
 
 def slopes(
@@ -102,18 +80,10 @@ def potential_of(contrast: Formula, ambient: float) -> Formula:
 def integrate(
     potential: Formula, ambient: float, z_end: float, longest: float, rays: RayBundle, tolerance: float = TIGHT
 ) -> Truth:
-    """Trace rays that all start on one plane z = const to another such plane.
+    """Trace rays that all start on one plane z = const, with positive z components, to the plane z = `z_end` [m].
 
-    Args:
-        potential: The optical potential (see `potential_of`).
-        ambient: Ambient index a.
-        z_end: Where the rays end [m].
-        longest: Greatest step [m], so that no thin structure is stepped over.
-        rays: The rays, whose directions have positive z components.
-        tolerance: Relative tolerance.
-
-    Raises:
-        ValueError: Rays that start on different planes.
+    `potential` is the optical potential, `ambient` the index a, and `longest` the greatest step [m], so that no thin
+    structure is stepped over.
     """
     from scipy.integrate import solve_ivp
 
@@ -162,18 +132,11 @@ class PupilScene:
     pupil: Disc
 
 
-def strehl_scene(flow: str = "mach3", ambient_density: float | None = None) -> PupilScene:
-    """The part of a shipped flow seen by the forward pupil, resampled; a new field at every call.
-
-    Args:
-        flow: A shipped flow's name.
-        ambient_density: Density of the free stream [kg/m3], None for the flow's own.
-    """
-    density = shipped(flow)
-    if ambient_density is not None:
-        density = density.scaled(ambient_density)
-    field = density.index_field(WAVELENGTH, "paper").resample(STREHL_SPACING, region=STREHL_REGION)
-    return PupilScene(field, STREHL_PUPIL)
+def strehl_scene(flow: str = "mach3") -> PupilScene:
+    """The part of a shipped flow seen by the forward pupil, resampled; a new field at every call."""
+    region = ((0.0, -9e-3), (7.5e-3, 4.4e-3))  # lowest and highest (r, z) [m]
+    field = shipped(flow).index_field(WAVELENGTH, "paper").resample(5e-5, region=region)
+    return PupilScene(field, Disc(6e-3, np.array([0.0, 0.0, -8e-3])))
 
 
 def cone_contrast(x: np.ndarray, y: np.ndarray, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -219,81 +182,3 @@ def cone_rays(ray_count: int) -> RayBundle:
 def cone_truth(rays: RayBundle, tolerance: float = TIGHT) -> Truth:
     """The ends on the face z = +8 mm of rays from the face z = -8 mm."""
     return integrate(cone_potential, CONE_AMBIENT, CONE_HALF[2], LONGEST_STEP, rays, tolerance)
-
-
-@dataclass(frozen=True, eq=False)
-class BundleScene:
-    """A field and bundles of rays through it.
-
-    Attributes:
-        kind: A name from KINDS.
-        make_field: Returns a new field at every call.
-        make_rays: Returns rays of the same bundle for (ray_count, seed).
-        until: Where they stop.
-    """
-
-    kind: str
-    make_field: Callable[[], IndexField]
-    make_rays: Callable[[int, int], RayBundle]
-    until: Plane
-
-
-def bundle_scene(kind: str) -> BundleScene:
-    """Return the scene of a kind from KINDS."""
-    if kind == "turbulence":
-        end = 0.5 * TURBULENT_NODES * TURBULENT_SPACING
-        return BundleScene(kind, turbulent_field, turbulent_rays, Plane(np.array([0.0, 0.0, end]), TURBULENT_SLOPE))
-    stop = Plane(np.array([0.0, 0.0, CONE_HALF[2]]), np.array([0.0, 0.0, 1.0]))
-    return BundleScene(kind, cone_field, lambda count, seed: bundle_rays(kind, count, seed), stop)
-
-
-def bundle_rays(kind: str, ray_count: int, seed: int) -> RayBundle:
-    """Rays of a bundle through the cone scene, at random places."""
-    rng = np.random.default_rng(seed)
-    across = rng.uniform(-APERTURE, APERTURE, (ray_count, 2))
-    start = np.c_[across, np.full(ray_count, -CONE_HALF[2])]
-    if kind == "along z":
-        return RayBundle(start, np.array([[0.0, 0.0, 1.0]]))
-    if kind == "slanted":
-        return RayBundle(start - CONE_HALF[2] * SLOPE * [1.0, 1.0, 0.0], SLOPE[None])
-    middle = start * [1.0, 1.0, 0.0]
-    way = middle - APEX if kind == "divergent" else np.c_[rng.normal(0.0, 0.02, (ray_count, 2)), np.ones(ray_count)]
-    return RayBundle(middle - CONE_HALF[2] * way / way[:, 2:], way)
-
-
-def rays_on(device: str, rays: RayBundle) -> RayBundle:
-    """The same rays on a device of Warp."""
-    import warp as wp
-
-    arrays = (np.array(each) for each in (rays.position, rays.direction))
-    return RayBundle(*(wp.array(each, dtype=wp.vec3d, device=device) for each in arrays))
-
-
-def turbulent_field() -> IndexField:
-    """Random phases with the amplitude spectrum |k|^(-11/6), faded out at the faces of the box."""
-    count, spacing = TURBULENT_NODES, TURBULENT_SPACING
-    cycles = np.fft.fftfreq(count) * count
-    size = np.sqrt(sum(axis**2 for axis in np.meshgrid(cycles, cycles, cycles, indexing="ij")))
-    size[0, 0, 0] = 1.0
-    noise = np.random.default_rng(5).normal(size=(count,) * 3)
-    made = np.fft.ifftn(np.fft.fftn(noise) * size ** (-11.0 / 6.0)).real
-    edge = np.clip(np.minimum(np.arange(count), count - 1 - np.arange(count)) / 8.0, 0.0, 1.0)
-    edge = edge**2 * (3.0 - 2.0 * edge)
-    made *= edge[:, None, None] * edge[:, None] * edge
-    inner = slice(count // 4, 3 * count // 4)
-    made *= TURBULENT_WAVES * WAVELENGTH / (made.sum(axis=2)[inner, inner].std() * spacing)
-    return IndexField.from_samples(
-        made,
-        origin=(-0.5 * (count - 1) * spacing,) * 3,
-        spacing=(spacing,) * 3,
-        geometry="volume",
-        ambient_index=TURBULENT_AMBIENT,
-    )
-
-
-def turbulent_rays(ray_count: int, seed: int) -> RayBundle:
-    """Slanted rays through the middle of the turbulent volume, at random places."""
-    half = 0.5 * TURBULENT_NODES * TURBULENT_SPACING
-    across = np.random.default_rng(seed).uniform(-0.6 * half, 0.6 * half, (ray_count, 2))
-    start = np.c_[across, np.full(ray_count, -half)]
-    return RayBundle(start - half * TURBULENT_SLOPE * [1.0, 1.0, 0.0], TURBULENT_SLOPE[None])

@@ -25,17 +25,11 @@ from aerokernels.files.writing import FULL
 
 @dataclass
 class OutputOptions:
-    """The output options of the command line.
+    """The output options of the command line."""
 
-    Attributes:
-        as_json: Print results as one JSON object on stdout.
-        quiet: Print no notes and no progress; warnings and errors are still printed.
-        lost: Why results could not be written to stdout, though its reader is still there; empty if they could.
-    """
-
-    as_json: bool = False
-    quiet: bool = False
-    lost: str = ""
+    as_json: bool = False  # print results as one JSON object on stdout
+    quiet: bool = False  # print no notes and no progress; warnings and errors are still printed
+    lost: str = ""  # why results could not be written to stdout, though its reader is still there; empty if they could
 
 
 output = OutputOptions()
@@ -188,11 +182,7 @@ WORTHLESS_ANSWER = 3  # beside 1, failed, and 2, bad input (cli.py)
 
 
 def leave_with(verdict: Verdict) -> None:
-    """Print a warning or worthless verdict to stderr; leave with exit status 3 if it is worthless.
-
-    Raises:
-        typer.Exit: The answer is not meaningful given its error.
-    """
+    """Print a warning or worthless verdict to stderr; leave with exit status 3 if it is worthless."""
     if verdict:
         warn(f"{'not meaningful' if verdict.worthless else 'warning'}: {verdict.reason}")
     if verdict.worthless:

@@ -33,11 +33,7 @@ def load_scene(
     rays: str | None = None,
     settings: list[str] | None = None,
 ) -> "Scene":
-    """Load a scene with the changes of the command line; named options such as --device override --set.
-
-    Raises:
-        ValueError: A setting without `=`, or a scene that is not valid.
-    """
+    """Load a scene with the changes of the command line; named options such as --device override --set."""
     from aerokernels.scene import Scene
 
     return Scene.load(place, scene_changes(backend, device, precision, rays, settings))
@@ -50,11 +46,7 @@ def scene_changes(
     rays: str | None = None,
     settings: list[str] | None = None,
 ) -> dict[str, str]:
-    """Return the changes that the command line makes to a scene, by dotted key.
-
-    Raises:
-        ValueError: A setting without `=`.
-    """
+    """Return the changes that the command line makes to a scene, by dotted key."""
     changes: dict[str, str] = {}
     for setting in settings or []:
         key, separator, value = setting.partition("=")
@@ -87,9 +79,6 @@ def parse_vary(options: Sequence[str]) -> dict[str, list]:
 
     A value may be written as in a scene file ("10 deg", 0.3, '["piston", "tilt"]'). LOW:HIGH:COUNT means COUNT values
     of a quantity, evenly spaced from LOW to HIGH.
-
-    Raises:
-        ValueError: An option that is not KEY=V1,V2,..., a key given twice, or an invalid LOW:HIGH:COUNT.
     """
     from aerokernels.scene.changes import key_dimension
 

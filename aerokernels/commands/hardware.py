@@ -3,7 +3,6 @@
 import re
 import sys
 import time
-from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -53,10 +52,10 @@ def record(
     """
     from dataclasses import asdict
 
-    from aerokernels.commands.hardware import describe, parse_labels, reporter
     from aerokernels.hardware import DIALECT_NAMES, PROTOCOLS
-    from aerokernels.hardware.port import PortError
+    from aerokernels.hardware.port import PortError, open_port
     from aerokernels.hardware.recorder import NO_GOOD_FRAME, Recorder
+    from aerokernels.hardware.sources import CurveStream, FrameStream
     from aerokernels.hardware.store import EchoStore
     from aerokernels.inputs.checks import check_choice
     from aerokernels.process.interrupt import interrupt_flag
@@ -65,7 +64,14 @@ def record(
     check_choice(dialect, "--dialect", ("auto", *DIALECT_NAMES))
     labels = parse_labels(label or [])
     with interrupt_flag() as interrupted:
-        connect = connector(port, protocol, baud, flow, dialect, timeout, interrupted.is_set)
+
+        def connect() -> "EchoStream":
+            """Open the port and find the instrument on it, for the first time or again."""
+            opened = open_port(port, baud=baud, flow=flow)
+            if protocol == "scpi":
+                return CurveStream(opened, dialect=dialect, timeout=timeout, stopped=interrupted.is_set)
+            return FrameStream(opened)
+
         # Open the port first, so that a missing port leaves no empty store behind.
         try:
             stream = connect()
@@ -100,31 +106,8 @@ def record(
     result(f"done: {describe(status)}, in {store}", {**asdict(status), "store": str(store)})
 
 
-def connector(
-    port: str, protocol: str, baud: int, flow: str, dialect: str, timeout: float, stopped: Callable[[], bool]
-) -> "Callable[[], EchoStream]":
-    """Return a function that opens the port and finds the instrument on it, for the first time or again."""
-    from aerokernels.hardware.port import open_port
-    from aerokernels.hardware.sources import CurveStream, FrameStream
-
-    def connect() -> "EchoStream":
-        opened = open_port(port, baud=baud, flow=flow)
-        if protocol == "scpi":
-            return CurveStream(opened, dialect=dialect, timeout=timeout, stopped=stopped)
-        return FrameStream(opened)
-
-    return connect
-
-
-_RATE_TIME = 5.0  # [s] over which the displayed rate is averaged
-
-
 def parse_labels(pairs: list[str]) -> dict[str, str]:
-    """Parse "key=value" texts into labels.
-
-    Raises:
-        ValueError: a text without a key or without "=", a text that is not Unicode, or a key given twice.
-    """
+    """Parse "key=value" texts into labels."""
     labels: dict[str, str] = {}
     for pair in pairs:
         key, equals, value = (part.strip() for part in pair.partition("="))
@@ -140,41 +123,18 @@ def parse_labels(pairs: list[str]) -> dict[str, str]:
 
 def describe(status: "RecordingStatus", rate: float | None = None) -> str:
     """Describe on one line what is stored on the disk; with `rate`, also the recent echoes per second."""
-    parts = [f"stored {status.stored_count}"]
-    if status.last_sequence is not None:
-        parts.append(f"last sequence {status.last_sequence}")
-    if rate is not None:
-        parts.append(f"{rate:.1f}/s")
-    if status.last_peak is not None:
-        parts.append(f"last peak {status.last_peak:.3f} V")
-    parts.append(f"damaged {status.damaged_count}")
-    parts.append(f"missing {status.missing_count}")
-    if status.duplicate_count:
-        parts.append(f"sent twice {status.duplicate_count}")
-    if status.waiting_count:
-        parts.append(f"{status.waiting_count} wait for the store, which another program keeps locked")
-    if status.reconnect_count:
-        parts.append(f"reconnected {status.reconnect_count}")
-    if rate is not None:
-        parts.append(f"port {status.port_state}" if status.port_open else f"port away: {status.port_state}")
-    return ", ".join(parts)
-
-
-class RateMeter:
-    """Echoes per second over the last seconds."""
-
-    def __init__(self) -> None:
-        """Start without counts."""
-        self._seen: deque[tuple[float, int]] = deque()
-
-    def rate(self, stored_count: int) -> float:
-        """Record a count and return the rate [1/s]."""
-        now = time.monotonic()
-        self._seen.append((now, stored_count))
-        while now - self._seen[0][0] > _RATE_TIME:
-            self._seen.popleft()
-        since, first = self._seen[0]
-        return (stored_count - first) / (now - since) if now > since else 0.0
+    port = f"port {'' if status.port_open else 'away: '}{status.port_state}"
+    parts = (
+        (True, f"stored {status.stored_count}"),
+        (status.last_sequence is not None, f"last sequence {status.last_sequence}"),
+        (rate is not None, f"{rate or 0.0:.1f}/s"),
+        (status.last_peak is not None, f"last peak {status.last_peak or 0.0:.3f} V"),
+        (True, f"damaged {status.damaged_count}, missing {status.missing_count}"),
+        (status.duplicate_count, f"sent twice {status.duplicate_count}"),
+        (status.reconnect_count, f"reconnected {status.reconnect_count}"),
+        (rate is not None, port),
+    )
+    return ", ".join(text for is_said, text in parts if is_said)
 
 
 @contextmanager
@@ -190,27 +150,24 @@ def reporter() -> Iterator[Callable[["RecordingStatus"], None]]:
     from rich.text import Text
 
     screen: Any = Screen(sys.stdout)
-    console, meter = Console(file=screen), RateMeter()
+    console, begin = Console(file=screen), time.monotonic()
+
+    def text(status: "RecordingStatus") -> str:
+        return plain(describe(status, status.stored_count / max(time.monotonic() - begin, 1e-3)))
+
     if console.is_terminal:
         with console.status("waiting for the first echo") as live:
-            yield lambda status: live.update(
-                Text(plain(describe(status, meter.rate(status.stored_count))), no_wrap=True, overflow="ellipsis")
-            )
+            yield lambda status: live.update(Text(text(status), no_wrap=True, overflow="ellipsis"))
         return
-    shown_at = -1.0
-    shown: RecordingStatus | None = None
+    shown_at, shown = -1.0, None
 
     def tell(status: "RecordingStatus") -> None:
         nonlocal shown_at, shown
-        rate, now = meter.rate(status.stored_count), time.monotonic()
-        port_changed = shown is not None and (status.port_open, status.reconnect_count) != (
-            shown.port_open,
-            shown.reconnect_count,
-        )
-        if status != shown and (port_changed or now - shown_at >= 1.0):
-            shown_at, shown = now, status
+        now, port = time.monotonic(), (status.port_open, status.reconnect_count)
+        if (status, port) != shown and (now - shown_at >= 1.0 or (shown is not None and port != shown[1])):
+            shown_at, shown = now, (status, port)
             try:
-                print(plain(describe(status, rate)), flush=True)
+                print(text(status), flush=True)
             except OSError:  # the reader has left, or the log's disk is full: no reason to stop recording
                 silence(sys.stdout)
 
@@ -234,23 +191,15 @@ def board(
     noise: Annotated[float, typer.Option(min=0.0, help="Standard deviation of the noise [V].")] = 0.02,
     samples: Annotated[int, typer.Option(min=1, max=65535, help="Samples per echo.")] = 128,
     sample_period: Annotated[int, typer.Option(min=1, max=2**32 - 1, help="Time between samples [ps].")] = 250,
-    fault: Annotated[
-        list[str] | None,
-        typer.Option(
-            help="KIND=PROBABILITY per echo: torn, flipped, glued, garbage, gap, repeat, stall or unplug. Repeatable."
-        ),
-    ] = None,
-    pause: Annotated[float, typer.Option(min=0.0, help="Duration of a stall or of an unplugged port [s].")] = 1.0,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the noise and the faults.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the noise.")] = 0,
 ) -> None:
     """Simulate a digitiser board or an oscilloscope.
 
     With it, `record` can be tried without hardware.
     """
     from aerokernels.hardware import DIALECT_NAMES, PROTOCOLS
-    from aerokernels.hardware.echo_source import DEFAULT_SCENE, EchoSource
     from aerokernels.hardware.pseudo_terminal import PseudoTerminal
-    from aerokernels.hardware.simulator import FaultPlan, SimulatedScope, run_board, run_scope
+    from aerokernels.hardware.simulator import DEFAULT_SCENE, EchoSource, SimulatedScope, run_board, run_scope
     from aerokernels.inputs.checks import check_choice
     from aerokernels.process.interrupt import interrupt_flag
 
@@ -258,7 +207,6 @@ def board(
     check_choice(dialect, "--dialect", DIALECT_NAMES)
     if not rate > 0.0:
         raise ValueError(f"--rate {rate}: give a positive number of echoes per second")
-    faults = FaultPlan.parse(fault or [], pause, seed)
     if echo is not None and scene is not None:
         raise ValueError(f"--echo {echo} and --scene {scene}: give the run or the scene, not both")
     make, place = (EchoSource.from_scene, scene or DEFAULT_SCENE) if echo is None else (EchoSource.from_result, echo)
@@ -269,14 +217,11 @@ def board(
             say(f"board on {link} ({terminal.name}); record it with: aerokernels record {more}--port {link} ...")
         if protocol == "scpi":
             scope = SimulatedScope(source, dialect=dialect, rate=rate, seed=seed)
-            sent, what = run_scope(terminal, scope, count=count, faults=faults, stopped=interrupted.is_set), "curves"
+            sent, what = run_scope(terminal, scope, count=count, stopped=interrupted.is_set), "curves"
         else:
-            sent = run_board(
-                terminal, source, rate=rate, count=count, seed=seed, faults=faults, stopped=interrupted.is_set
-            )
+            sent = run_board(terminal, source, rate=rate, count=count, seed=seed, stopped=interrupted.is_set)
             what = "frames"
-    text = f"done: {sent} {what} sent{', faults: ' if str(faults) else ''}{faults}"
-    result(text, {"sent_count": sent, "protocol": protocol, "faults": str(faults)})
+    result(f"done: {sent} {what} sent", {"sent_count": sent, "protocol": protocol})
 
 
 def export(

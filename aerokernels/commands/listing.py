@@ -19,9 +19,6 @@ Picture = Annotated[
     typer.Option("--picture", "--out", help="Write a picture of the density to this file (.png, .pdf, .svg)."),
 ]
 
-MOST_MEASURED = 100_000  # cells up to which conserving cell averages takes about a second
-COST_OF_CONSERVING = "preparing the field then takes about ten times as long, a whole run up to twice as long"
-
 
 def fields(
     path: Annotated[Path | None, typer.Argument(help="A CFD file or case [default: the shipped fields].")] = None,
@@ -64,7 +61,7 @@ def fields(
     if flow is not None and picture is not None:
         from aerokernels.jobs.plots import save_flow_figure
 
-        save_flow_figure(flow, picture, path.name)
+        save_flow_figure(flow, picture)
         note(f"wrote {picture}")
 
 
@@ -117,29 +114,6 @@ def _field_rows(flow: "DensityField") -> list[tuple[str, str]]:
     ]
     rows.append(("ambient density", f"{flow.ambient_density:.6g} kg/m3"))
     rows.append(("body", _body_in_words(flow.body)))
-    return rows + _lacking_rows(flow)
-
-
-def _lacking_rows(flow: "DensityField") -> list[tuple[str, str]]:
-    """Rows on the deficit of line integrals across a plane mesh's cells, where the file holds cell averages."""
-    from aerokernels.flow import CellDensity
-
-    if not isinstance(flow, CellDensity):
-        return []
-    slow = flow.mesh.parents is not None or flow.wall is not None  # these meshes conserve averages, which takes longer
-    if slow and len(flow.mesh.cells) > MOST_MEASURED:
-        text = f"not measured above {MOST_MEASURED} cells (this mesh has {len(flow.mesh.cells)}): use"
-        return [("averages", f"{text} IndexField.averages_lacking")]
-    try:
-        index = flow.index_field()
-    except ValueError as fault:
-        return [("averages", f"deficit not known: {fault}")]
-    lacking = index.averages_lacking
-    assert lacking is not None
-    name = "conserving" if index.mesh.whole is not None else "bilinear"
-    rows = [("averages", f'deficit of interpolation "{name}": {lacking.in_words()}')]
-    if name == "bilinear" and lacking.rows_max is not None and not lacking.keeps_rows:
-        rows.append(("", f'interpolation = "conserving" lacks less of rows and columns; {COST_OF_CONSERVING}'))
     return rows
 
 
@@ -256,9 +230,7 @@ def backends() -> None:
 
 
 def bench(
-    suites: Annotated[
-        list[str] | None, typer.Argument(metavar="[SUITE]...", help="cone, strehl, sweep, bundles [all].")
-    ] = None,
+    suites: Annotated[list[str] | None, typer.Argument(metavar="[SUITE]...", help="cone, strehl [both].")] = None,
     backend: Annotated[
         list[str] | None, typer.Option(help="warp, opencl or reference; repeatable [default: all available].")
     ] = None,
@@ -280,7 +252,7 @@ def bench(
     Report rays per second, CPU seconds and the share of the hardware's peak performance.
     """
     from aerokernels.benchmark import Settings, run_bench
-    from aerokernels.benchmark.measuring import COLUMNS, table_rows
+    from aerokernels.benchmark.measuring import COLUMNS, table_row
     from aerokernels.files.writing import replacing
 
     settings = Settings(
@@ -299,7 +271,7 @@ def bench(
     if out is not None:
         with replacing(out, name="--out ") as (draft,):
             draft.write_text(json.dumps(measured, indent=1, allow_nan=False) + "\n", encoding="utf-8")
-    print_table(f"Benchmark on {measured['machine']['cpu']}", COLUMNS, table_rows(measured))
+    print_table(f"Benchmark on {measured['machine']['cpu']}", COLUMNS, list(map(table_row, measured["runs"])))
     if out is not None:
         note(f"wrote {out}")
 

@@ -162,11 +162,6 @@ def sweep(
     zip_: Annotated[
         bool, typer.Option("--zip", help="Take the keys' values in parallel, not in every combination.")
     ] = False,
-    sample: Annotated[
-        str | None,
-        typer.Option(metavar="lhs:N", help="N random cases, a Latin hypercube between each key's two values."),
-    ] = None,
-    seed: Annotated[int, typer.Option(help="Seed of --sample.")] = 0,
     executor: Annotated[str, typer.Option(help="local or dask.")] = "local",
     workers: Annotated[
         int | None, typer.Option(help="Processes on this machine [default: one per GPU, or, without GPUs, per core].")
@@ -192,7 +187,7 @@ def sweep(
 
     check_options(executor, workers, scheduler)
     changes = scene_changes(backend, device, precision, rays, settings)
-    definition = define(scene, parse_vary(vary), settings=changes, together=zip_, sample=sample, seed=seed)
+    definition = define(scene, parse_vary(vary), settings=changes, together=zip_)
     if is_finished(definition, out, retry_failed):
         note(f"nothing to do: all {definition.case_count} cases in {out} are finished")
     else:
@@ -202,14 +197,9 @@ def sweep(
 
 
 def _finish(total: int, out: Path) -> None:
-    """Print how many cases succeeded, and the first failures, of a whole case and of a stage of one.
-
-    Raises:
-        typer.Exit: Every case failed, or no other is meaningful.
-    """
+    """Print how many cases succeeded, and the first failures, of a whole case and of a stage of one."""
     from aerokernels.display.quantities import WARNING, WORTHLESS, Verdict
-    from aerokernels.jobs.sweeps.dataset import failure_of
-    from aerokernels.jobs.sweeps.records import DATASET_FILE, Records
+    from aerokernels.jobs.sweeps.records import DATASET_FILE, Records, failure_of
 
     done = Records(out).done
     failed: dict[str, str] = {}

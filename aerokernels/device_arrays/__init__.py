@@ -16,7 +16,7 @@ from .array import (
     rows_beside,
     rows_where,
 )
-from .foreign import device_array, host_array, own_copy, plain_array
+from .foreign import device_array, host_array, plain_array
 
 __all__ = [
     "DeviceArray",
@@ -26,7 +26,6 @@ __all__ = [
     "in_reach",
     "is_one_row",
     "on_host",
-    "own_copy",
     "plain_array",
     "read_on_touch",
     "rows_begun",

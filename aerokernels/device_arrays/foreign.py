@@ -23,17 +23,6 @@ def host_array(found: Any) -> np.ndarray:
     return array if array.dtype in (np.float32, np.float64) else array.astype(np.float64)
 
 
-def own_copy(array: Any) -> Any:
-    """Return a complete copy of a NumPy or Warp array, which nobody else can change."""
-    if isinstance(array, np.ndarray):
-        return array.copy()
-    import warp as wp
-
-    copied = wp.clone(array)
-    wp.synchronize_device(copied.device)  # other libraries write on streams of their own
-    return copied
-
-
 def plain_array(found: Any) -> np.ndarray:
     """Return any object as a NumPy array; arrays on a device are copied, arrays on the host only if necessary.
 
@@ -49,21 +38,13 @@ def plain_array(found: Any) -> np.ndarray:
     return np.asarray(found.detach() if getattr(found, "requires_grad", False) else found)
 
 
-def device_array(found: Any, pinned: bool = False) -> Any:
-    """Return an array on a GPU, or with `pinned` one pinned for a GPU, as a Warp array without a copy.
-
-    None if it is not such an array, or has whole numbers.
-    """
-    if isinstance(found, np.ndarray) or not (is_on_device(found) or (pinned and _memory_of(found) == PINNED)):
+def device_array(found: Any) -> Any:
+    """Return an array on a GPU as a Warp array without a copy; None if it is elsewhere, or has whole numbers."""
+    if isinstance(found, np.ndarray) or not is_on_device(found):
         return None
     import warp
 
-    try:
-        array = _as_warp(found)
-    except (AssertionError, RuntimeError, TypeError, ValueError, BufferError):
-        if is_on_device(found):
-            raise
-        return None  # a library that exports pinned memory as host memory only: it is read as such
+    array = _as_warp(found)
     return array.contiguous() if array.dtype in (warp.float32, warp.float64) else None
 
 
@@ -71,13 +52,8 @@ def is_on_device(found: Any) -> bool:
     """Return whether an array is in memory that only a GPU reads, by `__cuda_array_interface__` or DLPack."""
     if hasattr(found, "__cuda_array_interface__"):
         return True
-    return _memory_of(found) not in (None, PROCESSOR, PINNED)
-
-
-def _memory_of(found: Any) -> int | None:
-    """Return the kind of memory that an array reports through DLPack; None if it reports none."""
     device = getattr(found, "__dlpack_device__", None)
-    return None if device is None else int(device()[0])
+    return device is not None and int(device()[0]) not in (PROCESSOR, PINNED)
 
 
 def _as_warp(found: Any) -> Any:

@@ -45,18 +45,8 @@ def open_netcdf(
 ) -> "xarray.Dataset":
     """Open a NetCDF file as a dataset whose large arrays are read when they are needed, those of HDF5 in the child.
 
-    Args:
-        path: The file.
-        what: The file in words, for the message that it announces more data than fit in memory.
-        most_axes: Arrays of more axes do not count as such data: 1 for those that are read when the file is opened.
-        decode_times: Whether times become dates.
-        whole: Whether to read all of it at once, into memory.
-
-    Raises:
-        NoRoomError: As `foreign_files.check_file`.
-        LibraryEndedError: HDF5 ended the child, or the child exceeded its limits.
-        ValueError: A damaged file, or one of another format; the message names it and quotes HDF5. Reading its arrays
-            raises the same.
+    `what` and `most_axes` are those of `check_file`; `whole` reads all of it into memory at once. Raises a FileFault
+    for a damaged file, or one of another format, which names it and quotes HDF5; so does reading its arrays.
     """
     with errors_naming(path):
         state = _state(path)
@@ -114,7 +104,7 @@ def dataset_of(
     decode_times: bool,
     read: Callable[[str, tuple], np.ndarray] | None = None,
 ) -> "xarray.Dataset":
-    """Return the dataset of the given variables; `read` reads values of a variable without them, by name and index."""
+    """Return the dataset of the variables; `read` reads values of those that have none here, by name and index."""
     import xarray
     from xarray.backends import BackendArray
     from xarray.backends.memory import InMemoryDataStore

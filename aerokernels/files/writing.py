@@ -8,7 +8,7 @@ import errno
 import io
 import os
 import shutil
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -24,16 +24,10 @@ FORMATS = {".tif": "TIFF", ".tiff": "TIFF", ".png": "PNG"}  # of grey pictures, 
 
 
 class OutputError(OSError):
-    """There is no space for results; the message names the place and the remedy."""
+    """There is no space for results; the message names the place, after `name`, and the remedy."""
 
     def __init__(self, place: Path, fault: OSError, name: str = "out="):
-        """Make a message of one line.
-
-        Args:
-            place: Where there is no space.
-            fault: What the system said.
-            name: Precedes the place in the message.
-        """
+        """Make a message of one line of what the system said."""
         super().__init__(f"{name}{place}: {os.strerror(fault.errno or 0)}: make room, or choose another place")
         self.errno = fault.errno
 
@@ -51,18 +45,14 @@ def in_room(place: Path, name: str = "out=") -> Iterator[None]:
 
 @contextmanager
 def only_writer(path: Path, name: str = "out=") -> Iterator[None]:
-    """Lock a place against other processes and threads that would write there.
+    """Lock a file or folder, which need not exist, against other processes and threads that would write there.
 
     The thread that holds the lock may take it again. Missing parent folders are made; they and the lock are removed at
     the end, unless the folders contain something else. A killed process leaves an empty hidden file, which locks nobody
     out. A file system without locks locks nobody out either.
 
-    Args:
-        path: The file or folder that is written; it need not exist.
-        name: Precedes the place in messages.
-
     Raises:
-        ValueError: Another process is writing there, or no file can be made there.
+        ValueError: Another process is writing there, or no file can be made there; `name` precedes the place.
     """
     from filelock import FileLock, Timeout
 
@@ -70,7 +60,7 @@ def only_writer(path: Path, name: str = "out=") -> Iterator[None]:
     new_folders = [parent for parent in place.parents if not parent.exists()]
     with ExitStack() as held:
         for parent in reversed(new_folders):
-            held.callback(_remove_if_empty, parent)
+            held.callback(_quietly, parent.rmdir)  # if it is empty
         try:
             place.parent.mkdir(parents=True, exist_ok=True)
             beside = os.access(place.parent, os.W_OK | os.X_OK) or not place.is_dir()
@@ -89,30 +79,22 @@ def only_writer(path: Path, name: str = "out=") -> Iterator[None]:
         except (NotImplementedError, OSError):
             pass
         if lock.lock_counter <= 1:
-            held.callback(lambda: _unlink(file))
+            held.callback(_quietly, file.unlink)
         yield
 
 
-def _remove_if_empty(folder: Path) -> None:
+def _quietly(remove: Callable[[], None]) -> None:
     with suppress(OSError):
-        folder.rmdir()
-
-
-def _unlink(file: Path) -> None:
-    with suppress(OSError):
-        file.unlink()
+        remove()
 
 
 def draft_of(path: Path) -> Path:
-    """Return the draft of `path`, a hidden name beside it, after removing one that a killed process left there.
-
-    For the only writer of `path`.
-    """
+    """Return, to the only writer of `path`, its draft, a hidden name beside it, without what a killed process left."""
     draft = path.with_name(f".{path.name}.partial")
     if draft.is_dir() and not draft.is_symlink():
         shutil.rmtree(draft, ignore_errors=True)
     else:
-        _unlink(draft)
+        _quietly(draft.unlink)
     return draft
 
 
@@ -121,11 +103,7 @@ def replacing(*paths: Path, name: str = "") -> Iterator[tuple[Path, ...]]:
     """Yield drafts that replace files on success and are removed on failure: readers find old files or new ones.
 
     Each draft has its file's own name, in a hidden folder beside it. A link is followed; what is no regular file, such
-    as /dev/stdout, is written as it is.
-
-    Args:
-        *paths: The files.
-        name: Precedes a path in messages, such as "out=".
+    as /dev/stdout, is written as it is. `name`, such as "out=", precedes a path in messages.
 
     Raises:
         ValueError: A path is a folder, its folder does not exist, or another process is writing there.
@@ -157,11 +135,7 @@ def _draft(path: Path, name: str) -> Iterator[Path]:
 
 
 def write_netcdf(path: Path, dataset: "xarray.Dataset", encoding: Mapping[str, Any] | None = None) -> None:
-    """Write a dataset as NetCDF-4; `encoding` by variable, as in xarray.
-
-    Raises:
-        OSError: The disk is full, or fails; the file is then incomplete.
-    """
+    """Write a dataset as NetCDF-4; `encoding` by variable, as in xarray. After an OSError the file is incomplete."""
     import h5netcdf
     from xarray.backends import H5NetCDFStore
 
@@ -173,20 +147,16 @@ def write_netcdf(path: Path, dataset: "xarray.Dataset", encoding: Mapping[str, A
 
 
 class RetryingFile(io.FileIO):
-    """A file that accepts every byte, drops the bytes that cannot be written, and stores the reason.
+    """A new or emptied file that accepts every byte, drops those that cannot be written, and keeps the first error.
 
     HDF5 cannot close a file to which it cannot write: it prints many errors and ends the process with a segmentation
     fault. With this file it can close, and the caller raises `failure` instead.
-
-    Args:
-        path: The file, created or emptied.
     """
 
     def __init__(self, path: Path) -> None:
         """Create or empty the file."""
         super().__init__(path, "w+")
         self.failure: OSError | None = None
-        """The first error."""
 
     def write(self, data: Any) -> int:
         """Write all of `data`, or drop it."""
@@ -216,12 +186,9 @@ class RetryingFile(io.FileIO):
 
 
 def write_grey(path: str | Path, brightness, format: str | None = None) -> None:
-    """Write brightness 0 to 1, with rows from the lowest up, as a 16-bit grey picture, uppermost row first.
+    """Write brightness 0 to 1, shape (rows, columns), with rows from the lowest up, as a 16-bit grey picture.
 
-    Args:
-        path: The file.
-        brightness: Shape (rows, columns); NaN is black.
-        format: "PNG" or "TIFF"; None takes that of the file's ending.
+    NaN is black. `format` is "PNG" or "TIFF", by default that of the file's ending.
 
     Raises:
         ValueError: Another ending, a folder that does not exist, or an array that has not two axes.

@@ -109,7 +109,7 @@ class DensityField(ReadOnly, ABC):
 
     @staticmethod
     def from_xarray(array, **arguments) -> "DensityField":
-        """Return a density field from an xarray object: see `aerokernels.flow.reading.in_memory.from_xarray`.
+        """Return a density field from an xarray object: see `aerokernels.flow.reading.read.from_xarray`.
 
         Coordinates x, y, z make a volume, two of them a plane, r and z an axisymmetric field; their attribute `units`
         gives their unit. The arguments are those of `flow.read` except spacing, region, walls and those for one file
@@ -119,11 +119,11 @@ class DensityField(ReadOnly, ABC):
             TypeError: Not an xarray object.
             ValueError: Coordinates or densities that do not make a field.
         """
-        return import_module("aerokernels.flow.reading.in_memory").from_xarray(array, **arguments)
+        return import_module("aerokernels.flow.reading.read").from_xarray(array, **arguments)
 
     @staticmethod
     def from_pyvista(dataset, **arguments) -> "DensityField":
-        """Return a density field from a pyvista or VTK grid: see `aerokernels.flow.reading.in_memory.from_pyvista`.
+        """Return a density field from a pyvista or VTK grid: see `aerokernels.flow.reading.read.from_pyvista`.
 
         The arguments are those of `flow.read` except time, walls and those for one file format.
 
@@ -131,7 +131,7 @@ class DensityField(ReadOnly, ABC):
             TypeError: Not a pyvista or VTK data set.
             ValueError: Cells or densities that do not make a field.
         """
-        return import_module("aerokernels.flow.reading.in_memory").from_pyvista(dataset, **arguments)
+        return import_module("aerokernels.flow.reading.read").from_pyvista(dataset, **arguments)
 
     @abstractmethod
     def density_at(self, points) -> np.ndarray:

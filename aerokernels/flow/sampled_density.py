@@ -113,7 +113,7 @@ class SampledDensity(DensityField):
             interpolation: As in IndexField.from_mesh (None: "bilinear", or "conserving" where the walls have values of
                 their own) or IndexField.from_samples (None: "cubic"). Along rows of cells across a shock the integral
                 of the "bilinear" interpolant differs from the cell averages', at worst by about a per cent of the
-                range of densities; the index field's `averages_lacking` reports by how much.
+                range of densities.
             group: Make the field of the group index, by which a pulse travels; `trace` needs it only where the gas
                 varies.
 

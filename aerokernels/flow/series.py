@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from aerokernels.derived import Derived
-from aerokernels.device_arrays import device_array, host_array, own_copy
+from aerokernels.device_arrays import host_array
 from aerokernels.display.plain_text import cut
 from aerokernels.display.shown import shown
 from aerokernels.flow.density_field import DensityField
@@ -136,20 +136,15 @@ class Series:
             raise ValueError(f"snapshot {index} is a {type(found).__name__}, which has no samples")
         return np.asarray(density)
 
-    def read(self, index: int, on_device: bool = False) -> Any:
-        """Return a snapshot as its source gives it: an array of densities on the series' mesh, or a DensityField.
-
-        With `on_device` a float32 or float64 array on a GPU stays there, as a Warp array.
-        """
+    def read(self, index: int) -> Any:
+        """Return a snapshot as its source gives it: an array of densities on the series' mesh, or a DensityField."""
         number = self._number(index)
         found = self.get(number)
         if isinstance(found, DensityField):
             return found
-        array = device_array(found, pinned=True) if on_device else None
-        if array is None:
-            array = host_array(found)
+        array = host_array(found)
         if self.once:  # a solver may compute its next snapshot in the same memory while this one is processed
-            array = own_copy(array)
+            array = array.copy()
         if isinstance(self.mesh, GridMesh) and tuple(array.shape) != self.mesh.shape:
             raise ValueError(
                 f"snapshot {number} has shape {array.shape}, the first one {self.mesh.shape}: one mesh, one shape"

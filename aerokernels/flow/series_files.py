@@ -19,7 +19,7 @@ from aerokernels.inputs.arguments import seconds
 from aerokernels.inputs.checks import listed
 from aerokernels.inputs.units import unit_of
 from aerokernels.medium.labelled_grid import GEOMETRIES
-from aerokernels.process.foreign_files import FileFault, check_file, check_folder, check_room, fault_text
+from aerokernels.process.foreign_files import FileFault, check_file, check_room, fault_text
 
 TIME_NAMES = ("time", "t", "Time")
 # Fraction of a spacing by which nodes may deviate from an even grid: coordinates may be rounded to single precision.
@@ -98,7 +98,6 @@ def _zarr(path: Path, what: str, most_axes: float) -> Any:
         raise ImportError(f"{path}: a Zarr store needs zarr: pip install 'aerokernels[dask]'") from None
     import xarray
 
-    check_folder(path)
     check_file(path, what, most_axes)
     try:
         with warnings.catch_warnings():

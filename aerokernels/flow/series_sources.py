@@ -196,11 +196,11 @@ def _of_path(path: Path, given: _Arguments, clock: _Clock) -> Series:
     if any(letter in str(path) for letter in "*?[") and not path.exists():
         reader = given.reader(str(path))
         return _of_files(_matching(path), clock, reader)
-    lists = import_module("aerokernels.flow.reading.readers.vtk_collections")
+    lists = import_module("aerokernels.flow.reading.readers.vtk_files")
     case = import_module("aerokernels.flow.reading.readers.foam_case")
     times: Any
     times, kind = None, "file"
-    if path.suffix.lower() in lists.SUFFIXES and path.is_file():
+    if path.suffix.lower() in lists.LISTS and path.is_file():
         entries = lists.collection(path)
         times = [entry.time for entry in entries]
         if len(set(times)) == len(times):

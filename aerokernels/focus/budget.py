@@ -26,17 +26,7 @@ STANDARD_ERRORS = 2.13
 
 @dataclass(eq=False)
 class StrehlVariants:
-    """Traces some rays of a pupil again, and finds how they change by cause, when it is asked.
-
-    Attributes:
-        field: The refractive index.
-        pupil: The pupil.
-        look: Direction in which the rays leave, unit vector of shape (3,).
-        seed: Seed of the rays.
-        until: Plane on which the rays stop.
-        wavelength: Vacuum wavelength [m].
-        plan: The plan of the estimate.
-    """
+    """Some rays of a pupil along the unit vector `look` to the plane `until`, and how they change by cause."""
 
     field: IndexField
     pupil: Pupil
@@ -71,14 +61,7 @@ class StrehlVariants:
 
 @dataclass(eq=False)
 class StrehlErrors:
-    """Computes the errors of an estimate's numbers when it is called.
-
-    Attributes:
-        rays: Some of the pupil's rays and their changes.
-        standard_error: Standard error of the Strehl ratio over the replicates.
-        moments: Sums of the replicates, shape (replicate_count, at least 10), see tracing/tasks/sums.py.
-        remove: Terms removed from the wavefront.
-    """
+    """Computes the errors of an estimate's numbers when it is called; `moments` are those of `PupilSums`."""
 
     rays: StrehlVariants
     standard_error: float
@@ -117,13 +100,7 @@ class StrehlErrors:
 
 
 def sampling_of(standard_error: float, fits: np.ndarray, wavelength: float) -> np.ndarray:
-    """Return the errors of NUMBERS by the number of rays, shape (5,).
-
-    Args:
-        standard_error: Standard error of the Strehl ratio over the replicates.
-        fits: OPD rms [m] and tilt [rad] of each replicate, shape (replicate_count, 3).
-        wavelength: Vacuum wavelength [m].
-    """
+    """Return the errors of NUMBERS by the number of rays, from OPD rms [m] and tilt [rad] of each replicate, (n, 3)."""
     rms, *tilt = np.std(fits, axis=0, ddof=1) / np.sqrt(len(fits)) if len(fits) > 1 else np.full(3, np.nan)
     slope = 2.0 * (2.0 * np.pi / wavelength) ** 2 * float(np.mean(fits[:, 0])) if len(fits) else 0.0
     return STANDARD_ERRORS * np.array([standard_error, slope * rms, rms, *tilt])

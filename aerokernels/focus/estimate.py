@@ -20,7 +20,6 @@ from ..pupils.base import Pupil, as_unit_vector
 from ..tracing.engines import engine_of
 from ..tracing.plan import TraceOptions, TracePlan, complete
 from ..tracing.pupil.job import REPLICATES, PupilJob, PupilRequest
-from ..tracing.pupil.new_values import next_job
 from ..tracing.retrace import report_rejected
 from ..wavefronts import check_terms
 from .budget import StrehlErrors, StrehlVariants
@@ -171,10 +170,7 @@ class PreparedStrehl:
 
     def _make_job(self, like: PupilJob | None) -> None:
         with stage("plan"):
-            if like is None:
-                self.job = self.request.job(self.field, self.wavelength)
-            else:
-                self.job = next_job(like, self.field, self.wavelength)
+            self.job = self.request.job(self.field, self.wavelength, like)
         self.job.air.check(self.options["allow_truncation"])
         self.plan = self.job.plan
 
@@ -183,9 +179,7 @@ class PreparedStrehl:
 
         Kernels are reused. The numbers of samples and of rays chosen for this field are checked for the other one, and
         searched for again only if they do not suffice there. The rays may therefore differ from those of
-        `prepare_strehl`, within the same errors. Fields on the same nodes use the same memory on the device in turn:
-        the result for the latest one is the fastest to repeat, an earlier one is given memory of its own at its next
-        call.
+        `prepare_strehl`, within the same errors.
 
         Raises:
             TypeError: `field` is no IndexField.

@@ -1,11 +1,6 @@
-r"""Compute the Strehl ratio, exactly and by Marechal's approximation, and hold the estimate over a pupil.
+"""The Strehl ratio |sum w exp(i k OPD)|^2 (M. Born, E. Wolf, Principles of Optics, 9.1), and its estimate over a pupil.
 
-    exact       |sum w exp(i k OPD)|^2                   (M. Born, E. Wolf, Principles of Optics, 9.1)
-    Marechal    exp(-(k sigma)^2), sigma the rms OPD     fails for shocks, where the OPD is not small
-
-`estimate_strehl` (estimate.py) launches scrambled Sobol points over the pupil in independent replicates, and traces and
-reduces them on the device; the spread of the replicates gives the standard error. A symmetric set-up is traced by
-radial quadrature, with far fewer rays (tracing/pupil/quadrature.py).
+Marechal's exp(-(k sigma)^2), sigma the rms OPD, fails for shocks, where the OPD is not small.
 """
 
 import math
@@ -205,8 +200,6 @@ def combined(
     total: np.ndarray, phasor: np.ndarray, wavelength: float, remove: tuple[str, ...], fit: Any = None
 ) -> dict[str, float]:
     """Return ratio, Marechal's approximation and rms OPD from the sum of all replicates' moments and their phasors.
-
-    `fit` is the result of `fit_moments` for these moments, if it is known.
 
     Raises:
         NoRayArrived: No ray arrived beyond the field.

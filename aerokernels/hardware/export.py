@@ -13,8 +13,7 @@ import numpy as np
 
 from aerokernels.files.writing import RetryingFile, draft_of, only_writer
 from aerokernels.hardware.rows import StoredEcho, encode_label, signed
-from aerokernels.hardware.store import EchoStore
-from aerokernels.hardware.store_file import StoreError
+from aerokernels.hardware.store import EchoStore, StoreError
 from aerokernels.inputs.checks import check_path, listed
 
 ECHOES_AT_ONCE = 1024  # most echoes written at a time

@@ -9,21 +9,12 @@ from aerokernels.hardware.frames import DamagedPiece, Waveform
 from aerokernels.hardware.port import PORT_ERRORS, PortError
 from aerokernels.hardware.sources import EchoStream, Piece
 from aerokernels.hardware.store import EchoStore
-from aerokernels.hardware.store_file import LockedStoreError, StoreError
 from aerokernels.inputs.checks import check_count
 from aerokernels.inputs.kinds import is_number
-
-# First and greatest wait between attempts to reopen a lost port [s]; the wait doubles each time.
-FIRST_WAIT = 0.1
-GREATEST_WAIT = 5.0
 
 # State of a port from which bytes come, but nothing that could be stored.
 NO_GOOD_FRAME = "open, but no good frame yet: check the line rate (baud) and the protocol"
 _NO_FRAME_TIME = 2.0  # [s] after which that is said
-
-# Times to wait for a program that has locked the store, at each commit and at the last one, and between tries [s].
-_LOCK_WAIT, _LAST_LOCK_WAIT, _RETRY_INTERVAL = 0.5, 30.0, 1.0
-_GREATEST_WAITING = 2**28  # [bytes] of echoes that may wait in memory meanwhile
 _REPORT_INTERVAL = 1.0  # [s] between two status reports while nothing is committed
 
 
@@ -39,7 +30,6 @@ class RecordingStatus:
         reconnect_count: how often the port was lost and opened again.
         last_sequence: number of the last echo stored, None before the first.
         last_peak: greatest voltage of the last echo [V].
-        waiting_count: echoes and pieces that wait in memory because another program keeps the store locked.
         port_state: "open", "silent" (open, but no bytes arrive), `NO_GOOD_FRAME`, or the reason why the port is lost.
     """
 
@@ -50,7 +40,6 @@ class RecordingStatus:
     reconnect_count: int = 0
     last_sequence: int | None = None
     last_peak: float | None = None
-    waiting_count: int = 0
     port_state: str = "open"
 
     @property
@@ -102,7 +91,6 @@ class Recorder:
         self._status = RecordingStatus()
         self._batch_count, self._batch_since = 0, 0.0
         self._damaged_count = 0
-        self._retry_at = 0.0
         self._last_echo: Waveform | None = None
         self._reported_at = self._began_at = 0.0
 
@@ -110,38 +98,20 @@ class Recorder:
         """Record and return the final status; wait for a lost port to come back.
 
         Raises:
-            StoreError: the store cannot be written; the port is closed, and committed echoes are safe. What was
-                received since the last commit is in another file, which the message names.
+            StoreError: the store cannot be written; the port is closed, and committed echoes are safe.
         """
-        try:
-            return self._run()
-        except StoreError as error:
-            saved = self._store.save_batch()
-            if saved is None:
-                raise
-            raise type(error)(
-                f"{error}; the {self._batch_count} echoes and pieces that came since are in {saved}"
-            ) from error
-
-    def _run(self) -> RecordingStatus:
         stream: EchoStream | None = self._stream
         self._reported_at = self._began_at = time.monotonic()
         while stream is not None:
             try:
                 lost = self._record_from(stream)
-            except StoreError:
-                with contextlib.suppress(StoreError):  # the store of a failing disk may not even be searched
-                    self._take_all(stream.close(), commits=False)
-                raise
             finally:
                 rest = stream.close()
             self._take_all(rest)
             if lost is None:
                 break
             self._take_all((piece, time.time_ns()) for piece in stream.cut_off(f"cut off: {lost}"))
-            self._try_commit(lost)
-            if self._status.port_state != lost:
-                self._report_state(lost)
+            self._commit(lost)
             stream = self._wait_for_port()
         self._commit(self._status.port_state)
         return self._status
@@ -155,11 +125,10 @@ class Recorder:
                 return f"the port was lost ({' '.join(str(error).split())})"
             self._take_all(pieces)
             now = time.monotonic()
-            silence = now - stream.heard_at
-            if self._stall_time and silence > self._stall_time:
+            if self._stall_time and now - stream.heard_at > self._stall_time:
                 return f"nothing came for {self._stall_time:g} s"
             if self._batch_count and (stream.waits_long or now - self._batch_since >= self._commit_interval):
-                self._try_commit(self._state_of(stream))
+                self._commit(self._state_of(stream))
             elif not self._batch_count and now - self._reported_at >= _REPORT_INTERVAL:
                 self._report_state(self._state_of(stream))
         return None
@@ -173,8 +142,8 @@ class Recorder:
         has_frames = self._status.stored_count or self._store.pending_count or self._store.duplicate_count
         return "open" if is_waiting or has_frames else NO_GOOD_FRAME
 
-    def _take_all(self, pieces: Iterable[tuple[Piece, int]], commits: bool = True) -> None:
-        """Add pieces to the batch, all of them before a commit, so that none is lost if that fails."""
+    def _take_all(self, pieces: Iterable[tuple[Piece, int]]) -> None:
+        """Add pieces to the batch."""
         for piece, host_time in pieces:
             if self._done():
                 break
@@ -186,26 +155,13 @@ class Recorder:
                 self._damaged_count += 1
             elif self._store.add(piece, host_time):
                 self._last_echo = piece
-        if commits and self._batch_count >= self._batch_size:
-            self._try_commit(self._status.port_state)
+        if self._batch_count >= self._batch_size:
+            self._commit(self._status.port_state)
 
-    def _try_commit(self, port_state: str) -> None:
-        """Commit, or go on for a while if another program has locked the store: the batch waits in memory."""
-        if time.monotonic() < self._retry_at:
-            return
-        try:
-            self._commit(port_state, _LOCK_WAIT)
-        except LockedStoreError:
-            if self._store.pending_bytes > _GREATEST_WAITING:
-                raise
-            self._retry_at = time.monotonic() + _RETRY_INTERVAL
-            self._status = replace(self._status, waiting_count=self._batch_count)
-            self._report_state(port_state)
-
-    def _commit(self, port_state: str, wait: float = _LAST_LOCK_WAIT) -> None:
+    def _commit(self, port_state: str) -> None:
         status, store = self._status, self._store
         stored = store.pending_count + store.duplicate_count
-        store.commit(wait)
+        store.commit()
         stored -= store.duplicate_count  # the commit may find duplicates that another recorder has stored meanwhile
         self._batch_count = 0
         self._status = replace(
@@ -214,7 +170,6 @@ class Recorder:
             duplicate_count=store.duplicate_count,
             damaged_count=self._damaged_count,
             missing_count=store.missing_count,
-            waiting_count=0,
             last_sequence=store.last_sequence if stored else status.last_sequence,
             last_peak=self._last_echo.peak if stored and self._last_echo else status.last_peak,
         )
@@ -230,22 +185,18 @@ class Recorder:
 
     def _wait_for_port(self) -> EchoStream | None:
         """Wait for the port and return it once it can be opened; None if the recording was stopped meanwhile."""
-        wait, lost = FIRST_WAIT, self._status.port_state
+        wait, lost = 0.1, self._status.port_state  # [s]; the wait doubles up to 5 s
         while not self._stopped():
             # Wait before the first attempt: a port that opens and fails at once must not be reopened without a pause.
             until = time.monotonic() + wait
             while time.monotonic() < until and not self._stopped():
                 time.sleep(min(0.1, wait))
-                if self._batch_count:
-                    self._try_commit(lost)
                 if time.monotonic() - self._reported_at >= _REPORT_INTERVAL:
                     self._report_state(lost)
-            wait = min(2.0 * wait, GREATEST_WAIT)
-            try:
+            wait = min(2.0 * wait, 5.0)
+            with contextlib.suppress(PortError):
                 stream = self._reconnect()
-            except PortError:
-                continue
-            self._status = replace(self._status, reconnect_count=self._status.reconnect_count + 1)
-            self._report_state("open")
-            return stream
+                self._status = replace(self._status, reconnect_count=self._status.reconnect_count + 1)
+                self._report_state("open")
+                return stream
         return None

@@ -3,11 +3,10 @@
 import json
 import re
 import sqlite3
-from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass
 from operator import index
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -108,16 +107,8 @@ class StoredEcho:
     frame: EchoFrame | ScopeCurve
 
 
-@dataclass(frozen=True)
-class Gap:
-    """Consecutive numbers of echoes that are missing in the store.
-
-    Attributes:
-        session: run of the board.
-        after_sequence: last number before the gap.
-        before_sequence: first number after it.
-        missing_count: numbers missing in between.
-    """
+class Gap(NamedTuple):
+    """Consecutive numbers of echoes that are missing in the store, after and before two that are there."""
 
     session: int
     after_sequence: int
@@ -183,8 +174,7 @@ def signed(value: int) -> int:
     return value - 2**64 if value >= 2**63 else value
 
 
-@dataclass(frozen=True)
-class Followed:
+class Followed(NamedTuple):
     """An echo as it was followed: its session, number, clock [us] and check sum."""
 
     session: int
@@ -197,11 +187,10 @@ class Sessions:
     """Follows the numbers of a board in one recording: its sessions, and how many numbers are missing.
 
     A board counts up, wraps at 2**32, and its clock does not go back; a number or a clock that goes back is that of a
-    board that was started again, which begins a new session. A frame that comes late goes back in both, too, but its
-    number and its clock fit into a gap of the session.
+    board that was started again, which begins a new session.
 
     Attributes:
-        last: the latest echo of the port by its number, None before the first.
+        last: the latest echo of the port, None before the first.
         missing_count: numbers missing between the echoes of this recording.
     """
 
@@ -209,8 +198,6 @@ class Sessions:
         """Go on from the last echo of an earlier recording; what is missing after it does not count."""
         self.last = last
         self.missing_count = 0
-        # The latest gaps into which a late frame may fit.
-        self._gaps: deque[tuple[Followed, Followed]] = deque(maxlen=64)
         self._has_echo = False  # whether this recording has an echo already
 
     def follow(self, sequence: int, device_time: int | None, crc: int, is_known: bool = False) -> int:
@@ -219,28 +206,16 @@ class Sessions:
         One that the store has already (`is_known`) and that goes back was sent again, by a board that was not started
         again.
         """
-        last, session, ahead, is_back = self.last, 1, 1, False
+        last, session = self.last, 1
         if last is not None:
-            session, ahead = last.session, (sequence - last.sequence) % 2**32
+            ahead = (sequence - last.sequence) % 2**32
             is_back = not 0 < ahead < 2**31
             if device_time is not None and last.device_time is not None:
                 is_back = is_back or device_time < last.device_time
-        if is_back and (is_known or self._is_late(sequence, device_time)):
-            return session
-        here = Followed(session + is_back, sequence, device_time, crc)
-        if last is not None and not is_back and ahead > 1:
-            self._gaps.append((last, here))
-            self.missing_count += ahead - 1 if self._has_echo else 0
-        self._has_echo, self.last = True, here
-        return here.session
-
-    def _is_late(self, sequence: int, device_time: int | None) -> bool:
-        """Whether an echo is one of the missing ones of this session, which are then one less."""
-        for after, before in self._gaps:
-            inside = 0 < (sequence - after.sequence) % 2**32 < (before.sequence - after.sequence) % 2**32
-            clocks = after.device_time, device_time, before.device_time
-            if inside and before.session == self.last.session and None not in clocks:  # type: ignore[union-attr]
-                if after.device_time <= device_time <= before.device_time:  # type: ignore[operator]
-                    self.missing_count = max(self.missing_count - 1, 0)
-                    return True
-        return False
+            if is_back and is_known:
+                return last.session
+            session = last.session + is_back
+            if not is_back and self._has_echo:
+                self.missing_count += ahead - 1
+        self._has_echo, self.last = True, Followed(session, sequence, device_time, crc)
+        return session

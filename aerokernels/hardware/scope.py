@@ -1,15 +1,7 @@
 """Query an oscilloscope on a serial port, one question at a time, in the commands of its dialect.
 
-Its output is lines of text, which end with a line feed, and definite-length blocks of IEEE 488.2-1992, 8.7.9: `#`, one
-digit d (1 to 9), d digits that give a count, and then that many bytes of any value, as in
-
-    :CURVE #42500<2500 bytes><line feed>
-
-Only the count determines where a block ends: a line feed among the data is data.
-
-Curves are read one by one, and none twice. Where the instrument counts its acquisitions (Tektronix), the count is
-queried before and after each curve, which shows how many acquisitions were missed. Where it does not (Rigol), each
-single acquisition is started from here. An instrument that supports neither is read as fast as it answers.
+Answers are lines of text, or definite-length blocks of IEEE 488.2-1992, 8.7.9: `#`, one digit d, d digits that give a
+count, and that many bytes of any value, a line feed among them. A header such as `:CURVE ` may precede the `#`.
 """
 
 import re
@@ -26,164 +18,79 @@ from aerokernels.hardware.preamble import Preamble, PreambleError, parse_rigol, 
 if TYPE_CHECKING:
     import serial
 
-
 # Greatest count of bytes accepted; a damaged count must not make the decoder wait for gigabytes.
 GREATEST_BLOCK_LENGTH = 32 * 2**20
+GREATEST_TEXT_LENGTH = 4096  # [bytes] of a line of text; a preamble has some 300
 
-# Greatest length of a line of text [bytes]; a preamble has some 300.
-GREATEST_TEXT_LENGTH = 4096
-
-_SPECIAL = re.compile(rb'[\n#"]')
-
-_TEXT = re.compile(rb"[\x20-\x7e\t]*")
-
-_RESPONSE_HEADER = re.compile(rb"[\s;]*(:?[A-Za-z][A-Za-z0-9_:]*)?[ \t]*")
-
-
-@dataclass(frozen=True)
-class TextLine:
-    """A line of text, without its line end."""
-
-    text: str
+# The response header, the `#` and the number of digits.
+_BLOCK_START = re.compile(rb"[ \t\r;]{0,9}(?::?[A-Za-z][A-Za-z0-9_:]{0,80})?[ \t]{0,9}#([1-9])")
 
 
 @dataclass(frozen=True)
 class Block:
-    """A definite-length block.
-
-    Attributes:
-        data: its content.
-        raw: the bytes as received: response header, length and content.
-    """
+    """A definite-length block: its content, and the bytes as received, with response header and length."""
 
     data: bytes = field(repr=False)
     raw: bytes = field(repr=False)
 
 
 class BlockDecoder:
-    """Turns a stream of bytes, in chunks of any size, into text lines, blocks and damaged pieces.
-
-    The result does not depend on how the bytes are cut into chunks, and the time is linear in their number. The decoder
-    buffers at most `greatest_length` + 2 `GREATEST_TEXT_LENGTH` bytes.
-    """
+    """Turns a stream of bytes, in chunks of any size, into texts (without line ends), blocks and damaged pieces."""
 
     def __init__(self, greatest_length: int = GREATEST_BLOCK_LENGTH) -> None:
-        """Start between two responses."""
+        """Start between two answers."""
         self._greatest_length = greatest_length
-        self._found: list[TextLine | Block | DamagedPiece] = []
-        self._begin()
-
-    def _begin(self) -> None:
         self._pending = bytearray()
-        self._hash = -1  # index of `#` in the pending bytes while its digits arrive, else -1
-        self._wanted = 0  # bytes of the block that have not arrived yet
-        self._data_start = 0
-        self._quoted = False
-        self._overlong = False
 
     @property
     def pending_length(self) -> int:
         """Number of buffered bytes of an incomplete line or block."""
         return len(self._pending)
 
-    def feed(self, chunk: bytes) -> list[TextLine | Block | DamagedPiece]:
+    def feed(self, chunk: bytes) -> list[str | Block | DamagedPiece]:
         """Take the next bytes; return the lines, blocks and damaged pieces that they complete, in order."""
-        chunk, position = bytes(chunk), 0
-        while position < len(chunk):
-            if self._wanted:
-                position = self._take_data(chunk, position)
-            elif self._hash >= 0:
-                position = self._take_length(chunk, position)
-            else:
-                position = self._take_text(chunk, position)
-        found, self._found = self._found, []
-        return found
+        self._pending += chunk
+        pieces = []
+        while (piece := self._next()) is not None:
+            pieces.append(piece)
+        return [piece for piece in pieces if piece != ""]
 
     def finish(self, reason: str = "cut off: the stream ended before its end") -> list[DamagedPiece]:
         """End the stream: return the pending bytes as a damaged piece, and reset the decoder."""
-        raw = bytes(self._pending)
-        self._begin()
+        raw = self._take(len(self._pending))
         return [DamagedPiece(raw, reason)] if raw.strip() else []
 
-    def _take_data(self, chunk: bytes, position: int) -> int:
-        piece = chunk[position : position + self._wanted]
-        self._pending += piece
-        self._wanted -= len(piece)
-        if not self._wanted:
-            self._end_block()
-        return position + len(piece)
+    def _next(self) -> str | Block | DamagedPiece | None:
+        """Take the first piece off the pending bytes; None if they hold no whole one."""
+        pending = self._pending
+        if start := _BLOCK_START.match(pending):
+            data_start = start.end() + int(start[1])
+            digits = bytes(pending[start.end() : data_start])
+            if len(pending) < data_start and (digits.isdigit() or not digits):
+                return None
+            if len(pending) >= data_start and digits.isdigit():
+                count = int(digits)
+                if count > self._greatest_length:
+                    reason = f"length: a block of {count} bytes, more than {self._greatest_length}"
+                    return DamagedPiece(self._take(data_start), reason)
+                if len(pending) < data_start + count:
+                    return None
+                raw = self._take(data_start + count)
+                return Block(raw[data_start:], raw)
+        end = pending.find(b"\n", 0, GREATEST_TEXT_LENGTH)
+        if end < 0:
+            if len(pending) < GREATEST_TEXT_LENGTH:
+                return None
+            return DamagedPiece(self._take(GREATEST_TEXT_LENGTH), "length: no line end within the longest text")
+        raw = self._take(end + 1)[:-1]
+        if not re.fullmatch(rb"[\x20-\x7e\t]*", raw.strip()):
+            return DamagedPiece(raw, "text: bytes that are no ASCII characters")
+        return raw.strip().decode("ascii")
 
-    def _take_length(self, chunk: bytes, position: int) -> int:
-        """Take one byte of `#<digit><digits>`; any other byte makes the `#` a character of a text."""
-        byte = chunk[position : position + 1]
-        digits = bytes(self._pending[self._hash + 1 :]) + byte
-        if not byte.isdigit() or digits[:1] == b"0":
-            self._hash = -1
-            return position
-        self._pending += byte
-        if len(digits) == 1 + int(digits[:1]):
-            self._wanted, self._data_start = int(digits[1:]), len(self._pending)
-            if self._wanted > self._greatest_length:
-                self._damaged(
-                    bytes(self._pending), f"length: a block of {self._wanted} bytes, more than {self._greatest_length}"
-                )
-                self._begin()
-            elif not self._wanted:
-                self._end_block()
-        return position + 1
-
-    def _take_text(self, chunk: bytes, position: int) -> int:
-        room = GREATEST_TEXT_LENGTH - len(self._pending)
-        if room <= 0:
-            self._damaged(bytes(self._pending), "length: no line end within the longest text")
-            self._pending.clear()
-            self._overlong = True
-            return position
-        special = _SPECIAL.search(chunk, position, position + room)
-        if special is None:
-            piece = chunk[position : position + room]
-            self._pending += piece
-            return position + len(piece)
-        end = special.start()
-        if special[0] == b"\n":
-            self._pending += chunk[position:end]
-            self._end_text()
-        else:
-            self._pending += chunk[position : end + 1]
-            if special[0] == b'"':
-                self._quoted = not self._quoted
-            elif not self._quoted:
-                self._hash = len(self._pending) - 1
-        return end + 1
-
-    def _end_text(self) -> None:
-        raw = bytes(self._pending)
-        text = raw.strip()
-        if self._overlong and raw:
-            self._damaged(raw, "length: no line end within the longest text")
-        elif not _TEXT.fullmatch(text):
-            self._damaged(raw, "text: bytes that are no ASCII characters")
-        elif text:
-            self._found.append(TextLine(text.decode("ascii")))
-        self._begin()
-
-    def _end_block(self) -> None:
-        pending, start = bytes(self._pending), 0
-        if self._overlong or not _RESPONSE_HEADER.fullmatch(pending, 0, self._hash):
-            self._damaged(pending[: self._hash], "text: bytes before a block that are no response header")
-            start = self._hash
-        self._found.append(Block(pending[self._data_start :], pending[start:]))
-        self._begin()
-
-    def _damaged(self, raw: bytes, reason: str) -> None:
-        if raw:
-            self._found.append(DamagedPiece(raw, reason))
-
-
-_IDLE_TIME = 0.25  # [s] without a byte after which an unexpected response is regarded as complete
-
-
-_PROBE_TIME = 1.0  # [s] timeout of a question that the instrument may not know
+    def _take(self, count: int) -> bytes:
+        raw = bytes(self._pending[:count])
+        del self._pending[:count]
+        return raw
 
 
 @dataclass(frozen=True)
@@ -271,31 +178,45 @@ class Oscilloscope:
         """
         answer = self._ask(question, timeout)
         if isinstance(answer, Block):
-            raise self._rejected(answer.raw, f"text: a block in answer to {question}")
-        return answer.text
+            self.reject(answer, f"text: a block in answer to {question}")
+            raise DamagedAnswerError
+        return answer
 
     def ask_block(self, question: str) -> Block:
         """Send `question` and return the block that answers it; raises the errors of `ask_text`."""
         answer = self._ask(question)
-        if isinstance(answer, TextLine):
-            raise self._rejected(answer.text.encode("ascii"), f"block: a text in answer to {question}")
+        if isinstance(answer, str):
+            self.reject(answer, f"block: a text in answer to {question}")
+            raise DamagedAnswerError
         return answer
 
-    def reject(self, block: Block, reason: str) -> None:
-        """Add a received block to the damaged pieces, and wait until the instrument is silent."""
-        self._damaged.append(DamagedPiece(block.raw, reason))
-        self._drain()
+    def reject(self, answer: str | Block | DamagedPiece, reason: str) -> None:
+        """Add an answer to the damaged pieces, and all that follows it until the instrument is silent."""
+        self._reject_one(answer, reason)
+        idle = 0.25  # [s] without a byte after which an answer is regarded as complete
+        until, last = time.monotonic() + idle, time.monotonic() + 5.0
+        while time.monotonic() < min(until, last) and not self._stopped():
+            chunk = read_available(self._port)
+            if chunk:
+                until = time.monotonic() + idle
+                for piece in self._decoder.feed(chunk):
+                    self._reject_one(piece, "text: unexpected")
+        self._damaged += self._decoder.finish("cut off: unexpected")
+
+    def _reject_one(self, answer: str | Block | DamagedPiece, reason: str) -> None:
+        raw = answer.encode("ascii") if isinstance(answer, str) else answer.raw
+        self._damaged.append(answer if isinstance(answer, DamagedPiece) else DamagedPiece(raw, reason))
 
     def take_damaged(self) -> list[DamagedPiece]:
         """Return the damaged pieces since the last call."""
-        found, self._damaged = self._damaged, []
-        return found
+        pieces, self._damaged = self._damaged, []
+        return pieces
 
     def pending(self, reason: str) -> list[DamagedPiece]:
         """Return the interrupted answer, and the damaged pieces not taken yet."""
         return self.take_damaged() + self._decoder.finish(reason)
 
-    def _ask(self, question: str, timeout: float | None = None) -> TextLine | Block:
+    def _ask(self, question: str, timeout: float | None = None) -> str | Block:
         self.send(question)
         wait = self._timeout if timeout is None else timeout
         until = time.monotonic() + wait
@@ -307,42 +228,21 @@ class Oscilloscope:
                 continue
             self.heard_at = time.monotonic()
             until = self.heard_at + wait
-            found = self._decoder.feed(chunk)
-            damaged = [piece for piece in found if isinstance(piece, DamagedPiece)]
-            answers = [piece for piece in found if not isinstance(piece, DamagedPiece)]
-            self._damaged += damaged
-            if len(answers) == 1:
-                return answers[0]
-            if answers or damaged:  # several pieces: it is unknown which one is the answer
-                for answer in answers:
-                    raw = answer.raw if isinstance(answer, Block) else answer.text.encode("ascii")
-                    self._damaged.append(DamagedPiece(raw, f"text: one of {len(answers)} answers to {question}"))
-                self._drain()
+            pieces = self._decoder.feed(chunk)
+            if len(pieces) == 1 and not isinstance(pieces[0], DamagedPiece):
+                return pieces[0]
+            if pieces:  # it is unknown which of several is the answer
+                for piece in pieces[:-1]:
+                    self._reject_one(piece, f"text: one of {len(pieces)} answers to {question}")
+                self.reject(pieces[-1], f"text: one of {len(pieces)} answers to {question}")
                 raise DamagedAnswerError
         cut_off = [] if self._stopped() else self._decoder.finish(f"cut off: no more came of the answer to {question}")
         self._damaged += cut_off
         raise DamagedAnswerError if cut_off else NoAnswerError
 
-    def _rejected(self, raw: bytes, reason: str) -> DamagedAnswerError:
-        self._damaged.append(DamagedPiece(raw, reason))
-        self._drain()
-        return DamagedAnswerError()
 
-    def _drain(self) -> None:
-        """Read until the instrument is silent, so that the next answer belongs to the next question."""
-        until, last = time.monotonic() + _IDLE_TIME, time.monotonic() + 5.0
-        while time.monotonic() < min(until, last) and not self._stopped():
-            chunk = read_available(self._port)
-            if chunk:
-                until = time.monotonic() + _IDLE_TIME
-                for piece in self._decoder.feed(chunk):
-                    raw = piece.text.encode("ascii") if isinstance(piece, TextLine) else piece.raw
-                    self._damaged.append(DamagedPiece(raw, "text: unexpected"))
-        self._damaged += self._decoder.finish("cut off: unexpected")
-
-
-def find_dialect(scope: Oscilloscope, name: str = "auto") -> tuple[Dialect, Preamble]:
-    """Find the dialect that the instrument answers, send its set-up commands, and return it with the preamble.
+def find_dialect(scope: Oscilloscope, name: str = "auto") -> Dialect:
+    """Find the dialect that the instrument answers, after sending its set-up commands.
 
     Args:
         scope: the instrument.
@@ -353,7 +253,7 @@ def find_dialect(scope: Oscilloscope, name: str = "auto") -> tuple[Dialect, Prea
             what came instead.
         OSError, termios.error: the port was lost.
     """
-    why, identity = "no answer", _identity(scope)
+    why, identity = "no answer", probe(scope, "*IDN?")
     for dialect in DIALECTS:
         if name not in ("auto", dialect.name):
             continue
@@ -366,7 +266,8 @@ def find_dialect(scope: Oscilloscope, name: str = "auto") -> tuple[Dialect, Prea
             scope.send(command)
         for _ in range(2):  # the first answer may be mixed with earlier bytes on the line
             try:
-                return dialect, dialect.parse(scope.ask_text(dialect.preamble))
+                dialect.parse(scope.ask_text(dialect.preamble))
+                return dialect
             except NoAnswerError:
                 break
             except DamagedAnswerError:
@@ -376,24 +277,12 @@ def find_dialect(scope: Oscilloscope, name: str = "auto") -> tuple[Dialect, Prea
     raise NoAnswerError(why)
 
 
-def _identity(scope: Oscilloscope) -> str:
-    """Return the answer to `*IDN?`: maker, model, serial number, version; empty if there is none."""
+def probe(scope: Oscilloscope, question: str) -> str:
+    """Return the answer to a question that the instrument may not know; empty if there is none."""
     for _ in range(2):
         with suppress(DamagedAnswerError):
             try:
-                return scope.ask_text("*IDN?", _PROBE_TIME)
+                return scope.ask_text(question, timeout=1.0)
             except NoAnswerError:
                 break
     return ""
-
-
-def can_answer(scope: Oscilloscope, question: str, words: str) -> bool:
-    """Whether the instrument knows a question: the last word of its answer matches the regular expression `words`."""
-    for _ in range(2):
-        try:
-            return re.fullmatch(words, scope.ask_text(question, _PROBE_TIME).split()[-1].upper()) is not None
-        except NoAnswerError:
-            break
-        except DamagedAnswerError:
-            continue
-    return False

@@ -1,143 +1,123 @@
-"""Simulated instruments on a pseudo-terminal, for trials without hardware: a digitiser board, an oscilloscope, faults.
+"""Simulated instruments for trials without hardware: a digitiser board and an oscilloscope on a pseudo-terminal.
 
 The board sends frames v1 of a noisy echo at a given rate. The oscilloscope acquires at a given rate and answers as a
-Tektronix or a Rigol does. Random faults of the line are counted, so that a recording can be checked against them.
+Tektronix or a Rigol does.
 """
 
 import time
-from collections import Counter
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
+from aerokernels.files.netcdf_reading import open_netcdf
 from aerokernels.hardware import DIALECT_NAMES
-from aerokernels.hardware.echo_source import EchoSource
-from aerokernels.hardware.frames import DELIMITER, encode
+from aerokernels.hardware.frames import DELIMITER, GREATEST_SAMPLE_COUNT, EchoFrame, encode
 from aerokernels.hardware.pseudo_terminal import PseudoTerminal, never
-from aerokernels.inputs.checks import check_choice
+from aerokernels.inputs.checks import (
+    as_finite_array,
+    as_waveform,
+    check_at_least,
+    check_choice,
+    check_count,
+    check_path,
+)
+from aerokernels.lidar.result import echo_of_result
 
-# Kinds of faults. Of n frames, n - torn - flipped - 2 glued - gap arrive undamaged, if no stall or unplug interrupts;
-# torn + flipped + glued + garbage damaged pieces arrive.
-FAULTS = {
-    "torn": "the end of a frame is missing",
-    "flipped": "one bit is wrong",
-    "glued": "the delimiter is missing, and the next frame follows at once",
-    "garbage": "other bytes come before a frame",
-    "gap": "a frame was measured and not sent",
-    "repeat": "a frame is sent twice",
-    "stall": "nothing is sent for a while",
-    "unplug": "the port goes away for a while",
-}
+# The scene whose echo the simulated instruments send by default.
+DEFAULT_SCENE = "wind-tunnel-static"
 
 
-@dataclass
-class FaultPlan:
-    """Draws at most one fault for each frame.
+@dataclass(frozen=True, eq=False)
+class EchoSource:
+    """Makes noisy frames of one echo.
+
+    The first sample is at the peak of the outgoing pulse (t = 0), so that range = c t / 2 holds for its time axis.
 
     Attributes:
-        rates: probability per frame of each kind.
-        pause: duration of a stall or of an unplugged port [s].
-        seed: seed of the random choices.
-        counts: how often each kind happened.
+        voltage: echo without noise [V], shape (sample_count,).
+        sample_period_ps: time between two samples [ps].
+        noise: standard deviation of the noise [V].
 
     Raises:
-        ValueError: an unknown kind, or a probability outside 0 to 1.
+        ValueError: an echo that is not finite, more samples than a frame holds, a sample period that a frame does not
+            hold, or a negative noise.
+        TypeError: an echo or a noise that is no number.
     """
 
-    rates: Mapping[str, float] = field(default_factory=dict)
-    pause: float = 1.0
-    seed: int = 0
-    counts: Counter[str] = field(default_factory=Counter)
+    voltage: np.ndarray
+    sample_period_ps: int = 1000
+    noise: float = 0.02
 
     def __post_init__(self) -> None:
         """Check."""
-        for kind, rate in self.rates.items():
-            if kind not in FAULTS:
-                raise ValueError(f"fault {kind!r}: give one of {', '.join(FAULTS)}")
-            if not 0.0 <= rate <= 1.0:
-                raise ValueError(f"fault {kind} = {rate}: give a probability per frame, 0 to 1")
-        if sum(self.rates.values()) > 1.0:
-            raise ValueError(f"faults add up to {sum(self.rates.values())} per frame: give 1 at most")
-        if not self.pause >= 0.0:
-            raise ValueError(f"pause = {self.pause} s: give 0 or more")
-        self.random = np.random.default_rng(self.seed)
-        self._after_glued = False
+        voltage = as_finite_array(self.voltage, "the echo")
+        check_count(self.sample_period_ps, "sample_period_ps", most=2**32 - 1)
+        if voltage.ndim != 1 or not 1 <= voltage.size <= GREATEST_SAMPLE_COUNT:
+            raise ValueError(f"an echo of shape {voltage.shape}: give one row of 1 to {GREATEST_SAMPLE_COUNT} samples")
+        check_at_least(self.noise, "noise", 0.0)
+        object.__setattr__(self, "voltage", voltage)
 
     @classmethod
-    def parse(cls, pairs: list[str], pause: float = 1.0, seed: int = 0) -> "FaultPlan":
-        """Make a plan from "kind=probability" texts; a text of another form or a kind given twice is a ValueError."""
-        rates: dict[str, float] = {}
-        for pair in pairs:
-            kind, _, text = (part.strip() for part in pair.partition("="))
-            try:
-                rate = float(text)
-            except ValueError:
-                raise ValueError(f"fault {pair!r}: give KIND=PROBABILITY, for example flipped=0.01") from None
-            if kind in rates:
-                raise ValueError(f"fault {pair!r}: {kind!r} is given twice; give each kind once")
-            rates[kind] = rate
-        return cls(rates, pause, seed)
+    def from_scene(
+        cls, scene: str | Path = DEFAULT_SCENE, *, sample_count: int = 128, sample_period_ps: int = 250, noise=0.02
+    ) -> "EchoSource":
+        """Make the echo that a scene has in vacuum, with the pulse, target and detector that a run simulates."""
+        from aerokernels.lidar.rangefinder import vacuum_echo
+        from aerokernels.scene import Scene
 
-    def draw(self, last: bool = False) -> str | None:
-        """Choose the next frame's fault; None after a glued frame, and instead of "glued" for the last frame."""
-        place, chosen = self.random.random() if self.rates else 1.0, None
-        for kind, rate in self.rates.items():
-            if 0.0 <= place < rate:
-                chosen = kind
-            place -= rate
-        if self._after_glued or (last and chosen == "glued"):
-            chosen = None
-        self._after_glued = chosen == "glued"
-        if chosen:
-            self.counts[chosen] += 1
-        return chosen
+        echo = vacuum_echo(Scene.load(scene))
+        return cls(_interpolated(_sample_times(sample_count, sample_period_ps), *echo), sample_period_ps, noise)
 
-    def on_the_line(self, fault: str | None, wire: bytes) -> bytes:
-        """Return the bytes that a fault makes of a frame and its delimiter."""
-        if fault == "torn":
-            return wire[: self.random.integers(1, len(wire) - 1)] + DELIMITER
-        if fault == "flipped":
-            while True:
-                place, bit = self.random.integers(len(wire) - 1), 1 << int(self.random.integers(8))
-                if wire[place] != bit:  # flipping this bit would make a zero, which splits the frame in two
-                    return wire[:place] + bytes([wire[place] ^ bit]) + wire[place + 1 :]
-        if fault == "glued":
-            return wire[:-1]
-        if fault == "garbage":
-            return self.random.integers(1, 256, 50).astype(np.uint8).tobytes() + DELIMITER + wire
-        if fault == "gap":
-            return b""
-        return wire + wire if fault == "repeat" else wire
+    @classmethod
+    def from_result(
+        cls, path: str | Path, *, sample_count: int = 128, sample_period_ps: int = 250, noise: float = 0.02
+    ) -> "EchoSource":
+        """Make the echo of a finished run (result.nc or its folder), without the run's noise; 0 V outside its times."""
+        path = check_path(path, "path")
+        path = path / "result.nc" if path.is_dir() else path
+        if not path.is_file():
+            raise ValueError(f"result {path}: no such file; make one with `aerokernels run SCENE --out DIR`")
+        result = open_netcdf(path, f"result {path}", decode_times=False)
+        if "echo_voltage_clean" in result.variables:  # the instrument adds its own noise and digitises by itself
+            result = result.assign(echo_voltage=result["echo_voltage_clean"])
+        echo = echo_of_result(path, result)
+        try:
+            voltage = _interpolated(_sample_times(sample_count, sample_period_ps), *echo)
+        except ValueError as error:
+            raise ValueError(f"result {path}: {error}") from None
+        return cls(voltage, sample_period_ps, noise)
 
-    def in_answer(self, fault: str | None, answer: bytes) -> bytes:
-        """Return the bytes that a fault makes of an oscilloscope's answer: "flipped" is a bit of the block's length."""
-        if fault == "torn":
-            return answer[: self.random.integers(1, len(answer) - 1)]
-        if fault == "flipped":
-            place = answer.index(b"#") + 2
-            return answer[:place] + bytes([answer[place] ^ (1 << int(self.random.integers(8)))]) + answer[place + 1 :]
-        if fault in ("glued", "repeat"):
-            return answer + answer
-        if fault == "garbage":
-            return self.random.integers(128, 256, 25).astype(np.uint8).tobytes() + answer
-        return b"" if fault == "stall" else answer
+    @property
+    def full_scale(self) -> float:
+        """The echo's greatest voltage plus six standard deviations of the noise [V]."""
+        return float(np.abs(self.voltage).max() + 6.0 * self.noise) or 1.0
 
-    def interrupt(self, fault: str | None, terminal: PseudoTerminal, stopped: Callable[[], bool]) -> None:
-        """Stall, or unplug the terminal for a while."""
-        if fault not in ("stall", "unplug"):
-            return
-        if fault == "unplug":
-            terminal.close()
-        until = time.monotonic() + self.pause
-        while time.monotonic() < until and not stopped():
-            time.sleep(0.01)
-        if fault == "unplug":
-            terminal.open()
+    def noisy(self, random: np.random.Generator) -> np.ndarray:
+        """Return one measurement of the echo [V], shape (sample_count,)."""
+        return self.voltage + self.noise * random.standard_normal(self.voltage.size)
 
-    def __str__(self) -> str:
-        """Return the counts of the faults that happened: "3 torn, 1 gap"."""
-        return ", ".join(f"{self.counts[kind]} {kind}" for kind in FAULTS if self.counts[kind])
+    def frame(self, sequence: int, device_time_us: int, random: np.random.Generator) -> EchoFrame:
+        """Return one measurement as a digitiser board's frame."""
+        scale = float(np.float32(self.full_scale / 32767))
+        counts = np.clip(np.rint(self.noisy(random) / scale), -32768, 32767).astype(np.int16)
+        return EchoFrame(sequence % 2**32, device_time_us, self.sample_period_ps, scale, 0.0, counts)
+
+
+def _sample_times(sample_count: int, sample_period_ps: int) -> np.ndarray:
+    """Return the times of a frame's samples [s]."""
+    check_count(sample_count, "sample_count", most=GREATEST_SAMPLE_COUNT)
+    return np.arange(sample_count) * (sample_period_ps * 1e-12)
+
+
+def _interpolated(time: np.ndarray, echo_time: np.ndarray, voltage: np.ndarray) -> np.ndarray:
+    """Interpolate an echo's voltage at other times [s] by the quintic spline; 0 V outside its record."""
+    from aerokernels.lidar.pulse_curve import PulseCurve
+
+    echo_time, voltage, period = as_waveform(echo_time, voltage)
+    peak = int(np.argmax(voltage))
+    return PulseCurve(voltage).at((time - echo_time[peak]) / period + peak)
 
 
 def run_board(
@@ -147,7 +127,6 @@ def run_board(
     rate: float = 50.0,
     count: int | None = None,
     seed: int = 0,
-    faults: FaultPlan | None = None,
     stopped: Callable[[], bool] = never,
 ) -> int:
     """Send frames while a reader has the port open; return the number of frames measured.
@@ -161,12 +140,11 @@ def run_board(
         rate: echoes per second.
         count: frames to measure before returning; None goes on until `stopped`.
         seed: seed of the noise.
-        faults: faults of the line, which also counts them.
         stopped: called between frames; True ends the board.
     """
     if not rate > 0.0:
         raise ValueError(f"rate = {rate} echoes per second: give a positive one")
-    random, faults = np.random.default_rng(seed), faults or FaultPlan()
+    random = np.random.default_rng(seed)
     sent, due, heard = 0, 0.0, False
     while not stopped() and (count is None or sent < count):
         if not terminal.has_reader():
@@ -184,9 +162,7 @@ def run_board(
         due = max(due, time.monotonic() - 1.0) + 1.0 / rate  # catch up at most one second of delay
         frame = source.frame(sent, time.monotonic_ns() // 1000, random)
         sent += 1
-        fault = faults.draw(last=sent == count)
-        terminal.write(faults.on_the_line(fault, encode(frame)), stopped)
-        faults.interrupt(fault, terminal, stopped)
+        terminal.write(encode(frame), stopped)
     if count is not None:
         terminal.drain(stopped)
     return sent
@@ -211,7 +187,6 @@ class SimulatedScope:
             raise ValueError(f"rate = {rate} acquisitions per second: give a positive one")
         self._source, self._dialect, self._rate, self._seed = source, dialect, rate, seed
         self._started = time.monotonic()
-        self._skipped = 0
         self._stop_at: int | None = None  # the acquisition at which a single acquisition stops
         self._step = source.full_scale / 220
         self.curve_count = 0  # number of curves sent
@@ -219,11 +194,7 @@ class SimulatedScope:
     @property
     def acquisition(self) -> int:
         """Number of the current acquisition, from 1."""
-        return 1 + self._skipped + int((time.monotonic() - self._started) * self._rate)
-
-    def skip(self) -> None:
-        """Skip an acquisition, as if it had come and gone between two questions."""
-        self._skipped += 1
+        return 1 + int((time.monotonic() - self._started) * self._rate)
 
     def answer(self, command: str) -> bytes:
         """Return the answer to a question; empty for a command or an unknown question."""
@@ -278,27 +249,15 @@ def run_scope(
     scope: SimulatedScope,
     *,
     count: int | None = None,
-    faults: FaultPlan | None = None,
     stopped: Callable[[], bool] = never,
 ) -> int:
-    """Answer questions until `count` curves were sent or `stopped`; return the number of curves sent.
-
-    Faults affect only the answers that hold a curve: see `FaultPlan.in_answer`; "gap" skips an acquisition.
-    """
-    faults, pending = faults or FaultPlan(), b""
+    """Answer questions until `count` curves were sent or `stopped`; return the number of curves sent."""
+    pending = b""
     while not stopped() and (count is None or scope.curve_count < count):
         pending += terminal.read(0.05)
         *commands, pending = pending[-1024:].replace(b"\r", b"\n").split(b"\n")
         for command in commands:
-            before = scope.curve_count
-            answer = scope.answer(command.decode("ascii", "replace"))
-            fault = faults.draw() if scope.curve_count > before else None
-            if fault == "gap":
-                scope.skip()
-            terminal.write(faults.in_answer(fault, answer), stopped)
-            faults.interrupt(fault, terminal, stopped)
-            if fault == "unplug":
-                pending = b""
+            terminal.write(scope.answer(command.decode("ascii", "replace")), stopped)
     if count is not None:
         terminal.drain(stopped)
     return scope.curve_count

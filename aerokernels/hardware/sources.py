@@ -1,53 +1,24 @@
-"""Streams of echoes: a port and its protocol behind one small interface."""
+"""Streams of echoes: a port and its protocol behind one small interface, by which the recorder reads any instrument.
 
+`poll` returns the pieces since the last call with their host time [ns since 1970], and waits briefly if there are none.
+`close` closes the port and returns pieces that were read and not returned; `cut_off` the piece whose rest never comes.
+"""
+
+import re
 import time
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Protocol
+from contextlib import suppress
+from typing import TYPE_CHECKING
 
 from aerokernels.hardware.frames import DamagedPiece, EchoFrame, FrameDecoder
 from aerokernels.hardware.port import PORT_ERRORS, PortError, PortReader, close_port
 from aerokernels.hardware.preamble import PreambleError, ScopeCurve
-from aerokernels.hardware.scope import (
-    DamagedAnswerError,
-    NoAnswerError,
-    Oscilloscope,
-    can_answer,
-    find_dialect,
-)
+from aerokernels.hardware.scope import DamagedAnswerError, NoAnswerError, Oscilloscope, find_dialect, probe
 
 if TYPE_CHECKING:
     import serial
 
 Piece = EchoFrame | ScopeCurve | DamagedPiece
-
-_TRIGGER_STATES = "STOP|TD|WAIT|RUN|AUTO"
-
-
-class EchoStream(Protocol):
-    """An open port that delivers echoes.
-
-    Attributes:
-        waits_long: whether a `poll` may wait for seconds, so that the recorder commits earlier echoes first.
-    """
-
-    waits_long: bool
-
-    @property
-    def heard_at(self) -> float:
-        """Time of the last received byte [s, monotonic clock]."""
-
-    def poll(self) -> list[tuple[Piece, int]]:
-        """Return the pieces since the last call with their host time [ns since 1970]; wait briefly if there are none.
-
-        Raises:
-            OSError, termios.error: the port was lost.
-        """
-
-    def close(self) -> list[tuple[Piece, int]]:
-        """Close the port; return the pieces that were read and not returned yet."""
-
-    def cut_off(self, reason: str) -> list[DamagedPiece]:
-        """Return the incomplete piece whose rest will never come."""
 
 
 class FrameStream:
@@ -57,7 +28,7 @@ class FrameStream:
         port: the open port; closed by `close`.
     """
 
-    waits_long = False
+    waits_long = False  # whether a `poll` may wait for seconds, so that earlier echoes are committed first
 
     def __init__(self, port: "serial.SerialBase") -> None:
         """Start reading."""
@@ -67,7 +38,7 @@ class FrameStream:
         self._reader = PortReader(port)
 
     def poll(self) -> list[tuple[Piece, int]]:
-        """Return the frames and damaged pieces since the last call."""
+        """Return the frames and damaged pieces since the last call; an error of the port is raised."""
         item = self._reader.next()
         if item is None:
             return []
@@ -79,13 +50,11 @@ class FrameStream:
         """Close the port and return the frames that had arrived."""
         self._reader.stop()
         close_port(self._port)
-        found: list[tuple[Piece, int]] = []
-        try:
+        pieces: list[tuple[Piece, int]] = []
+        with suppress(*PORT_ERRORS):  # the recorder closes the port because of this error
             while (item := self._reader.next(timeout=0.0)) is not None:
-                found += [(piece, item[1]) for piece in self._decoder.feed(item[0])]
-        except PORT_ERRORS:
-            pass  # the recorder closes the port because of this error
-        return found
+                pieces += [(piece, item[1]) for piece in self._decoder.feed(item[0])]
+        return pieces
 
     def cut_off(self, reason: str) -> list[DamagedPiece]:
         """Return the frame whose end never came."""
@@ -121,10 +90,11 @@ class CurveStream:
         self._last_count: int | None = None
         self._started = False  # whether a single acquisition was started
         try:
-            self._dialect, _ = find_dialect(self._scope, dialect)
+            self._dialect = find_dialect(self._scope, dialect)
             count, single = self._dialect.acquisition, self._dialect.single
-            self._count_question = count if count and can_answer(self._scope, count, r"\d+") else None
-            self._single = single if single and can_answer(self._scope, single[1], _TRIGGER_STATES) else None
+            self._count_question = count if count and re.search(r"(^|\s)\d+$", probe(self._scope, count)) else None
+            states = r"(^|\s)(STOP|TD|WAIT|RUN|AUTO)$"
+            self._single = single if single and re.search(states, probe(self._scope, single[1]).upper()) else None
         except NoAnswerError as error:
             close_port(port)
             raise PortError(
@@ -142,21 +112,16 @@ class CurveStream:
 
     def poll(self) -> list[tuple[Piece, int]]:
         """Return the next curve and damaged answers; nothing while there is no new acquisition."""
-        found: list[tuple[Piece, int]] = []
-        try:
-            found = self._next_curve()
-        except (NoAnswerError, DamagedAnswerError):
-            pass  # the next poll asks again; the recorder handles a silent instrument
-        damaged = self._scope.take_damaged()
-        return [(piece, time.time_ns()) for piece in damaged] + found
+        curves: list[tuple[Piece, int]] = []
+        with suppress(NoAnswerError, DamagedAnswerError):  # the next poll asks again
+            curves = self._next_curve()
+        return [*((piece, time.time_ns()) for piece in self._scope.take_damaged()), *curves]
 
     def close(self) -> list[tuple[Piece, int]]:
         """Let the instrument run again and close the port; there are never pieces left to return."""
         if self._single and self._port.is_open:
-            try:
+            with suppress(*PORT_ERRORS):
                 self._scope.send(self._single[2])
-            except PORT_ERRORS:
-                pass
         close_port(self._port)
         return []
 
@@ -188,17 +153,18 @@ class CurveStream:
         self._started = False
         # Acquisitions during the transfer cannot be told apart from this curve: only a higher count is a new one.
         self._last_count = count
-        try:
+        with suppress(NoAnswerError, DamagedAnswerError):
             self._last_count = self._acquisition()
-        except (NoAnswerError, DamagedAnswerError):
-            pass
         return [(curve, host_time)]
 
     def _acquisition(self) -> int | None:
         """Return the number of acquisitions so far; None where the instrument does not count them."""
         if self._count_question is None:
             return None
-        return _last_number(self._scope.ask_text(self._count_question)) % 2**32
+        try:  # ":ACQUIRE:NUMACQ 12", or "12" alone
+            return int(self._scope.ask_text(self._count_question).split()[-1]) % 2**32
+        except ValueError as error:
+            raise DamagedAnswerError from error
 
     def _is_complete(self) -> bool:
         """Whether the single acquisition is complete; starts one if none was started."""
@@ -211,9 +177,4 @@ class CurveStream:
         return self._scope.ask_text(state).split()[-1].upper() == "STOP"
 
 
-def _last_number(answer: str) -> int:
-    """Return the number in ":ACQUIRE:NUMACQ 12", or in "12" alone."""
-    try:
-        return int(answer.split()[-1])
-    except ValueError as error:
-        raise DamagedAnswerError from error
+EchoStream = FrameStream | CurveStream

@@ -3,33 +3,88 @@
 Once `commit` has returned, the echoes added before it are on the disk; a kill loses only echoes added since.
 """
 
-import json
+import os
 import sqlite3
-import tempfile
 import time
 from collections.abc import Iterator, Mapping
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 
 from aerokernels.hardware import rows
 from aerokernels.hardware.frames import DamagedPiece, EchoFrame, as_whole
 from aerokernels.hardware.preamble import ScopeCurve
 from aerokernels.hardware.rows import Followed, Gap, Sessions, StoredEcho, encode_label
-from aerokernels.hardware.store_file import (
-    KEEP_IT,
-    DamagedStoreError,
-    StoreError,
-    described_errors,
-    file_identity,
-    free_name,
-    open_file,
-    save_copy,
-    transaction,
-)
 from aerokernels.inputs.checks import check_path
 from aerokernels.process.foreign_files import FileFault
 
-_BUSY_TIME = 30.0  # [s] wait for another recorder that is committing to the same store
+_BUSY_TIME = 30.0  # [s] wait for another program that is committing to the same store
+_KEEP_IT = "keep the file, recover its content with `sqlite3 FILE .recover`, and record into a new file"
+
+
+class StoreError(RuntimeError):
+    """The store cannot be read or written; the message is one line with the reason and the remedy."""
+
+    def __init__(self, message: str):
+        """Put the message on one line: SQLite quotes the schema of a damaged file with its line breaks."""
+        super().__init__(" ".join(message.split()))
+
+
+class DamagedStoreError(StoreError, FileFault):
+    """The file's content is damaged; the message names the file."""
+
+
+@contextmanager
+def described_errors(path: Path) -> Iterator[None]:
+    """Turn SQLite's errors into a StoreError, or a FileFault where another file must be given; each names the file."""
+    try:
+        yield
+    except sqlite3.Error as error:
+        code = getattr(error, "sqlite_errorcode", 0) & 0xFF  # the primary code; 0 for an error of the module itself
+        if code == sqlite3.SQLITE_CORRUPT:
+            raise DamagedStoreError(f"store {path}: {error}; {_KEEP_IT}") from error
+        if code in (sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_CANTOPEN, sqlite3.SQLITE_READONLY, sqlite3.SQLITE_ERROR):
+            text = " ".join(str(error).split())
+            raise FileFault(f"store {path}: {text}; give an echo store in a folder that may be written") from error
+        if isinstance(error, sqlite3.ProgrammingError) and not code:
+            raise FileFault(f"store {path}: it is closed; open it again") from None
+        locked = "another program keeps it locked; " if code in (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED) else ""
+        raise StoreError(
+            f"store {path}: {locked}{error}; what was committed is safe: make room, or wait for the other program, "
+            "then record again into the same store"
+        ) from error
+
+
+@contextmanager
+def _transaction(connection: sqlite3.Connection, begin: str, path: Path) -> Iterator[None]:
+    """Commit all statements of the block after `begin`, or, after an error, none."""
+    with described_errors(path):
+        connection.execute(begin)
+        try:
+            yield
+            connection.execute("COMMIT")
+        finally:
+            if connection.in_transaction:
+                connection.execute("ROLLBACK")
+
+
+def _open_file(path: Path, read_only: bool) -> sqlite3.Connection:
+    """Open or create a store's file, in autocommit mode.
+
+    A finished store in a folder that may not be written (an archive) is opened without the log that SQLite otherwise
+    creates beside it: nobody can be writing there.
+    """
+    if not path.parent.is_dir():
+        raise FileFault(f"store {path}: folder {path.parent} does not exist; make it first")
+    if path.exists() and not path.is_file():
+        raise FileFault(f"store {path}: a folder or a device, not a file; give the file that `record` wrote")
+    if read_only and not path.exists():
+        raise FileFault(f"store {path}: no such file; record one with `aerokernels record --store`")
+    address = f"{path.absolute().as_uri()}?mode={'ro' if read_only else 'rwc'}"
+    file = path.resolve()
+    log = file.with_name(f"{file.name}-wal")
+    if read_only and not os.access(file.parent, os.W_OK) and not (log.exists() and log.stat().st_size):
+        address += "&immutable=1"
+    return sqlite3.connect(address, uri=True, timeout=_BUSY_TIME, isolation_level=None)
 
 
 class EchoStore:
@@ -49,7 +104,7 @@ class EchoStore:
         self.path = check_path(path, "path")
         is_new = not self.path.exists()
         with described_errors(self.path):
-            self._connection = open_file(self.path, read_only=read_only, wait=_BUSY_TIME)
+            self._connection = _open_file(self.path, read_only)
             try:
                 self._prepare(read_only)
             except BaseException:
@@ -58,14 +113,13 @@ class EchoStore:
                     self.path.unlink()
                 raise
         self._read_only = read_only
-        self._identity = file_identity(self.path)
-        self._recording, self._label, self._origin = 0, "{}", ("", "")
+        self._inode = self.path.stat().st_ino
+        self._recording, self._label = 0, "{}"
         self._sessions = Sessions()
         self._echoes: list[tuple] = []
         self._keys: set[tuple[int, int, int]] = set()
         self._damaged: list[tuple] = []
         self.duplicate_count = 0  # frames that the store already had, since `begin_recording`
-        self.pending_bytes = 0  # in the open batch
 
     def _prepare(self, read_only: bool) -> None:
         execute = self._connection.execute
@@ -109,7 +163,7 @@ class EchoStore:
                 raise TypeError(f"{name} must be a text, got {given!r}")
         if self._read_only:
             raise ValueError(f"store {self.path}: opened for reading only; open it without read_only=True to record")
-        self._label, self._origin = encode_label(label), (port, protocol)
+        self._label = encode_label(label)
         self.duplicate_count = 0
         with self._transaction():
             self._sessions = Sessions(self._last_echo(port, protocol))
@@ -146,7 +200,6 @@ class EchoStore:
                 self._sessions.follow(sequence, device_time, echo.crc, is_known=True)
             return False
         session = self._sessions.follow(sequence, device_time, echo.crc)
-        self.pending_bytes += 2 * echo.samples.size + len(echo.raw)
         self._echoes.append(rows.row_of(echo, self._recording, session, sequence, host_time_ns, self._label))
         return True
 
@@ -156,30 +209,23 @@ class EchoStore:
         if not isinstance(piece, DamagedPiece):
             raise TypeError(f"a damaged piece is a DamagedPiece, got {piece!r}")
         host_time_ns = as_whole(host_time_ns, "host_time_ns")
-        self.pending_bytes += len(piece.raw)
         self._damaged.append((self._recording, host_time_ns, piece.reason, len(piece.raw), piece.raw))
 
-    def commit(self, wait: float = _BUSY_TIME) -> None:
+    def commit(self) -> None:
         """Write the open batch to the disk: when this returns, the batch survives a kill.
 
-        Args:
-            wait: longest time to wait for another program that has locked the file [s].
-
         Raises:
-            LockedStoreError: the file is still locked after that time; the batch stays open, for a later commit.
-            StoreError: the disk is full or fails, and batches committed before are safe; or the file was moved or
-                deleted, and a copy with this batch was written, which the message names.
+            StoreError: another program keeps the file locked, the disk is full or fails, or the file was moved or
+                deleted; batches committed before are safe.
         """
-        if self._echoes or self._damaged:
-            self._connection.execute(f"PRAGMA busy_timeout = {round(1e3 * wait)}")
-            try:
-                self._write_batch()
-            finally:
-                self._connection.execute(f"PRAGMA busy_timeout = {round(1e3 * _BUSY_TIME)}")
-        if file_identity(self.path) != self._identity:
-            raise StoreError(f"store {self.path}: {save_copy(self._connection, self.path)}")
-
-    def _write_batch(self) -> None:
+        try:
+            is_here = self.path.stat().st_ino == self._inode
+        except OSError:
+            is_here = False
+        if not is_here:
+            raise StoreError(f"store {self.path}: the file was moved, replaced or deleted; record into a new file")
+        if not (self._echoes or self._damaged):
+            return
         with self._transaction():
             many = self._connection.executemany
             added = many(rows.WRITE_ECHO, self._echoes).rowcount if self._echoes else 0
@@ -195,28 +241,6 @@ class EchoStore:
             )
         for batch in (self._echoes, self._keys, self._damaged):
             batch.clear()
-        self.pending_bytes = 0
-
-    def save_batch(self) -> Path | None:
-        """Write the open batch to a new store in the folder for temporary files, if it cannot be written to this one.
-
-        Returns:
-            The new file; None if there is nothing to write, or it cannot be written there either.
-        """
-        if not (self._echoes or self._damaged):
-            return None
-        path = free_name(Path(tempfile.gettempdir()), self.path, "rest")
-        try:
-            with EchoStore(path) as other:
-                other.begin_recording(*self._origin, json.loads(self._label))
-                other._echoes = [(other._recording, *row[1:]) for row in self._echoes]
-                other._damaged = [(other._recording, *row[1:]) for row in self._damaged]
-                other.commit()
-        except (StoreError, ValueError):  # no room there either
-            for part in path.parent.glob(f"{path.name}*"):
-                part.unlink(missing_ok=True)
-            return None
-        return path
 
     def close(self) -> None:
         """Close the file; an uncommitted batch is dropped."""
@@ -270,7 +294,7 @@ class EchoStore:
             except (TypeError, ValueError, ArithmeticError) as error:  # written by another program, or damaged
                 reason = " ".join(str(error).split())[:200]
                 raise DamagedStoreError(
-                    f"store {self.path}: a row is not that of an echo ({reason}); {KEEP_IT}"
+                    f"store {self.path}: a row is not that of an echo ({reason}); {_KEEP_IT}"
                 ) from None
 
     def gaps(self) -> list[Gap]:
@@ -279,14 +303,14 @@ class EchoStore:
 
     def snapshot(self) -> AbstractContextManager[None]:
         """Return a context in which all reads show the store at one moment, even while a recorder writes."""
-        return transaction(self._connection, "BEGIN", self.path)
+        return _transaction(self._connection, "BEGIN", self.path)
 
     def _check_recording(self) -> None:
         if not self._recording:
             raise ValueError(f"store {self.path}: call begin_recording(port, protocol, label) before echoes are added")
 
     def _transaction(self) -> AbstractContextManager[None]:
-        return transaction(self._connection, "BEGIN IMMEDIATE", self.path)
+        return _transaction(self._connection, "BEGIN IMMEDIATE", self.path)
 
     def _rows(self, query: str, values: tuple = ()) -> Iterator[tuple]:
         with described_errors(self.path):
@@ -302,10 +326,10 @@ class EchoStore:
                 raise
 
     def _last_echo(self, port: str, protocol: str) -> Followed | None:
-        found = self._rows(
+        last = self._rows(
             "SELECT session, sequence, device_time_us, crc32 FROM echoes WHERE recording IN "
             "(SELECT id FROM recordings WHERE port = ? AND protocol = ?) ORDER BY id DESC LIMIT 1",
             (port, protocol),
         )
-        row = next(found, None)
+        row = next(last, None)
         return None if row is None else Followed(row[0], row[1], None if row[2] is None else row[2] % 2**64, row[3])

@@ -306,7 +306,7 @@ def background_displacement(
         wavelength: Vacuum wavelength [m]; None takes the field's own, or 905 nm where it has none.
         options: tolerance [waves], method, step, max_steps, backend, device, precision: see `trace`; and
             allow_truncation, whether more than a thousandth of the picture's light may come through disturbed air that
-            was cut off the field. The affected pixels are marked in `known`; if they are fewer, there is only a warning.
+            was cut off the field. Affected pixels are marked in `known`; if they are fewer, there is only a warning.
 
     Raises:
         TypeError: `field` or `camera` is of the wrong type, or an option is unknown.

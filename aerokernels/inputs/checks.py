@@ -5,7 +5,6 @@ import os
 import sys
 import warnings
 from collections.abc import Collection, Iterable
-from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -13,10 +12,6 @@ import numpy as np
 
 from aerokernels.inputs.kinds import as_whole
 
-# Deviation of the sample spacing, relative to the sample period, above which a record counts as uneven.
-UNEVENNESS = 1e-3
-# No rangefinder has a longer sample period [s]: the times are in nanoseconds, or are sample numbers.
-LONGEST_PERIOD = 1e-3
 # Of rays, pixels, samples: kernels number them by 32 bits.
 GREATEST_COUNT = 2**31 - 1
 
@@ -25,12 +20,7 @@ Waveform = tuple[np.ndarray, np.ndarray, float]
 
 
 def check_path(value: Any, name: str) -> Path:
-    """Return `value`, a text or path-like of texts, as a path.
-
-    Raises:
-        TypeError: It is something else.
-        ValueError: It has a zero character, which no path may have.
-    """
+    """Return a text or path-like of texts as a path; raises a TypeError or a ValueError for anything else."""
     if not isinstance(value, (str, os.PathLike)) or not isinstance(os.fspath(value), str):
         raise TypeError(f"{name} must be a text or a Path, got {type(value).__name__}")
     if "\0" in os.fspath(value):
@@ -39,12 +29,7 @@ def check_path(value: Any, name: str) -> Path:
 
 
 def check_positive(value: float, name: str, unit: str = "") -> float:
-    """Return `value` as a float that is positive and finite.
-
-    Raises:
-        ValueError: It is not.
-        TypeError: It is no number.
-    """
+    """Return `value` as a float that is positive and finite; raises a ValueError, or a TypeError for no number."""
     number = _as_number(value, name)
     if not (math.isfinite(number) and number > 0.0):
         raise ValueError(f"{name} must be positive and finite{f' [{unit}]' if unit else ''}, got {value!r}")
@@ -52,12 +37,7 @@ def check_positive(value: float, name: str, unit: str = "") -> float:
 
 
 def check_at_least(value: float, name: str, least: float = -math.inf) -> float:
-    """Return `value` as a float that is finite and not below `least`.
-
-    Raises:
-        ValueError: It is not.
-        TypeError: It is no number.
-    """
+    """Return `value` as a float that is finite and not below `least`; errors as `check_positive`."""
     number = _as_number(value, name)
     if not (math.isfinite(number) and number >= least):
         bound = "" if least == -math.inf else f" and at least {least:g}"
@@ -66,11 +46,7 @@ def check_at_least(value: float, name: str, least: float = -math.inf) -> float:
 
 
 def check_count(count: float, name: str = "ray_count", least: int = 1, most: int = GREATEST_COUNT) -> int:
-    """Return a whole number, which may be given as a float, that is not below `least`, nor above `most`.
-
-    Raises:
-        ValueError: It is not.
-    """
+    """Return a whole number from `least` to `most`, which may be given as a float; raises a ValueError for others."""
     number = as_whole(count)
     if number is None or not least <= number <= most:
         is_small = most >= GREATEST_COUNT and (number is None or number < least)
@@ -80,12 +56,7 @@ def check_count(count: float, name: str = "ray_count", least: int = 1, most: int
 
 
 def check_share(value: float, name: str) -> float:
-    """Return `value` as a float in [0, 1].
-
-    Raises:
-        ValueError: It is outside.
-        TypeError: It is no number.
-    """
+    """Return `value` as a float in [0, 1]; errors as `check_positive`."""
     number = _as_number(value, name)
     if not 0.0 <= number <= 1.0:
         raise ValueError(f"{name} must lie between 0 and 1 (a fraction, not per cent), got {value!r}")
@@ -93,12 +64,7 @@ def check_share(value: float, name: str) -> float:
 
 
 def check_tilt(value: float) -> float:
-    """Return a tilt as a float in (-pi/2, pi/2) [rad].
-
-    Raises:
-        ValueError: It is outside.
-        TypeError: It is no number.
-    """
+    """Return a tilt as a float in (-pi/2, pi/2) [rad]; errors as `check_positive`."""
     number = _as_number(value, "tilt")
     if not abs(number) < 0.5 * math.pi:
         raise ValueError(f"tilt must lie between -pi/2 and pi/2 rad (not degrees), got {value!r}")
@@ -106,11 +72,7 @@ def check_tilt(value: float) -> float:
 
 
 def check_aperture(diameter: float, distance: float) -> None:
-    """Check that a receiver is not wider than its target is far, because more light would return than was sent.
-
-    Raises:
-        ValueError: It is wider.
-    """
+    """Refuse a receiver that is wider than its target is far [m], because more light would return than was sent."""
     if diameter > distance:
         raise ValueError(
             f"a receiver of {diameter:g} m diameter is wider than its target is far, {distance:g} m: give both, "
@@ -119,23 +81,14 @@ def check_aperture(diameter: float, distance: float) -> None:
 
 
 def check_choice(value: str, name: str, choices: Collection[str]) -> str:
-    """Return `value`, one of `choices`.
-
-    Raises:
-        ValueError: It is none of them.
-    """
+    """Return `value`, one of `choices`; raises a ValueError for another."""
     if not isinstance(value, str) or value not in choices:
         raise ValueError(f"{name} {value!r} is not known: choose one of {', '.join(choices)}")
     return value
 
 
 def as_finite_array(values, name: str) -> np.ndarray:
-    """Return `values` as a float64 array without NaN or infinities.
-
-    Raises:
-        ValueError: Some are not finite (how many, and where the first is).
-        TypeError: They are not real numbers.
-    """
+    """Return `values` as a float64 array; raises a ValueError for NaN and infinities, or a TypeError."""
     try:
         array = np.asarray(values)
     except ValueError:
@@ -151,15 +104,7 @@ def as_finite_array(values, name: str) -> np.ndarray:
 
 
 def as_waveform(time, voltage, least_count: int = 4) -> Waveform:
-    """Check a sampled waveform, and return it as float64 with its sample period.
-
-    Args:
-        time: Sample times [s], shape (n,), increasing in even steps.
-        voltage: Samples, shape (n,).
-        least_count: Least number of samples.
-
-    Returns:
-        Times [s] and samples as float64, shape (n,) each, and the sample period [s].
+    """Return the times [s] and samples of a waveform as float64, shape (n,), and its sample period [s].
 
     Raises:
         ValueError: Shapes that disagree, too few samples, numbers that are not finite, times that do not increase
@@ -175,12 +120,12 @@ def as_waveform(time, voltage, least_count: int = 4) -> Waveform:
     if not (steps > 0.0).all():
         raise ValueError(f"time must increase: it does not after sample {int(np.argmin(steps > 0.0))}; sort the record")
     period = float((times[-1] - times[0]) / (times.size - 1))
-    if period > LONGEST_PERIOD:
+    if period > 1e-3:  # no rangefinder has a longer one: the times are in nanoseconds, or are sample numbers
         raise ValueError(
             f"time steps by {period:.3g} from sample to sample, and light goes {299_792_458.0 * period:.2g} m in so "
             "many seconds: give seconds, 1e-9 for 1 ns"
         )
-    uneven = np.abs(steps - period) > UNEVENNESS * period
+    uneven = np.abs(steps - period) > 1e-3 * period
     if uneven.any():
         raise ValueError(
             f"time must increase in even steps: the step after sample {int(np.argmax(uneven))} is "
@@ -200,18 +145,11 @@ def _as_number(value: Any, name: str) -> float:
         raise TypeError(f"{name} must be one number, got {value!r}") from None
 
 
-MOST_NAMES, LONGEST_NAME = 20, 60  # names, characters of each
-
-
 def listed(names: Iterable[object], none: str = "nothing") -> str:
-    """Return the first names, shortened, and how many more there are; `none` where there are none."""
-    every = iter(names)
-    first = [
-        name if len(name) <= LONGEST_NAME else f"{name[:LONGEST_NAME]}..."
-        for name in map(str, islice(every, MOST_NAMES))
-    ]
-    left = sum(1 for _ in every)
-    return (", ".join(first) or none) + (f" and {left} more" if left else "")
+    """Return the first 20 names, shortened, and how many more there are; `none` where there are none."""
+    every = [str(name) for name in names]
+    first = [name if len(name) <= 60 else f"{name[:60]}..." for name in every[:20]]
+    return (", ".join(first) or none) + (f" and {len(every) - 20} more" if len(every) > 20 else "")
 
 
 _FOLDER = str(Path(__file__).parents[1]) + os.sep

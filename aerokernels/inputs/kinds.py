@@ -27,8 +27,7 @@ class Kinds:
     def __init__(self, members: Iterable[Any], unit: str):
         """Keep the members of an annotation, and the unit of the parameter."""
         self.members = tuple(members)
-        # A unit in the description of a function is the one of its argument.
-        self.unit = "" if Callable in self.members else unit
+        self.unit = "" if Callable in self.members else unit  # that of a function's description is its argument's
         self.are_numbers = float in self.members or int in self.members
         # Whether it accepts objects of classes, or tuples.
         self.has_classes = any(
@@ -39,10 +38,8 @@ class Kinds:
     def plain(self, value: Any, parameter: str, owner: str) -> Any:
         """Return the value; a single number as Python's float or, where only whole ones make sense, as its int.
 
-        What is computed from one of NumPy's float32 alone would be in single precision.
-
-        Raises:
-            ValueError: A float that is not whole.
+        What is computed from one of NumPy's float32 alone would be in single precision. Raises a ValueError for a float
+        that is not whole.
         """
         if type(value) is int or (type(value) is float and float in self.members):
             return value
@@ -60,7 +57,7 @@ class Kinds:
                 return ""
         wanted = " or ".join(dict.fromkeys(_described(kind, self.unit) for kind in self.members))
         given = f"{shown(value)}{_remedy(value, self.members)}"
-        if np.ndarray in self.members and _are_complex(value):
+        if np.ndarray in self.members and array_kind(value) == "c":
             given += ", which is complex"
         return f"{parameter} must be {wanted}, got {given} (in {owner})"
 
@@ -120,24 +117,21 @@ def _is_float(value: Any) -> bool:
 
 def are_numbers(value: Any) -> bool:
     """Return whether NumPy converts a value to an array of real numbers."""
-    kind = getattr(getattr(value, "dtype", None), "kind", None)
-    if kind is None:
+    if not hasattr(value, "dtype"):
         if hasattr(value, "__dlpack__"):  # an array of another library or device: the function that uses it checks it
             return True
         if isinstance(value, (str, bytes, dict, set, type)) or callable(value):
             return False
-        try:
-            kind = np.asarray(value).dtype.kind
-        except (ValueError, TypeError, OverflowError):  # rows of different lengths, among others
-            return False
-    return kind in "iufb"
+    return array_kind(value) in tuple("iufb")
 
 
-def _are_complex(value: Any) -> bool:
+def array_kind(value: Any) -> str:
+    """Return the kind of number of an array, as NumPy abbreviates it; empty where NumPy makes none of the value."""
+    kind = getattr(getattr(value, "dtype", None), "kind", None)
     try:
-        return np.asarray(value).dtype.kind == "c"
-    except (ValueError, TypeError, OverflowError):
-        return False
+        return np.asarray(value).dtype.kind if kind is None else str(kind)
+    except (ValueError, TypeError, OverflowError):  # rows of different lengths, among others
+        return ""
 
 
 def as_whole(value: Any) -> int | None:
@@ -216,11 +210,7 @@ def on_host(value: Any) -> Any:
 
 
 def refuse_masked(value: Any, name: str) -> None:
-    """Reject an array with masked numbers, because NumPy would compute with the values under the mask.
-
-    Raises:
-        ValueError: Some numbers are masked; the message names the array `name`.
-    """
+    """Raise a ValueError for an array with masked numbers: NumPy would compute with the values under the mask."""
     for part in _parts(value):
         if isinstance(part, np.ma.MaskedArray) and np.ma.is_masked(part):
             count, within = int(np.ma.count_masked(part)), "" if part is value else "an entry of "
@@ -231,11 +221,7 @@ def refuse_masked(value: Any, name: str) -> None:
 
 
 def refuse_half_precision(value: Any, name: str) -> None:
-    """Reject an array of half precision: an OPD of nanometres has one digit or none, a position three.
-
-    Raises:
-        ValueError: Its type is float16 or bfloat16; the message names the array `name`.
-    """
+    """Raise a ValueError for an array of half precision, in which an OPD of nanometres has one digit or none."""
     for part in _parts(value):
         kind = str(getattr(part, "dtype", ""))
         if kind.endswith("float16"):

@@ -63,28 +63,12 @@ DIMENSIONS = tuple(_DIMENSIONS)
 
 
 def quantity(value: float | str, dimension: str) -> float:
-    """Return a quantity as an SI number.
+    """Return a quantity of one of `DIMENSIONS` as an SI number.
 
-    Args:
-        value: A number, which is SI already, or a text: a number, an optional blank, and a unit ("905 nm", "10deg",
-            "0.63 MPa", "30 %"). A text without a unit is SI.
-        dimension: One of `DIMENSIONS`, such as "length" or "angle".
-
-    Returns:
-        The quantity in the SI unit of its dimension (m, s, rad, W, Pa, K, kg/m3, Hz, V, V/W, A, A/W, A/rtHz, Ohm,
-        m3/kg, 1).
-
-    Raises:
-        TypeError: `value` is neither a number nor a text.
-        ValueError: No number, an unknown unit, a unit of another dimension, a number that is not finite, or an unknown
-            dimension. The message names the value and the units that are accepted.
-
-    Examples:
-        >>> quantity("905 nm", "length")
-        9.05e-07
+    `value` is a number, which is SI already, or a text: a number, an optional blank, and a unit ("905 nm", "10deg",
+    "0.63 MPa", "30 %"), or none for SI. Raises a TypeError or a ValueError, which names the value and the units that
+    are accepted.
     """
-    if dimension not in _DIMENSIONS:
-        raise ValueError(f"dimension {dimension!r} is not known: choose one of {', '.join(DIMENSIONS)}")
     noun, _, units = _DIMENSIONS[dimension]
     if isinstance(value, bool) or not isinstance(value, (int, float, str)):
         raise TypeError(f"{value!r} is not {noun}: {_accepted(dimension)}")
@@ -187,17 +171,11 @@ _NUMBER = re.compile(r"(\d{1,30}(?:\.\d{0,30})?(?:[eE][-+]?\d{1,3})?)[\s*]+(?=[A
 
 @dataclass(frozen=True)
 class WrittenUnit:
-    """A unit: a value v in this unit is factor v + offset in SI.
-
-    Attributes:
-        factor: Scale to SI.
-        offset: SI value of the unit's zero.
-        exponents: Exponents of metre, kilogram, second and kelvin.
-    """
+    """A unit: a value v in this unit is factor v + offset in SI."""
 
     factor: float
     offset: float
-    exponents: tuple[int, ...]
+    exponents: tuple[int, ...]  # of metre, kilogram, second and kelvin
 
 
 def written_unit(text: str) -> WrittenUnit | None:
@@ -247,11 +225,7 @@ def is_no_unit(text: str) -> bool:
 
 
 def unit_of(text: str, dimension: str) -> WrittenUnit:
-    """Return the unit of a `dimension` that a text names; an empty text, or "1", means SI.
-
-    Raises:
-        ValueError: No known unit, or a unit of another dimension.
-    """
+    """Return the unit of a `dimension` that a text names; empty, or "1", means SI; raises a ValueError for others."""
     if is_no_unit(text):
         return WrittenUnit(1.0, 0.0, EXPONENTS[dimension])
     found = written_unit(text)
@@ -261,12 +235,9 @@ def unit_of(text: str, dimension: str) -> WrittenUnit:
 
 
 def ratio_of(text: str) -> float:
-    """Return the value of 1 in the unit of a ratio that a text names: 1e-6 for "ppm", "1e-6" and "10^-6".
+    """Return the value of 1 in the unit of a ratio that a text names: 1e-6 for "ppm", "1e-6" and "10^-6", 1 for "".
 
-    An empty text, or "1", is 1.
-
-    Raises:
-        ValueError: No known unit of a ratio.
+    Raises a ValueError for any other unit.
     """
     plain = re.sub(r"\s", "", text[:LONGEST_TEXT].translate(_SIGNS))
     if is_no_unit(text):

@@ -16,9 +16,7 @@ SAME = 1e-6
 def check_wavelength(wavelength: SupportsFloat) -> float:
     """Return a vacuum wavelength [m]; the message for a wrong one suggests the unit it may be in.
 
-    Raises:
-        TypeError: It is not one number.
-        ValueError: It is not a positive length, or is outside 0.1 to 20 um.
+    Raises a TypeError for no single number, a ValueError outside 0.1 to 20 um.
     """
     if isinstance(wavelength, (bool, str, bytes)):
         raise TypeError(f"wavelength must be a number of metres, got {wavelength!r}: give 905e-9 for 905 nm")
@@ -46,13 +44,8 @@ def _meant(length: float) -> str:
 def field_wavelength(own: float | None, requested: SupportsFloat | None) -> float:
     """Return the wavelength [m] at which a field is evaluated: its own, the requested one, or the paper's laser's.
 
-    Args:
-        own: The field's own [m], or None if it was made from contrasts without a wavelength.
-        requested: The requested wavelength [m], or None.
-
-    Raises:
-        TypeError: As `check_wavelength`.
-        ValueError: As `check_wavelength`; or the field was made for another wavelength.
+    A field that was made from contrasts has none of its own. Errors are those of `check_wavelength`; a ValueError also
+    where the field was made for another wavelength.
     """
     if requested is None:
         return DEFAULT_WAVELENGTH if own is None else own
@@ -70,13 +63,17 @@ def field_wavelength(own: float | None, requested: SupportsFloat | None) -> floa
 def check_spectrum(wavelengths, weights=None) -> tuple[np.ndarray, np.ndarray]:
     """Return vacuum wavelengths [m], shape (n,), and weights that sum to 1.
 
-    Args:
-        wavelengths: One or several.
-        weights: Fractions of the light's energy, shape (n,), of any sum. None: equal.
+    <<<<<<< HEAD
+        Args:
+            wavelengths: One or several.
+            weights: Fractions of the light's energy, shape (n,), of any sum. None: equal.
+    =======
+        `weights` are fractions of the light's energy of any sum, shape (n,) or with `colours` (n, colours); None: equal.
+    >>>>>>> main
 
     Raises:
-        TypeError: As `check_wavelength`.
-        ValueError: As `check_wavelength`; no wavelengths; weights of another shape, negative, not finite or all 0.
+            TypeError: As `check_wavelength`.
+            ValueError: As `check_wavelength`; no wavelengths; weights of another shape, negative, not finite or all 0.
     """
     if wavelengths is None:
         raise ValueError("weights need their wavelengths: give both")

@@ -9,7 +9,7 @@ import contextlib
 import math
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -40,31 +40,17 @@ NO_ALIGNMENT, EACH = "none", "each"
 
 @dataclass(frozen=True)
 class CompareOptions:
-    """Options of a comparison.
+    """Options of a comparison."""
 
-    Attributes:
-        align: "none", "each", or the label on which the trigger offset is measured, such as "mach=0".
-        trigger_offset: time by which the recorded time axis is late, where it is known [s].
-        voltage_offset: voltage of the recorded echoes without light, where it is known [V]; it is subtracted.
-        threshold: level of the leading edge [V]; None takes the run's threshold.
-        ranged_count: greatest number of randomly chosen echoes of a label that are ranged one by one.
-        seed: seed of that random choice.
-    """
-
-    align: str = NO_ALIGNMENT
-    trigger_offset: float = 0.0
-    voltage_offset: float = 0.0
-    threshold: float | None = None
-    ranged_count: int = 300
-    seed: int = 0
+    align: str = NO_ALIGNMENT  # "none", "each", or the label on which the trigger offset is measured, such as "mach=0"
+    trigger_offset: float = 0.0  # time by which the recorded time axis is late, where it is known [s]
+    voltage_offset: float = 0.0  # voltage of the recorded echoes without light, where it is known [V]; it is subtracted
+    threshold: float | None = None  # level of the leading edge [V]; None takes the run's threshold
+    ranged_count: int = 300  # greatest number of randomly chosen echoes of a label that are ranged one by one
+    seed: int = 0  # seed of that random choice
 
     def __post_init__(self) -> None:
-        """Check.
-
-        Raises:
-            ValueError: an invalid option.
-            TypeError: an option of another kind.
-        """
+        """Check."""
         if not isinstance(self.align, str):
             raise TypeError(f"align must be none, each, or a label such as mach=0, got {self.align!r}")
         if self.align not in (NO_ALIGNMENT, EACH) and "=" not in self.align:
@@ -86,48 +72,21 @@ class CompareOptions:
 
 @dataclass(frozen=True, eq=False)
 class LabelComparison:
-    """Comparison of one label with its run.
-
-    Attributes:
-        label: the label.
-        run: the run.
-        recorded: mean and spread of the recorded echoes, on their own time axis.
-        unfit_count: echoes with too few samples, which were skipped.
-        time: recorded sample times minus the trigger offset, where both waveforms are known [s], shape (n,).
-        mean: recorded mean at `time` [V], shape (n,).
-        spread: spread of one echo at `time` [V], shape (n,); NaN where only one echo was recorded.
-        standard_error: standard error of `mean` [V], shape (n,); NaN where the spread is.
-        simulated: simulated voltage at `time` [V], shape (n,).
-        waveform: comparison of the mean with the simulation.
-        echo_correlation: mean r at zero lag of the single echoes that were ranged.
-        trigger_offset: time subtracted from the recorded times [s].
-        trigger_offset_error: its error where it was measured [s], else 0.
-        ranges: range errors by method.
-        faults: what the digitiser did to the echoes: cut-off peaks, an offset.
-        errors: errors of what is read from the mean.
-    """
+    """Comparison of one label with its run."""
 
     label: Label
     run: RunFolder
+    # mean and spread of the recorded echoes where both waveforms are known, times less the trigger offset
     recorded: AverageEcho
-    unfit_count: int
-    time: np.ndarray
-    mean: np.ndarray
-    spread: np.ndarray
-    standard_error: np.ndarray
-    simulated: np.ndarray
+    simulated: np.ndarray  # simulated voltage at its times [V], shape (n,)
+    unfit_count: int  # echoes with too few samples, which were skipped
     waveform: WaveformComparison
-    echo_correlation: float
-    trigger_offset: float
-    trigger_offset_error: float
+    echo_correlation: float  # mean r at zero lag of the single echoes that were ranged
+    trigger_offset: float  # time subtracted from the recorded times [s]
+    trigger_offset_error: float  # its error where it was measured [s], else 0
     ranges: dict[str, RangeErrors]
-    faults: RecordFaults
-    errors: MeanErrors
-
-    @property
-    def peak_standard_error(self) -> float:
-        """Error of the mean waveform's peak [V]; NaN for a single echo."""
-        return self.errors.peak
+    faults: RecordFaults  # what the digitiser did to the echoes: cut-off peaks, an offset
+    errors: MeanErrors  # errors of what is read from the mean
 
     @property
     def covering(self) -> float:
@@ -137,34 +96,28 @@ class LabelComparison:
     @property
     def warnings(self) -> list[str]:
         """Reasons why the comparison's numbers may mislead, in words."""
-        wave, name = self.waveform, label_text(self.label)
-        found = []
+        wave, sentences = self.waveform, list(self.faults.sentences)
         if self.run.detector.get("noise"):
-            found.append(
-                f"{name}: the simulated echo of run {self.run.path} has noise, which adds to every difference: compare "
-                "with a run whose detector.noise is false"
+            sentences.insert(
+                0,
+                f"the simulated echo of run {self.run.path} has noise, which adds to every difference: compare with a "
+                "run whose detector.noise is false",
             )
-        found += [f"{name}: {sentence}" for sentence in self.faults.sentences]
-        if self.faults.is_cut_off or self.faults.has_offset:  # they change the pulse's width, too
-            return found
-        widths = (
-            f"{1e9 * wave.recorded_width:.3f} ns wide at half height, the simulated {1e9 * wave.simulated_width:.3f} ns"
-        )
-        if wave.same_pulse is None:
-            found.append(
-                f"{name}: the record shows too little of the pulse, or too much noise, to compare the pulse's width "
-                "with the simulated one: record more echoes, from before the pulse to after it"
+        if wave.same_pulse is None and not self.faults.is_distorted:
+            sentences.append(
+                "the record shows too little of the pulse, or too much noise, to compare the pulse's width with the "
+                "simulated one: record more echoes, from before the pulse to after it"
             )
-        if wave.same_pulse is not False:
-            return found
-        moved = f" ({1e3 * abs(wave.width_range):.0f} mm by the width alone)" if math.isfinite(wave.width_range) else ""
-        return [
-            *found,
-            f"{name}: the recorded pulse is not the simulated one ({widths}): the differences of leading edge and "
-            f"constant fraction come from the pulses' shapes{moved} and are no range differences, and a high "
-            "correlation is not meaningful; put the recorded pulse into the scene (beam.pulse_tau, or beam.pulse = "
-            '"sampled"), or compare with the run of a scene that has this pulse',
-        ]
+        if wave.same_pulse is False and not self.faults.is_distorted:
+            moved = f" ({1e3 * abs(wave.width_range):.0f} mm by the width alone)" * math.isfinite(wave.width_range)
+            sentences.append(
+                f"the recorded pulse is not the simulated one ({1e9 * wave.recorded_width:.3f} ns wide at half height, "
+                f"the simulated {1e9 * wave.simulated_width:.3f} ns): the differences of leading edge and constant "
+                f"fraction come from the pulses' shapes{moved} and are no range differences, and a high correlation is "
+                "not meaningful; put the recorded pulse into the scene (beam.pulse_tau, or beam.pulse = "
+                '"sampled"), or compare with the run of a scene that has this pulse'
+            )
+        return [f"{label_text(self.label)}: {sentence}" for sentence in sentences]
 
     def row(self) -> dict[str, Any]:
         """Return the comparison's numbers by name, in SI units: one row of compare.csv."""
@@ -175,7 +128,7 @@ class LabelComparison:
             "run_folder": str(self.run.path),
             "echo_count": self.recorded.count,
             "recorded_peak_v": wave.recorded_peak,
-            "recorded_peak_standard_error_v": self.peak_standard_error,
+            "recorded_peak_standard_error_v": self.errors.peak,
             "single_peak_mean_v": self.recorded.peak_mean,
             "single_peak_spread_v": self.recorded.peak_spread,
             "simulated_peak_v": wave.simulated_peak,
@@ -204,26 +157,19 @@ class LabelComparison:
             "resampled_count": self.recorded.resampled_count,
             "unfit_count": self.unfit_count,
         }
-        for method, found in self.ranges.items():
-            numbers |= {f"{method.replace('-', '_')}_{name}": value for name, value in found.as_dict().items()}
+        for method, errors in self.ranges.items():
+            numbers |= {f"{method.replace('-', '_')}_{name}": value for name, value in asdict(errors).items()}
         return numbers
 
 
 @dataclass(frozen=True, eq=False)
 class BenchComparison:
-    """Comparison of all labels of a recording with runs.
+    """Comparison of all labels of a recording with runs."""
 
-    Attributes:
-        source: the recording's file.
-        options: options of the comparison.
-        labels: one comparison for each label that has a run.
-        left_out: labels without a run.
-    """
-
-    source: Path
+    source: Path  # the recording's file
     options: CompareOptions
-    labels: tuple[LabelComparison, ...]
-    left_out: tuple[Label, ...]
+    labels: tuple[LabelComparison, ...]  # one comparison for each label that has a run
+    left_out: tuple[Label, ...]  # labels without a run
 
     @property
     def warnings(self) -> list[str]:
@@ -234,29 +180,25 @@ class BenchComparison:
         """Return a dataset of waveforms over (label, sample), padded with NaN, and of every number over label."""
         import xarray
 
-        size = max(one.time.size for one in self.labels)
-
-        def padded(name: str) -> np.ndarray:
-            return np.stack(
-                [np.pad(getattr(one, name), (0, size - one.time.size), constant_values=np.nan) for one in self.labels]
-            )
-
-        words = {
-            "time": ("s", "time after the pulse's peak left"),
-            "mean": ("V", "mean recorded voltage"),
-            "spread": ("V", "standard deviation of one recorded echo"),
-            "simulated": ("V", "simulated voltage"),
-        }
-        variables: dict[str, Any] = {
-            name: (("label", "sample"), padded(name), {"units": unit, "long_name": text})
-            for name, (unit, text) in words.items()
-        }
+        size = max(one.simulated.size for one in self.labels)
+        variables: dict[str, Any] = {}
+        for name, unit, words in (
+            ("time", "s", "time after the pulse's peak left"),
+            ("mean", "V", "mean recorded voltage"),
+            ("spread", "V", "standard deviation of one recorded echo"),
+            ("simulated", "V", "simulated voltage"),
+        ):
+            values = np.full((len(self.labels), size), np.nan)
+            for row, one in zip(values, self.labels, strict=True):
+                row[: one.simulated.size] = one.simulated if name == "simulated" else getattr(one.recorded, name)
+            variables[name] = (("label", "sample"), values, {"units": unit, "long_name": words})
         rows = [one.row() for one in self.labels]
         for name in rows[0]:
             values = [row.get(name) for row in rows]
             if name != "label" and not any(isinstance(value, str) for value in values):
                 numbers = [np.nan if value is None else value for value in values]
-                variables[name] = ("label", np.array(numbers, dtype=np.float64), {"units": _unit(name)})
+                unit = {"_v": "V", "_s": "s", "_m": "m"}.get(name[-2:], "1")
+                variables[name] = ("label", np.array(numbers, dtype=np.float64), {"units": unit})
         coordinates = {"label": ("label", [row["label"] for row in rows], {"units": "1"})}
         attributes = {
             "source": f"aerokernels {__version__}",
@@ -279,10 +221,6 @@ def compare_recording(
         runs: finished runs; `match_runs` decides which label belongs to which run.
         options: options of the comparison.
         progress: called with the name of each stage and the share of the job done before it.
-
-    Raises:
-        TypeError: runs that are not those of `read_run`.
-        ValueError: files that cannot be read, no run for any label, or times that do not overlap; names the label.
     """
     source, options = check_path(source, "source"), options or CompareOptions()
     if not isinstance(runs, Sequence) or not runs or not all(isinstance(run, RunFolder) for run in runs):
@@ -300,67 +238,53 @@ def compare_recording(
         reference = _reference(options.align, matched)
         with _naming_label(source, reference):
             offset = _measured_offset(averages[reference], matched[reference])
-    found = []
+    compared = []
     for number, (label, run) in enumerate(matched.items()):
         progress(f"comparing {label_text(label)}", 0.5 + 0.5 * number / len(matched))
         with _naming_label(source, label):
             own = _measured_offset(averages[label], run) if options.align == EACH else offset
-            found.append(_compare_label(source, label, run, averages[label], unfit[label], *own, options))
-    return BenchComparison(source, options, tuple(found), tuple(label for label in labels if label not in matched))
+            echoes = random_subset(_echoes(source, label, options), options.ranged_count, options.seed)
+            compared.append(_compare_label(label, run, averages[label], unfit[label], echoes, *own, options.threshold))
+    return BenchComparison(source, options, tuple(compared), tuple(label for label in labels if label not in matched))
 
 
 def _compare_label(
-    source: Path,
     label: Label,
     run: RunFolder,
     recorded: AverageEcho,
     unfit_count: int,
+    echoes: Sequence[RecordedEcho],
     offset: float,
     offset_error: float,
-    options: CompareOptions,
+    threshold: float | None,
 ) -> LabelComparison:
-    threshold = options.threshold or float(run.detector.get("threshold", 0.0)) or None
-    there, time, simulated = overlap(recorded, run, offset)
-    waveform = compare_waveforms(time, recorded.mean[there], simulated, threshold=threshold, rounding=recorded.rounding)
-    echoes = random_subset(_echoes(source, label, options), options.ranged_count, options.seed)
-    correlations = [_correlation(echo.voltage, simulated_on(run, echo.time - offset)) for echo in echoes]
-    errors = mean_errors(recorded, there, time, simulated, waveform.edge_level).shifted(offset_error)
-    ranges = range_errors(
-        [(echo.time - offset, echo.voltage) for echo in echoes],
-        run,
-        time,
-        simulated,
-        waveform.edge_level,
-        recorded.least_peak,
-        recorded.step,
-        recorded.rounding,
-        offset_error,
-    )
+    """Compare the mean of a label, and some of its echoes, with its run."""
+    level = threshold or float(run.detector.get("threshold", 0.0)) or None
+    part, simulated = overlap(recorded, run, offset)
+    waveform = compare_waveforms(part.time, part.mean, simulated, threshold=level, rounding=recorded.rounding)
+    shifted = [(echo.time - offset, echo.voltage) for echo in echoes]
+    correlations = [_correlation(volts, simulated_on(run, time)) for time, volts in shifted]
     return LabelComparison(
         label=label,
         run=run,
-        recorded=recorded,
-        unfit_count=unfit_count,
-        time=time,
-        mean=recorded.mean[there],
-        spread=recorded.spread[there],
-        standard_error=recorded.standard_error[there],
+        recorded=part,
         simulated=simulated,
+        unfit_count=unfit_count,
         waveform=waveform,
-        echo_correlation=float(np.nanmean(correlations)) if np.isfinite(correlations).any() else float("nan"),
+        echo_correlation=float(np.nanmean(correlations)) if np.isfinite(correlations).any() else math.nan,
         trigger_offset=offset,
         trigger_offset_error=offset_error,
-        ranges=ranges,
-        faults=record_faults(recorded, recorded.mean[there], simulated),
-        errors=errors,
+        ranges=range_errors(shifted, run, part, simulated, waveform.edge_level, offset_error),
+        faults=record_faults(part, simulated),
+        errors=mean_errors(part, simulated, waveform.edge_level, offset_error),
     )
 
 
 def _measured_offset(recorded: AverageEcho, run: RunFolder) -> tuple[float, float]:
     """Return the measured trigger offset and its error [s]."""
     offset = measured_offset(recorded, run)
-    there, time, simulated = overlap(recorded, run, offset)
-    return offset, mean_errors(recorded, there, time, simulated, 0.5 * float(simulated.max())).lag
+    part, simulated = overlap(recorded, run, offset)
+    return offset, mean_errors(part, simulated, 0.5 * float(simulated.max())).lag
 
 
 def _echoes(
@@ -388,11 +312,6 @@ def _reference(text: str, matched: dict[Label, RunFolder]) -> Label:
             f"align {text}: {len(fitting)} labels with a run have it; give one of {', '.join(map(label_text, matched))}"
         )
     return fitting[0]
-
-
-def _unit(name: str) -> str:
-    """Return the SI unit by the ending of a number's name."""
-    return {"_v": "V", "_s": "s", "_m": "m"}.get(name[-2:], "1")
 
 
 @contextlib.contextmanager

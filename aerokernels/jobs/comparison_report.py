@@ -25,10 +25,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-RANGES_CAPTION = (
-    "Peaks, correlation and range errors by label. Bars are the errors of the peaks, and the random range error of one "
-    "echo about the systematic one."
-)
 TABLE_FILE, WAVEFORM_FILE, FIGURE_FILE = "compare.csv", "compare.nc", "compare.png"
 
 # Ranging methods that read the time of a pulse's edge, which depends on the pulse's shape.
@@ -36,9 +32,6 @@ EDGE_METHODS = ("leading-edge", "constant-fraction")
 
 Table = tuple[str, tuple[str, ...], list[tuple[str, ...]]]
 MOST_PANELS = 12
-# The figure shows the pulse where it is above SHOWN_ABOVE of its peak, plus SHOWN_MARGIN of that width on each side.
-SHOWN_ABOVE, SHOWN_MARGIN = 0.01, 0.4
-LOWEST_SHOWN = 0.95  # the axis of r starts at this or lower, so that nearly equal correlations look nearly equal
 
 
 def peak_table(found: BenchComparison) -> Table:
@@ -47,7 +40,7 @@ def peak_table(found: BenchComparison) -> Table:
         (
             label_text(one.label),
             str(one.recorded.count),
-            str(Quantity(one.waveform.recorded_peak, one.covering * one.peak_standard_error)),
+            str(Quantity(one.waveform.recorded_peak, one.covering * one.errors.peak)),
             f"{one.recorded.peak_mean:.4g}, spread {two_digits(one.recorded.peak_spread)}",
             str(Quantity(one.waveform.simulated_peak, one.run.error_of("echo_peak_v"))),
         )
@@ -72,7 +65,7 @@ def error_table(found: BenchComparison) -> Table:
     for one in found.labels:
         wave = one.waveform
         share = math.hypot(
-            one.covering * one.peak_standard_error / wave.recorded_peak,
+            one.covering * one.errors.peak / wave.recorded_peak,
             one.run.error_of("echo_peak_v") / wave.simulated_peak,
         )
         ratio = wave.recorded_peak / wave.simulated_peak
@@ -206,15 +199,8 @@ def write_comparison(found: BenchComparison, out: Path) -> list[str]:
         Names of the files written.
     """
     rows = [one.row() for one in found.labels]
-    waveforms = (
-        "Mean recorded and simulated waveform; below, their difference with the mean's standard error (dark) and the "
-        "spread of one echo (light)."
-    )
     with house_style():
-        pictures = {
-            "waveforms": (waveforms, png(waveforms_figure(found))),
-            "ranges": (RANGES_CAPTION, png(ranges_figure(found))),
-        }
+        picture = png(waveforms_figure(found))
     summary = {
         "recording": str(found.source),
         "align": found.options.align,
@@ -223,11 +209,10 @@ def write_comparison(found: BenchComparison, out: Path) -> list[str]:
         "left_out": [label_text(label) for label in found.left_out],
         "version": __version__,
     }
-    report = _page(found, pictures)
-
+    report = _page(found, picture)
     with staged_folder(out) as folder:
         _write_csv(folder / TABLE_FILE, rows)
-        (folder / FIGURE_FILE).write_bytes(pictures["waveforms"][1])
+        (folder / FIGURE_FILE).write_bytes(picture)
         write_result(folder / WAVEFORM_FILE, found.to_xarray())
         write_summary(folder / SUMMARY_FILE, summary)
         (folder / REPORT_FILE).write_text(report, encoding="utf-8")
@@ -244,11 +229,15 @@ def _write_csv(path: Path, rows: Sequence[dict[str, Any]]) -> None:
             writer.writerow({name: "" if value is None else csv_cell(value) for name, value in plain.items()})
 
 
-def _page(found: BenchComparison, pictures: dict[str, tuple[str, bytes]]) -> str:
+def _page(found: BenchComparison, picture: bytes) -> str:
+    caption = (
+        "Mean recorded and simulated waveform; below, their difference with the mean's standard error (dark) and the "
+        "spread of one echo (light)."
+    )
     runs = [(label_text(one.label), one.run.name, str(one.run.path)) for one in found.labels]
     sections = [
         *(table(*make(found)) for make in TABLES),
-        {"title": "Pictures", "figures": [(name, *picture) for name, picture in pictures.items()]},
+        {"title": "Pictures", "figures": [("waveforms", caption, picture)]},
         {"title": "How the comparison was made", "bullets": notes(found)},
         table("Runs", ("label", "scene", "folder"), runs),
     ]
@@ -263,87 +252,36 @@ def waveforms_figure(found: BenchComparison) -> "Figure":
     columns = min(2, len(shown))
     rows = math.ceil(len(shown) / columns)
     with styled_figure(5.4 * columns, 4.2 * rows) as figure:
-        ratios = (3.0, 1.2) * rows
-        panels = figure.subplots(2 * rows, columns, squeeze=False, height_ratios=ratios)
-        for number in range(rows * columns):
-            pair = panels[2 * (number // columns) : 2 * (number // columns) + 2, number % columns]
-            if number < len(shown):
-                _draw_waveforms(pair[0], shown[number])
-                _draw_residual(pair[1], shown[number])
-                pair[1].set_xlim(pair[0].get_xlim())
-            else:
-                pair[0].set_visible(False)
-                pair[1].set_visible(False)
-        panels[0, 0].legend(loc="upper right", fontsize=9)
+        parts = figure.subfigures(rows, columns, squeeze=False).ravel()
+        for part, one in zip(parts, shown, strict=False):
+            above, below = part.subplots(2, 1, sharex=True, height_ratios=(3.0, 1.2))
+            _draw_waveforms(above, one)
+            _draw_residual(below, one)
+        parts[0].axes[0].legend(loc="upper right", fontsize=9)
     return figure
 
 
 def _draw_waveforms(axes: "Axes", one: LabelComparison) -> None:
-    time = 1e9 * one.time
-    axes.plot(time, one.mean, color=RAY_COLOUR, linewidth=1.6, label="recorded, mean")
+    time, mean = 1e9 * one.recorded.time, one.recorded.mean
+    axes.plot(time, mean, color=RAY_COLOUR, linewidth=1.6, label="recorded, mean")
     axes.plot(time, one.simulated, color=ACCENT, linewidth=1.3, linestyle="--", label="simulated")
     axes.axhline(one.waveform.edge_level, color=MUTED, linewidth=0.8, linestyle=":")
-    high = np.flatnonzero(np.maximum(one.mean, one.simulated) > SHOWN_ABOVE * one.simulated.max())
-    margin = SHOWN_MARGIN * (time[high[-1]] - time[high[0]])
+    high = np.flatnonzero(np.maximum(mean, one.simulated) > 0.01 * one.simulated.max())
+    margin = 0.4 * (time[high[-1]] - time[high[0]])
     axes.set_xlim(max(time[0], time[high[0]] - margin), min(time[-1], time[high[-1]] + margin))
     wave = one.waveform
     axes.set_title(f"{label_text(one.label)}: r = {wave.correlation:.4f}, peak {100 * wave.peak_error:+.2f} %")
     axes.set_ylabel("voltage [V]")
-    axes.tick_params(labelbottom=False)
     axes.grid(True, color="#e3e7eb")
 
 
 def _draw_residual(axes: "Axes", one: LabelComparison) -> None:
-    time, rest = 1e9 * one.time, 1e3 * (one.mean - one.simulated)
-    spread, error = 1e3 * one.spread, 1e3 * one.standard_error
-    axes.fill_between(time, rest - spread, rest + spread, color=RAY_COLOUR, alpha=0.15, linewidth=0.0)
-    axes.fill_between(time, rest - error, rest + error, color=RAY_COLOUR, alpha=0.5, linewidth=0.0)
-    axes.plot(time, rest, color=RAY_COLOUR, linewidth=0.8)
+    recorded = one.recorded
+    time, residual = 1e9 * recorded.time, 1e3 * (recorded.mean - one.simulated)
+    spread, error = 1e3 * recorded.spread, 1e3 * recorded.standard_error
+    axes.fill_between(time, residual - spread, residual + spread, color=RAY_COLOUR, alpha=0.15, linewidth=0.0)
+    axes.fill_between(time, residual - error, residual + error, color=RAY_COLOUR, alpha=0.5, linewidth=0.0)
+    axes.plot(time, residual, color=RAY_COLOUR, linewidth=0.8)
     axes.axhline(0.0, color=ACCENT, linewidth=1.0, linestyle="--")
     axes.set(xlabel="time after the pulse's peak left [ns]", ylabel="difference [mV]")
     axes.grid(True, color="#e3e7eb")
-
-
-def ranges_figure(found: BenchComparison) -> "Figure":
-    """Draw peaks, correlation and range errors over the labels."""
-    names = [label_text(one.label) for one in found.labels]
-    place, waves = np.arange(len(names)), [one.waveform for one in found.labels]
-    with styled_figure(10.6, 3.8) as figure:
-        peaks, correlation, ranges = figure.subplots(1, 3)
-        recorded, simulated = ([getattr(wave, f"{kind}_peak") for wave in waves] for kind in ("recorded", "simulated"))
-        errors = [one.covering * one.peak_standard_error for one in found.labels]
-        peaks.errorbar(place, recorded, yerr=errors, fmt="o", color=RAY_COLOUR, label="recorded")
-        errors = [abs(one.run.error_of("echo_peak_v")) for one in found.labels]
-        errors = [error if math.isfinite(error) else 0.0 for error in errors]
-        peaks.errorbar(place, simulated, yerr=errors, fmt="s", color=ACCENT, mfc="none", label="simulated")
-        peaks.set(title="Peak", ylabel="peak voltage [V]")
-        peaks.legend(fontsize=9)
-        for key, words, mark in (("correlation", "at zero lag", "o"), ("best_correlation", "greatest", "^")):
-            correlation.plot(place, [getattr(wave, key) for wave in waves], mark, mfc="none", label=words)
-        correlation.set(title="Correlation", ylabel="r")
-        lowest = min(wave.correlation for wave in waves)
-        correlation.set_ylim(min(LOWEST_SHOWN, lowest - 0.1 * (1.0 - lowest)), 1.005 + 0.05 * (1.0 - lowest))
-        correlation.legend(fontsize=9)
-        methods = list(dict.fromkeys(method for one in found.labels for method in one.ranges))
-        for k, method in enumerate(methods):
-            present = [number for number, one in enumerate(found.labels) if method in one.ranges]
-            read = [found.labels[number].ranges[method] for number in present]
-            ranges.errorbar(
-                place[present] + 0.16 * (k - 0.5 * (len(methods) - 1)),
-                [1e3 * one.systematic_error_m for one in read],
-                yerr=[1e3 * one.random_error_m for one in read],
-                fmt="o",
-                markersize=4,
-                capsize=2,
-                label=method,
-            )
-        ranges.axhline(0.0, color=MUTED, linewidth=0.8)
-        ranges.set(title="Range errors", ylabel="range error [mm]")
-        low, high = ranges.get_ylim()
-        ranges.set_ylim(low, high + 0.3 * (high - low))  # room for the legend
-        ranges.legend(fontsize=8, ncols=2, loc="upper center")
-        for axes in (peaks, correlation, ranges):
-            axes.set_xticks(place, names, rotation=0 if len(names) <= 4 else 45)
-            axes.set_xlim(-0.5, len(names) - 0.5)
-            axes.grid(True, color="#e3e7eb")
-    return figure

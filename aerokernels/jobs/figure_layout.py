@@ -64,19 +64,12 @@ def plain_decades(axes: "Axes") -> None:
 
 @dataclass(frozen=True)
 class Panel:
-    """One panel of a figure.
+    """One panel of a figure."""
 
-    Attributes:
-        width: Width of the axes' box [in].
-        height: Height of the axes' box [in].
-        bar: Whether the panel has a colour bar on the right.
-        scale: Whether the panel has a second scale on the right.
-    """
-
-    width: float
-    height: float
-    bar: bool = False
-    scale: bool = False
+    width: float  # width of the axes' box [in]
+    height: float  # height of the axes' box [in]
+    bar: bool = False  # whether the panel has a colour bar on the right
+    scale: bool = False  # whether the panel has a second scale on the right
 
     @property
     def room(self) -> float:

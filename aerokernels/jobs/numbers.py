@@ -13,25 +13,15 @@ FACTORS = {"": 1.0, "V": 1.0, "m": 1.0, "mm": 1e3, "nm": 1e9, "µrad": 1e6, "µW
 
 @dataclass(frozen=True)
 class Number:
-    """A number of a summary.
+    """A number of a summary."""
 
-    Attributes:
-        unit: SI unit; "1" for none.
-        words: What it is.
-        name: What it is called among the main numbers; empty if it is not one of them.
-        shown: Unit in which it is shown there.
-        signed: Whether a plus sign is written there.
-        is_ratio: Whether it is between 0 and 1.
-        of_echo: Its name in `EchoResult.quantities`; empty if it is no number of the echo.
-    """
-
-    unit: str
-    words: str
-    name: str = ""
-    shown: str = ""
-    signed: bool = False
-    is_ratio: bool = False
-    of_echo: str = ""
+    unit: str  # SI unit; "1" for none
+    words: str  # what it is
+    name: str = ""  # what it is called among the main numbers; empty if it is not one of them
+    shown: str = ""  # unit in which it is shown there
+    signed: bool = False  # whether a plus sign is written there
+    is_ratio: bool = False  # whether it is between 0 and 1
+    of_echo: str = ""  # its name in `EchoResult.quantities`; empty if it is no number of the echo
 
     @property
     def factor(self) -> float:
@@ -82,7 +72,6 @@ NUMBERS = {
     "compile_seconds": Number("s", "time for compiling kernels"),
     "total_seconds": Number("s", "wall time, without stages reused from other cases of a sweep"),
     "processor_seconds": Number("s", "processor time of the case, all threads of its worker"),
-    "tracing_processor_seconds": Number("s", "processor time of tracing, plans and error budgets included"),
 }
 TEXTS = {
     "verdict": "whether the answer is meaningful given its errors",

@@ -51,59 +51,32 @@ if TYPE_CHECKING:
 
 KINDS = ("schlieren", "shadowgraph", "interferogram")
 DATASET_FILE, FIGURE_FILE, COMPARISON_FILE = "pictures.nc", "figure.png", "comparison.png"
-# Nodes of the uniform grid, to which the flow is resampled, per pixel.
-NODES_PER_PIXEL = 2.0
 
 
 @dataclass(frozen=True)
 class PictureOptions:
-    """Which pictures to make, and how; see `schlieren`, `shadowgraph` and `interferogram` for the options' meaning.
-
-    Attributes:
-        kinds: kinds of pictures, from `KINDS`.
-        view: direction of the light.
-        extent: right from, to, up from, to [m]; None for the whole flow.
-        width: length of the light's path through a planar flow [m].
-        pixel_count: pixels along the longer side.
-        rays_per_pixel: k of k x k rays a pixel.
-        spacing: node spacing of the grid to which the flow is resampled [m]; None for half a pixel.
-        knife_edge: orientation of the schlieren picture's knife edge.
-        cut_off: share of the source image that the knife edge blocks.
-        sensitivity: change of light per deflection in the schlieren picture [1/rad].
-        exposure: brightness of the schlieren picture's full light.
-        screen_distance: distance of the shadowgraph's screen [m].
-        source_angle: angle that the shadowgraph's light source subtends [rad].
-        fringe_spacing: spacing of the interferogram's undisturbed fringes [m].
-        fringe_angle: direction across the interferogram's fringes [rad].
-        shock_window: interval of the horizontal axis in which to measure the outermost shock's angle [m]; None: do not
-            measure it.
-        errors: whether to measure the error of each pixel's brightness, from five or six further pictures of each kind.
-    """
+    """Which pictures to make, and how; see `schlieren`, `shadowgraph` and `interferogram` for the options' meaning."""
 
     kinds: tuple[str, ...] = KINDS
-    view: str | tuple[float, float, float] = "x"
-    extent: tuple[float, float, float, float] | None = None
-    width: float | None = None
-    pixel_count: int = 256
-    rays_per_pixel: int = 1
-    spacing: float | None = None
+    view: str | tuple[float, float, float] = "x"  # direction of the light
+    extent: tuple[float, float, float, float] | None = None  # right from, to, up from, to [m]; None: the whole flow
+    width: float | None = None  # length of the light's path through a planar flow [m]
+    pixel_count: int = 256  # along the longer side
+    rays_per_pixel: int = 1  # k of k x k rays a pixel
+    spacing: float | None = None  # of the grid to which the flow is resampled [m]; None: half a pixel
     knife_edge: str | float = "vertical"
     cut_off: float = 0.5
-    sensitivity: float | None = None
+    sensitivity: float | None = None  # change of light per deflection [1/rad]
     exposure: float = 1.0
-    screen_distance: float = 0.5
-    source_angle: float = 0.0
-    fringe_spacing: float | None = None
-    fringe_angle: float = 0.5 * math.pi
-    shock_window: tuple[float, float] | None = None
-    errors: bool = False
+    screen_distance: float = 0.5  # [m]
+    source_angle: float = 0.0  # [rad]
+    fringe_spacing: float | None = None  # [m]
+    fringe_angle: float = 0.5 * math.pi  # [rad]
+    shock_window: tuple[float, float] | None = None  # horizontal interval in which to measure the shock's angle [m]
+    errors: bool = False  # whether to measure the error of each pixel's brightness, from five or six more pictures
 
     def __post_init__(self) -> None:
-        """Check, before anything is read or traced.
-
-        Raises:
-            ValueError: an invalid option; the message names the option and the remedy.
-        """
+        """Check, before anything is read or traced."""
         unknown = [kind for kind in self.kinds if kind not in KINDS]
         if unknown or not self.kinds:
             raise ValueError(f"picture {', '.join(unknown) or 'none'} is not known: choose from {', '.join(KINDS)}")
@@ -127,27 +100,16 @@ class PictureOptions:
 
 @dataclass(frozen=True, eq=False)
 class BenchPictures:
-    """Pictures of a scene's flow.
-
-    Attributes:
-        scene: the scene.
-        density: its flow.
-        line_of_sight: the rays that were traced.
-        pictures: the pictures by kind.
-        shock: the outermost shock, if requested.
-        comparison: comparison with a photograph, if one was given.
-        measured_shock: the photograph's shock, if requested and a photograph was given.
-        errors: the error of each pixel's brightness by kind, shape (ny, nx), if requested; NaN if it is not known.
-    """
+    """Pictures of a scene's flow, and what was measured in them."""
 
     scene: Scene
     density: DensityField
-    line_of_sight: LineOfSight
-    pictures: Mapping[str, SchlierenImage | Shadowgraph | Interferogram]
-    shock: ShockAngle | None
-    comparison: HalfComparison | None
-    measured_shock: ShockAngle | None
-    errors: Mapping[str, np.ndarray]
+    line_of_sight: LineOfSight  # the rays that were traced
+    pictures: Mapping[str, SchlierenImage | Shadowgraph | Interferogram]  # by kind
+    shock: ShockAngle | None  # the outermost shock, if requested
+    comparison: HalfComparison | None  # with a photograph, if one was given
+    measured_shock: ShockAngle | None  # the photograph's shock
+    errors: Mapping[str, np.ndarray]  # error of each pixel's brightness by kind, shape (ny, nx); NaN if not known
 
     @property
     def pixel_errors(self) -> dict[str, tuple[float, float] | None]:
@@ -216,11 +178,7 @@ class BenchPictures:
 
 
 def picture_scene(place: str, settings: Mapping[str, Any]) -> Scene:
-    """Load a scene by its file or name, or a shipped flow by its name with defaults for everything else.
-
-    Raises:
-        SceneError: `place` is neither, or the scene or the settings are not valid.
-    """
+    """Load a scene by its file or name, or a shipped flow by its name with defaults for everything else."""
     if place in shipped_names():
         tables: dict[str, Any] = {"name": place, "flow": {"source": place}}
         override(tables, settings, place)
@@ -246,7 +204,7 @@ def picture_field(density: DensityField, scene: Scene, options: PictureOptions) 
         low, high = mesh_field.box
         size = high - low
         extent = options.extent or (0.0, float(size[np.isfinite(size)].max()), 0.0, 0.0)
-        spacing = max(extent[1] - extent[0], extent[3] - extent[2]) / options.pixel_count / NODES_PER_PIXEL
+        spacing = max(extent[1] - extent[0], extent[3] - extent[2]) / options.pixel_count / 2.0
     return mesh_field.resample(spacing, interpolation=scene.grid.interpolation)
 
 
@@ -257,16 +215,10 @@ def make_pictures(
     measured: Picture | None = None,
     progress: Callable[[str, float], None] = lambda stage, fraction: None,
 ) -> BenchPictures:
-    """Make the pictures.
+    """Make the pictures of a scene, of which [flow], [grid] interpolation and [trace] are used.
 
-    Args:
-        scene: the scene; its [flow], [grid] interpolation and [trace] are used.
-        options: which pictures, and how.
-        measured: a schlieren photograph to compare with the simulated one.
-        progress: called with the name of each stage and the share of the job done before it.
-
-    Raises:
-        ValueError: options that do not go together, or no shock is found in the window.
+    `measured` is a schlieren photograph to compare with the simulated one. `progress` is called with the name of each
+    stage and the share of the job done before it.
     """
     if measured is not None and "schlieren" not in options.kinds:
         raise ValueError("a measured picture is compared with the schlieren picture: request that kind too")
@@ -289,22 +241,18 @@ def make_pictures(
         precision=scene.trace.precision,
     )
     progress("making the pictures", 0.8)
-    makers: dict[str, Callable[[], SchlierenImage | Shadowgraph | Interferogram]] = {
-        "schlieren": lambda: knife_edge_picture(
-            traced,
-            knife_edge=options.knife_edge,
-            cut_off=options.cut_off,
-            sensitivity=options.sensitivity,
-            exposure=options.exposure,
-        ),
-        "shadowgraph": lambda: shadow_picture(
+    pictures: dict[str, SchlierenImage | Shadowgraph | Interferogram] = {}
+    if "schlieren" in options.kinds:
+        edge = {name: getattr(options, name) for name in ("knife_edge", "cut_off", "sensitivity", "exposure")}
+        pictures["schlieren"] = knife_edge_picture(traced, **edge)
+    if "shadowgraph" in options.kinds:
+        pictures["shadowgraph"] = shadow_picture(
             traced, distance=options.screen_distance, source_angle=options.source_angle
-        ),
-        "interferogram": lambda: fringe_picture(
+        )
+    if "interferogram" in options.kinds:
+        pictures["interferogram"] = fringe_picture(
             traced, fringe_spacing=options.fringe_spacing, fringe_angle=options.fringe_angle
-        ),
-    }
-    pictures = {kind: makers[kind]() for kind in KINDS if kind in options.kinds}
+        )
     shock = measured_shock = None
     if options.shock_window is not None:
         shock = measure_shock_angle(pictures["schlieren"], options.shock_window, half="both", degree=2)
@@ -318,21 +266,17 @@ def make_pictures(
     return BenchPictures(scene, density, traced, pictures, shock, comparison, measured_shock, errors)
 
 
-def write_pictures(made: BenchPictures, out: Path) -> list[str]:
-    """Write pictures.nc, figure.png, a grey PNG of each kind and summary.json to `out`: all of them, or none.
-
-    Returns:
-        Names of the files written.
-    """
+def write_pictures(bench: BenchPictures, out: Path) -> list[str]:
+    """Write pictures.nc, figure.png, a grey PNG of each kind and summary.json: all or none; return their names."""
     with staged_folder(out) as folder:
-        for kind, picture in made.pictures.items():
+        for kind, picture in bench.pictures.items():
             write_picture(folder / f"{kind}.png", picture)
         with house_style():
-            (folder / FIGURE_FILE).write_bytes(png(pictures_figure(made.pictures, made.shock)))
-            if made.comparison is not None:
-                (folder / COMPARISON_FILE).write_bytes(png(comparison_figure(made.comparison)))
-        write_result(folder / DATASET_FILE, made.to_xarray())
-        write_summary(folder / SUMMARY_FILE, made.summary)
+            (folder / FIGURE_FILE).write_bytes(png(pictures_figure(bench.pictures, bench.shock)))
+            if bench.comparison is not None:
+                (folder / COMPARISON_FILE).write_bytes(png(comparison_figure(bench.comparison)))
+        write_result(folder / DATASET_FILE, bench.to_xarray())
+        write_summary(folder / SUMMARY_FILE, bench.summary)
         return sorted(path.name for path in folder.iterdir())
 
 

@@ -1,7 +1,6 @@
 """Draw the figures of a run from its stored dataset alone, so that a `result.nc` can be drawn again at any time.
 
-Each function returns a Matplotlib figure without window or global state. The dataset is in SI units; the figures show
-lengths in mm, um or nm and times in ns.
+Each function returns a Matplotlib figure without window or global state. The dataset is in SI units.
 """
 
 from collections.abc import Callable
@@ -14,8 +13,8 @@ from aerokernels.display.quantities import Quantity
 from aerokernels.display.shown import extent_of, is_flat, say_flat
 from aerokernels.files.writing import replacing
 from aerokernels.flow import CellDensity, DensityField
-from aerokernels.jobs.figure_layout import Panel, fitted_panel, house_style, panelled_figure, styled_figure
-from aerokernels.medium import SolidBody
+from aerokernels.jobs.figure_layout import Panel, fitted_panel, house_style, panelled_figure
+from aerokernels.medium import Body, SolidBody
 
 if TYPE_CHECKING:
     import xarray
@@ -70,18 +69,14 @@ def _draw_body(axes: "Axes", dataset: "xarray.Dataset") -> None:
         axes.fill(1e3 * line[:, 1], 1e3 * line[:, 0], facecolor=BODY_COLOUR, linewidth=0.0, zorder=3)
 
 
-def density_limits(density: np.ndarray) -> tuple[float, float]:
-    """Return the ends of a density's colour scale; those of uniform air are far from its value."""
-    low, high = float(density.min()), float(density.max())
-    return (0.9 * low, 1.1 * high) if is_flat(density) else (low, high)
-
-
 def _draw_density(axes: "Axes", dataset: "xarray.Dataset") -> Any:
     from matplotlib import colormaps
 
     z, y = 1e3 * dataset["density_z"].values, 1e3 * dataset["density_y"].values
     density = dataset["density"].values
-    low, high = density_limits(density)
+    low, high = float(density.min()), float(density.max())
+    if is_flat(density):  # show uniform air far from the ends of the scale
+        low, high = 0.9 * low, 1.1 * high
     ambient = (float(dataset.attrs.get("ambient_density", density.flat[-1])) - low) / (high - low)
     axes.set_facecolor(colormaps["viridis"](min(max(ambient, 0.0), 1.0)))  # the free stream goes on beyond the mesh
     mesh = None
@@ -103,7 +98,7 @@ def density_figure(dataset: "xarray.Dataset") -> "Figure":
         axes.plot(position[..., 2].T, position[..., 1].T, color="white", linewidth=0.7, alpha=0.9, zorder=4)
     axes.set(xlim=(low, high), ylim=(bottom, top), aspect="equal")
     axes.set(xlabel="z, optical axis looking forward [mm]", ylabel="y [mm]")
-    _title(axes, "Density of the flow, body and rays")
+    _title(axes, "Density of the flow")
     _colour_bar(figure, mesh, bar_axes, "density [kg/m³]")
     return figure
 
@@ -294,45 +289,45 @@ def density_cells(field: DensityField) -> tuple[np.ndarray, np.ndarray, np.ndarr
     return density.reshape(RASTER_CELLS, RASTER_CELLS), corner_y, corner_z
 
 
-def flow_figure(flow: DensityField, title: str = "") -> "Figure":
-    """Draw the density in the plane x = 0, z to the right and y (or r) upward, and the optical axis as an arrow."""
+def variable(dims: str | tuple[str, ...], values: Any, units: str, long_name: str) -> tuple[Any, ...]:
+    """Return a variable with its unit and meaning, as xarray.Dataset takes it."""
+    return dims, values, {"units": units, "long_name": long_name}
+
+
+def density_variables(flow: DensityField) -> dict[str, Any]:
+    """Return a flow's density in the plane x = 0 as variables of a dataset."""
     density, y, z = density_cells(flow)
-    ratio = float(np.clip(np.ptp(y) / np.ptp(z), 0.15, 1.5))
-    with styled_figure(7.2, 1.6 + 5.2 * ratio) as figure:
-        axes = figure.subplots()
-        low, high = density_limits(density)
-        shown = axes.pcolormesh(
-            1e3 * z, 1e3 * y, density, cmap="viridis", vmin=low, vmax=high, shading="flat", rasterized=True
-        )
-        figure.colorbar(shown, ax=axes, label="density [kg/m3]").outline.set_visible(False)
-        if flow.body is not None:
-            lines = flow.body.outlines() if isinstance(flow.body, SolidBody) else [flow.body.profile]
-            for y_and_z in lines:
-                axes.fill(1e3 * y_and_z[:, 1], 1e3 * y_and_z[:, 0], color=BODY_COLOUR)
-        axes.set_aspect("equal")
-        axes.set_xlim(1e3 * float(np.min(z)), 1e3 * float(np.max(z)))
-        axes.set_ylim(1e3 * float(np.min(y)), 1e3 * float(np.max(y)))
-        axes.set_xlabel("z [mm], the optical axis")
-        axes.set_ylabel(f"{'r' if flow.geometry == 'axisymmetric' else 'y'} [mm]")
-        axes.annotate(
-            "direction of view", (0.62, 1.04), (0.38, 1.04), xycoords="axes fraction", textcoords="axes fraction",
-            arrowprops={"arrowstyle": "->", "color": "#4a5460"}, color="#4a5460", va="center", fontsize=8.0,
-        )  # fmt: skip
-        if title:
-            figure.suptitle(title, fontsize=10.0)
-    return figure
+    corners = ("corner_i", "corner_j")
+    return {
+        "density": variable(("cell_i", "cell_j"), density, "kg m-3", "density, cell averages"),
+        "density_y": variable(corners, y, "m", "y of the cells' corners"),
+        "density_z": variable(corners, z, "m", "z of the cells' corners"),
+    }
 
 
-def save_flow_figure(flow: DensityField, place: Path, title: str = "") -> None:
-    """Write the figure to a file, whose name's extension determines the format.
+def body_variables(body: Body | SolidBody | None) -> dict[str, Any]:
+    """Return a body's surface or outline as variables of a dataset."""
+    if isinstance(body, SolidBody):
+        words = "corners of its triangles, by the number of their point"
+        return {
+            "body_point": variable(("body_vertex", "axis"), body.vertices, "m", "points of the body's surface"),
+            "body_triangle": variable(("body_face", "corner"), body.triangles, "1", words),
+        }
+    if body is None:
+        return {}
+    return {
+        f"body_{name}": variable("body_vertex", body.profile[:, k], "m", f"{name} of the body's outline")
+        for k, name in enumerate("yz")
+    }
 
-    Raises:
-        ValueError: No format has this extension.
-        OutputError: The disk is full; an earlier file is as it was.
-    """
-    figure = flow_figure(flow, title)
-    known = figure.canvas.get_supported_filetypes()
-    if place.suffix[1:].lower() not in known:
+
+def save_flow_figure(flow: DensityField, place: Path) -> None:
+    """Write a picture of a flow's density to a file, whose name's extension determines the format."""
+    import xarray
+
+    attributes = {"geometry": flow.geometry, "ambient_density": flow.ambient_density}
+    figure = density_figure(xarray.Dataset(density_variables(flow) | body_variables(flow.body), attrs=attributes))
+    if place.suffix[1:].lower() not in figure.canvas.get_supported_filetypes():
         raise ValueError(f"{place}: {place.suffix!r} is not a picture format: use .png, .pdf or .svg")
     place.parent.mkdir(parents=True, exist_ok=True)
     with replacing(place) as (draft,), house_style():

@@ -3,57 +3,32 @@
 import contextlib
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from aerokernels.compare import compare_waveforms
 from aerokernels.inputs.checks import as_waveform
-from aerokernels.jobs.echo_statistics import (
-    AverageEcho,
-    mean_factor,
-    spread_factor,
-)
+from aerokernels.jobs.echo_statistics import LEAST_PULSE, AverageEcho, mean_factor, spread_factor
 from aerokernels.jobs.run_folder import RunFolder
 from aerokernels.lidar import RANGING_METHODS
 from aerokernels.lidar.pulses import SPEED_OF_LIGHT
 from aerokernels.lidar.ranging import Reading, template_curve
 
-DECAYED = 1e-3  # share of the simulated peak below which the end of the record counts as 0
-# Least simulated voltage at the recorded times, as a share of the simulated peak, if the peak is outside these times,
-LEAST_PEAK = 0.9
-# and if it is inside them but may fall between samples that are far apart.
-LEAST_BETWEEN = 0.25
-# Offsets of a digitiser's steps that are tried, and the rest of its rounding below which it is not.
-OFFSETS, NO_ROUNDING = 8, 1e-3
-
 
 @dataclass(frozen=True)
 class RangeErrors:
-    """Errors of the ranges of recorded echoes by one method.
+    """Errors of the ranges of recorded echoes by one method."""
 
-    Attributes:
-        systematic_error_m: mean range minus the true distance [m].
-        systematic_standard_error_m: error of that mean [m]: the standard error times Student's factor for few echoes,
-            what noise leaves of the digitiser's rounding, and the error of a measured trigger offset.
-        random_error_m: standard deviation of the range of one echo [m].
-        random_standard_error_m: error of that, for normally distributed ranges [m] (mean_errors.py).
-        simulated_error_m: the run's range minus the true distance [m]; NaN if the run has no range by the method.
-        ranged_count: number of echoes with a range.
-        missed_count: number of echoes without a range.
-    """
-
-    systematic_error_m: float
+    systematic_error_m: float  # mean range minus the true distance [m]
+    # error of that mean [m]: the standard error times Student's factor for few echoes, what noise leaves of the
+    # digitiser's rounding, and the error of a measured trigger offset
     systematic_standard_error_m: float
-    random_error_m: float
-    random_standard_error_m: float
-    simulated_error_m: float
-    ranged_count: int
-    missed_count: int
-
-    def as_dict(self) -> dict[str, float]:
-        """Return the errors by name."""
-        return asdict(self)
+    random_error_m: float  # standard deviation of the range of one echo [m]
+    random_standard_error_m: float  # error of that, for normally distributed ranges [m]
+    simulated_error_m: float  # the run's range minus the true distance [m]; NaN if the run has no range by the method
+    ranged_count: int  # number of echoes with a range
+    missed_count: int  # number of echoes without a range
 
 
 def simulated_on(run: RunFolder, time: np.ndarray) -> np.ndarray:
@@ -63,24 +38,20 @@ def simulated_on(run: RunFolder, time: np.ndarray) -> np.ndarray:
     spline = make_interp_spline(run.time - run.time[0], run.voltage, k=5)
     inside = (time >= run.time[0]) & (time <= run.time[-1])
     peak = float(np.abs(run.voltage).max())
-    before, after = (0.0 if abs(end) <= DECAYED * peak else np.nan for end in (run.voltage[0], run.voltage[-1]))
+    before, after = (0.0 if abs(end) <= 1e-3 * peak else np.nan for end in (run.voltage[0], run.voltage[-1]))
     volts = np.where(time < run.time[0], before, after)
     volts[inside] = spline(time[inside] - run.time[0])
     return volts
 
 
-def overlap(recorded: AverageEcho, run: RunFolder, offset: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Compare a recording with a simulation where they overlap.
-
-    Returns:
-        Which of the recorded samples overlap; their times less the offset [s]; the simulation at these times [V].
-    """
+def overlap(recorded: AverageEcho, run: RunFolder, offset: float) -> tuple[AverageEcho, np.ndarray]:
+    """Return the samples of a mean that a simulation overlaps, times less the offset [s], and the simulation [V]."""
     time = recorded.time - offset
     simulated = simulated_on(run, time)
     there, peak_time = np.isfinite(simulated), float(run.time[np.argmax(run.voltage)])
     met = there.any() and time[there][0] <= peak_time <= time[there][-1]  # the peak may fall between coarse samples
     greatest = simulated[there].max() if there.any() else 0.0
-    if greatest < (LEAST_BETWEEN if met else LEAST_PEAK) * run.voltage.max():
+    if greatest < (0.25 if met else 0.9) * run.voltage.max():
         raise ValueError(
             f"the simulated echo peaks at {1e9 * peak_time:.3f} ns, the recorded times go from "
             f"{1e9 * time[0]:.3f} to {1e9 * time[-1]:.3f} ns"
@@ -90,7 +61,8 @@ def overlap(recorded: AverageEcho, run: RunFolder, offset: float) -> tuple[np.nd
                 else ": give the trigger offset, or have it measured (align)"
             )
         )
-    return there, time[there], simulated[there]
+    parts = {name: getattr(recorded, name)[there] for name in ("mean", "spread", "standard_error")}
+    return replace(recorded, time=time[there], **parts), simulated[there]
 
 
 def measured_offset(recorded: AverageEcho, run: RunFolder) -> float:
@@ -100,20 +72,17 @@ def measured_offset(recorded: AverageEcho, run: RunFolder) -> float:
     """
     offset = float(recorded.time[np.argmax(recorded.mean)] - run.time[np.argmax(run.voltage)])
     for _ in range(2):  # the second time near lag 0, where the parabola through three lags is most accurate
-        there, time, simulated = overlap(recorded, run, offset)
-        offset += compare_waveforms(time, recorded.mean[there], simulated).lag
+        part, simulated = overlap(recorded, run, offset)
+        offset += compare_waveforms(part.time, part.mean, simulated).lag
     return offset
 
 
 def range_errors(
     echoes: Sequence[tuple[np.ndarray, np.ndarray]],
     run: RunFolder,
-    time: np.ndarray,
+    recorded: AverageEcho,
     simulated: np.ndarray,
     threshold: float,
-    least_peak: float = 0.0,
-    step: float = 0.0,
-    rounding: float = 0.0,
     offset_error: float = 0.0,
 ) -> dict[str, RangeErrors]:
     """Compute the range errors of echoes by method; a method that cannot read the simulation is left out.
@@ -121,14 +90,12 @@ def range_errors(
     Args:
         echoes: times [s] and voltages [V] of each echo.
         run: the run to compare with.
-        time: times at which the simulation was interpolated [s], shape (n,).
-        simulated: the simulation at these times [V], shape (n,).
+        recorded: the mean of the echoes.
+        simulated: the simulation at its times [V], shape (n,).
         threshold: level of the leading edge [V].
-        least_peak: greatest voltage below which an echo has no pulse and no range by any method [V].
-        step: the digitiser's step [V].
-        rounding: what noise leaves of its rounding in a sample of the mean [V].
         offset_error: error of the trigger offset that was subtracted from the times [s].
     """
+    time, step, least_peak = recorded.time, recorded.step, LEAST_PULSE * float(recorded.mean.max())
     shape = template_curve(run.voltage, as_waveform(run.time, run.voltage)[2])
     reported = run.summary.get("ranges_m") or {}
     found = {}
@@ -150,8 +117,8 @@ def range_errors(
                 errors.append(read(times, volts) - own)
             except ValueError:  # the threshold is never crossed, or the record truncates the pulse
                 continue
-        share = 2.0 * rounding / step if step > 0.0 else 0.0
-        left = share * _rounding_error(read, time, simulated, own, step) if share > NO_ROUNDING else 0.0
+        share = 2.0 * recorded.rounding / step if step > 0.0 else 0.0
+        left = share * _rounding_error(read, time, simulated, own, step) if share > 1e-3 else 0.0
         common = math.hypot(left, 0.5 * SPEED_OF_LIGHT * offset_error)
         found[method] = _statistics(errors, len(echoes), simulated_error, common)
     return found
@@ -162,7 +129,7 @@ def _rounding_error(
 ) -> float:
     """Return the greatest change of a reading [m] where the simulation is rounded to steps, with any offset of them."""
     changes = []
-    for shift in step * np.arange(OFFSETS) / OFFSETS:
+    for shift in step * np.arange(8) / 8.0:
         with contextlib.suppress(ValueError):  # rounding may leave no rise through the threshold
             changes.append(abs(read(time, step * np.rint((simulated + shift) / step) - shift) - own))
     return max(changes, default=math.nan)

@@ -1,11 +1,4 @@
-"""Read recorded echoes from the recorder's store, a CSV or a NetCDF file, grouped by label.
-
-CSV: see `csv_echoes`.
-
-NetCDF: `voltage` over (echo, sample), in any order, or (sample), with `time` over sample, or `sample_period` and
-`first_sample_time` over echo; `label_KEY` over echo. Attributes "units" such as "ns" or "mV" are applied; without them
-numbers are SI.
-"""
+"""Read recorded echoes from the recorder's store, a CSV or a NetCDF file by label; docs/compare.md has the layouts."""
 
 import contextlib
 import csv
@@ -13,8 +6,9 @@ import itertools
 import re
 import sqlite3
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -31,26 +25,21 @@ if TYPE_CHECKING:
     import xarray
 
 LEAST_SAMPLES = 16
-_SQLITE, _NETCDF = b"SQLite format 3\x00", (b"\x89HDF", b"CDF")
 
 Label = tuple[tuple[str, str], ...]
-CsvEcho = tuple[dict[str, str], np.ndarray, np.ndarray, str]
-Row = tuple[int, list[str]]  # a line's number in the file, and its cells
+Row = tuple[int, list[str]]  # a line's number in a CSV file, and its cells
 
 
 @dataclass(frozen=True, eq=False)
 class RecordedEcho:
-    """One recorded waveform.
+    """One recorded waveform."""
 
-    Attributes:
-        label: the operator's label, sorted by key.
-        time: sample times [s], shape (n,).
-        voltage: samples [V], shape (n,).
-    """
+    label: Label  # the operator's label, sorted by key
+    time: np.ndarray  # sample times [s], shape (n,)
+    voltage: np.ndarray  # samples [V], shape (n,)
 
-    label: Label
-    time: np.ndarray
-    voltage: np.ndarray
+
+Placed = Iterator[tuple[RecordedEcho, str]]  # echoes with their places in a file
 
 
 def label_text(label: Label) -> str:
@@ -59,21 +48,16 @@ def label_text(label: Label) -> str:
 
 
 def recorded_labels(path: str | Path) -> list[Label]:
-    """Return the different labels in a file, in the order of their first echo.
-
-    Raises:
-        ValueError: see `recorded_echoes`; or the file holds no echoes.
-    """
+    """Return the different labels in a file, in the order of their first echo."""
     path = check_path(path, "path")
     if _kind(path) == "store":
         with _naming_file(path), EchoStore(path, read_only=True) as store:
-            found = [_as_label(one) for one in store.labels()]
+            labels = [_as_label(one) for one in store.labels()]
     else:
-        found = [echo.label for echo in recorded_echoes(path)]
-    labels = list(dict.fromkeys(found))
+        labels = [echo.label for echo in recorded_echoes(path)]
     if not labels:
         raise FileFault(f"{path}: holds no echoes; record some with `aerokernels record --store`")
-    return labels
+    return list(dict.fromkeys(labels))
 
 
 def recorded_echoes(
@@ -82,24 +66,38 @@ def recorded_echoes(
     """Yield the echoes of a file one after the other; with `label`, only those with exactly this label.
 
     A board may send frames with few or no samples, or without a sample period. In a store, which nobody can edit, such
-    echoes are skipped and counted; in a CSV or NetCDF file they are an error.
-
-    Args:
-        path: the recorder's store, a CSV or a NetCDF file.
-        label: the label to select; None selects all.
-        unfit: counts the skipped echoes by label.
-
-    Raises:
-        ValueError: the file does not exist, is of another kind or damaged; the message names the place and the remedy.
+    echoes are skipped and counted in `unfit`; in a CSV or NetCDF file they are an error.
     """
     path = check_path(path, "path")
-    kind = _kind(path)
-    if kind == "store":
-        yield from _from_store(path, label, Counter() if unfit is None else unfit)
-        return
-    for echo in (_from_netcdf if kind == "netcdf" else _from_csv)(path):
-        if label is None or echo.label == label:
-            yield echo
+    readers: dict[str, Callable[[Path], Placed]] = {
+        "store": partial(_from_store, label=label, unfit=Counter() if unfit is None else unfit),
+        "netcdf": _from_netcdf,
+        "csv": _from_csv,
+    }
+    for echo, place in readers[_kind(path)](path):
+        if label is not None and echo.label != label:
+            continue
+        if echo.voltage.size < LEAST_SAMPLES or echo.time.shape != echo.voltage.shape:
+            raise FileFault(
+                f"{place}: {echo.voltage.size} samples; at least {LEAST_SAMPLES} are needed, and a time for each"
+            )
+        if not (np.isfinite(echo.voltage).all() and np.isfinite(echo.time).all()):
+            raise FileFault(f"{place}: some samples are not finite; leave the echo out or repair it")
+        if not (np.diff(echo.time) > 0.0).all():
+            raise FileFault(f"{place}: the times do not increase; sort them, in seconds")
+        yield echo
+
+
+def random_subset(echoes: Iterable[RecordedEcho], count: int, seed: int = 0) -> list[RecordedEcho]:
+    """Choose at most `count` echoes at random with equal probability, in one pass (reservoir sampling)."""
+    random = np.random.default_rng(seed)
+    source = iter(echoes)
+    kept = list(itertools.islice(source, count))
+    for number, echo in enumerate(source, start=count + 1):
+        place = int(random.integers(number))
+        if place < count:
+            kept[place] = echo
+    return kept
 
 
 def _kind(path: Path) -> str:
@@ -108,112 +106,13 @@ def _kind(path: Path) -> str:
         raise FileFault(f"{path}: {what}; give the recorder's store, or a CSV or NetCDF file of waveforms")
     with path.open("rb") as file:
         head = file.read(16)
-    if head == _SQLITE:
+    if head == b"SQLite format 3\x00":
         return "store"
-    return "netcdf" if head.startswith(_NETCDF) else "csv"
+    return "netcdf" if head.startswith((b"\x89HDF", b"CDF")) else "csv"
 
 
 def _as_label(pairs: Mapping[str, Any]) -> Label:
     return tuple(sorted((str(key).strip(), str(value).strip()) for key, value in pairs.items() if str(value).strip()))
-
-
-def _from_store(path: Path, label: Label | None, unfit: Counter[Label]) -> Iterator[RecordedEcho]:
-    with _naming_file(path), EchoStore(path, read_only=True) as store:
-        for text in store.labels():
-            if label is not None and _as_label(text) != label:
-                continue
-            for echo in store.echoes(text):
-                if echo.frame.samples.size < LEAST_SAMPLES or not echo.frame.sample_period_ps > 0:
-                    unfit[_as_label(text)] += 1
-                    continue
-                found = RecordedEcho(_as_label(echo.label), echo.frame.time, echo.frame.voltage)
-                yield checked(found, f"{path}: echo of sequence {echo.frame.sequence}")
-
-
-def _from_netcdf(path: Path) -> Iterator[RecordedEcho]:
-    with load_netcdf(path) as data:
-        yield from waveforms(data, path)
-
-
-def waveforms(data: "xarray.Dataset", path: Path) -> Iterator[RecordedEcho]:
-    """Yield the echoes of a dataset: `voltage` over (echo, sample), `time` or `sample_period`, and labels.
-
-    Raises:
-        ValueError: The dataset does not hold recorded echoes; the message names the file.
-    """
-    with _naming_file(path):
-        if "voltage" not in data.variables or data["voltage"].ndim not in (1, 2):
-            raise FileFault(f"{path}: holds no `voltage` over (echo, sample); it has: {listed(data.variables)}")
-        keys = [str(name) for name in data.variables if str(name).startswith("label_")]
-        timed = "time" in data.variables
-        volts = _in_si(path, _echoes_first(path, data), "voltage", "V")
-        rows = volts if volts.ndim == 2 else volts[None]
-        if not timed and "sample_period" not in data.variables:
-            raise FileFault(f"{path}: holds no times: give `time` over sample, or `sample_period` over echo [s]")
-
-        def column(name: str, values: np.ndarray) -> np.ndarray:
-            if values.shape not in ((), (1,), (len(rows),)):
-                raise FileFault(f"{path}: `{name}` has shape {values.shape}: give one for each of {len(rows)} echoes")
-            return np.broadcast_to(values, (len(rows),))
-
-        labels = {name: column(name, data[name].values) for name in keys}
-        single = () if timed else {"first_sample_time", "sample_period"} & set(data.variables)
-        given = {name: column(name, _in_si(path, data[name], "time", "s")) for name in single}
-        first = given.get("first_sample_time", np.zeros(len(rows)))
-        shared = _in_si(path, data["time"], "time", "s") if timed else np.empty(0)
-        if timed and shared.shape != rows.shape[1:]:
-            raise FileFault(
-                f"{path}: `time` has shape {shared.shape}, and an echo {rows.shape[1]} samples: give one time for each "
-                "sample, the same for all echoes"
-            )
-        for k, row in enumerate(rows):
-            count = int(np.isfinite(row).sum())
-            row = row[:count] if np.isfinite(row[:count]).all() else row  # NaN beyond the echo's own samples is allowed
-            if timed:
-                time = shared[: row.size]
-            else:
-                time = first[k] + np.arange(row.size) * float(given["sample_period"][k])
-            echo_label = _as_label({name.removeprefix("label_"): values[k] for name, values in labels.items()})
-            yield checked(RecordedEcho(echo_label, time, row), f"{path}: echo {k}")
-
-
-def _echoes_first(path: Path, data: "xarray.Dataset") -> "xarray.DataArray":
-    """Return `voltage` over (echo, sample) if it is stored over (sample, echo); the times name the samples."""
-    volts = data["voltage"]
-    if volts.ndim == 1:
-        return volts
-    first, last = volts.dims
-    timed = data["time"].dims if "time" in data.variables else ()
-    if last in timed or (first not in (*timed, "sample") and last != "echo"):
-        return volts
-    if timed and first not in timed:
-        raise FileFault(
-            f"{path}: `voltage` is over {first} and {last}, `time` over {timed[0]}: give `time` over sample"
-        )
-    return volts.transpose(last, first)
-
-
-def _in_si(path: Path, variable: "xarray.DataArray", dimension: str, usual: str) -> np.ndarray:
-    """Return a variable's values in SI units by its attribute "units"; without the attribute they are SI."""
-    unit = str(variable.attrs.get("units", "")).strip()
-    spelled = {"": usual, "1": usual, "second": "s", "seconds": "s", "volt": "V", "volts": "V"}
-    try:
-        factor = quantity(f"1 {spelled.get(unit.lower(), unit)}", dimension)
-    except ValueError as error:
-        raise FileFault(f"{path}: the units of `{variable.name}`: {error}") from None
-    if variable.dtype.kind not in "iuf":
-        raise FileFault(f"{path}: `{variable.name}` holds {variable.dtype}, not real numbers: write the file again")
-    return np.asarray(variable.values, dtype=np.float64) * factor
-
-
-def load_netcdf(path: Path) -> "xarray.Dataset":
-    """Load a NetCDF-4 file into memory, with times as numbers.
-
-    Raises:
-        ValueError: not a NetCDF-4 file, or a damaged one; the message names the file.
-    """
-    with _naming_file(path):
-        return open_netcdf(path, str(path), decode_times=False, whole=True)
 
 
 @contextlib.contextmanager
@@ -236,46 +135,81 @@ def _naming_file(path: Path) -> Iterator[None]:
         raise FileFault(f"{path}: cannot be read ({error}); is it damaged, or no NetCDF-4 file or store?") from error
 
 
-def _from_csv(path: Path) -> Iterator[RecordedEcho]:
-    for pairs, time, voltage, place in csv_echoes(path):
-        yield checked(RecordedEcho(_as_label(pairs), time, voltage), place)
+def _from_store(path: Path, label: Label | None, unfit: Counter[Label]) -> Placed:
+    with _naming_file(path), EchoStore(path, read_only=True) as store:
+        for text in store.labels():
+            own = _as_label(text)
+            for echo in store.echoes(text) if label in (None, own) else ():
+                if echo.frame.samples.size < LEAST_SAMPLES or not echo.frame.sample_period_ps > 0:
+                    unfit[own] += 1
+                    continue
+                place = f"{path}: echo of sequence {echo.frame.sequence}"
+                yield RecordedEcho(own, echo.frame.time, echo.frame.voltage), place
 
 
-def checked(echo: RecordedEcho, place: str) -> RecordedEcho:
-    """Return the echo after checking that its samples are finite and its times increase.
-
-    Raises:
-        ValueError: The check failed; the message names the place.
-    """
-    if echo.voltage.size < LEAST_SAMPLES or echo.time.shape != echo.voltage.shape:
-        raise FileFault(
-            f"{place}: {echo.voltage.size} samples; at least {LEAST_SAMPLES} are needed, and a time for each"
-        )
-    if not (np.isfinite(echo.voltage).all() and np.isfinite(echo.time).all()):
-        raise FileFault(f"{place}: some samples are not finite; leave the echo out or repair it")
-    if not (np.diff(echo.time) > 0.0).all():
-        raise FileFault(f"{place}: the times do not increase; sort them, in seconds")
-    return echo
+def load_netcdf(path: Path) -> "xarray.Dataset":
+    """Load a NetCDF-4 file into memory, with times as numbers."""
+    with _naming_file(path):
+        return open_netcdf(path, str(path), decode_times=False, whole=True)
 
 
-def random_subset(echoes: Iterable[RecordedEcho], count: int, seed: int = 0) -> list[RecordedEcho]:
-    """Choose at most `count` echoes at random with equal probability, in one pass (reservoir sampling)."""
-    random = np.random.default_rng(seed)
-    source = iter(echoes)
-    kept = list(itertools.islice(source, count))
-    for number, echo in enumerate(source, start=count + 1):
-        place = int(random.integers(number))
-        if place < count:
-            kept[place] = echo
-    return kept
+def _from_netcdf(path: Path) -> Placed:
+    with load_netcdf(path) as data, _naming_file(path):
+        if "voltage" not in data.variables or data["voltage"].ndim not in (1, 2):
+            raise FileFault(f"{path}: holds no `voltage` over (echo, sample); it has: {listed(data.variables)}")
+        if not {"time", "sample_period"} & set(data.variables):
+            raise FileFault(f"{path}: holds no times: give `time` over sample, or `sample_period` over echo [s]")
+        timed, volts = "time" in data.variables, data["voltage"]
+        samples = data["time"].dims if timed else ("sample" if "sample" in volts.dims else volts.dims[-1],)
+        if not set(samples) <= set(volts.dims):
+            raise FileFault(
+                f"{path}: `voltage` is over {' and '.join(map(str, volts.dims))}, `time` over "
+                f"{' and '.join(map(str, samples))}: give `time` over sample"
+            )
+        rows = np.atleast_2d(_in_si(path, volts.transpose(..., *samples), "voltage", "V"))
+
+        def column(name: str, values: np.ndarray) -> np.ndarray:
+            if values.shape not in ((), (1,), (len(rows),)):
+                raise FileFault(f"{path}: `{name}` has shape {values.shape}: give one for each of {len(rows)} echoes")
+            return np.broadcast_to(values, (len(rows),))
+
+        keys = [str(name) for name in data.variables if str(name).startswith("label_")]
+        labels = {name.removeprefix("label_"): column(name, data[name].values) for name in keys}
+        if timed:
+            times = np.broadcast_to(_in_si(path, data["time"], "time", "s"), rows.shape)
+        else:
+            zero = (
+                data["sample_period"] * 0.0 if "first_sample_time" not in data.variables else data["first_sample_time"]
+            )
+            first, period = (
+                column(str(one.name), _in_si(path, one, "time", "s")) for one in (zero, data["sample_period"])
+            )
+            times = first[:, None] + period[:, None] * np.arange(rows.shape[1])
+        for k, (time, row) in enumerate(zip(times, rows, strict=True)):
+            count = int(np.isfinite(row).sum())
+            if np.isfinite(row[:count]).all():  # NaN beyond the echo's own samples is allowed
+                time, row = time[:count], row[:count]
+            yield (
+                RecordedEcho(_as_label({key: values[k] for key, values in labels.items()}), time, row),
+                f"{path}: echo {k}",
+            )
 
 
-def csv_echoes(path: Path) -> Iterator[CsvEcho]:
-    """Yield the echoes of a CSV file: label, times [s], voltages [V], and the place in the file for messages.
+def _in_si(path: Path, variable: "xarray.DataArray", dimension: str, usual: str) -> np.ndarray:
+    """Return a variable's values in SI units by its attribute "units"; without the attribute they are SI."""
+    unit = str(variable.attrs.get("units", "")).strip()
+    spelled = {"": usual, "1": usual, "second": "s", "seconds": "s", "volt": "V", "volts": "V"}
+    try:
+        factor = quantity(f"1 {spelled.get(unit.lower(), unit)}", dimension)
+    except ValueError as error:
+        raise FileFault(f"{path}: the units of `{variable.name}`: {error}") from None
+    if variable.dtype.kind not in "iuf":
+        raise FileFault(f"{path}: `{variable.name}` holds {variable.dtype}, not real numbers: write the file again")
+    return np.asarray(variable.values, dtype=np.float64) * factor
 
-    Raises:
-        ValueError: the file is neither of the two forms; the message names the place and the remedy.
-    """
+
+def _from_csv(path: Path) -> Placed:
+    """Yield the echoes of a CSV file: of a row each, or of a column each beside one of times."""
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:
             cells = csv.reader("\n" if line.startswith("#") else line for line in file)
@@ -297,7 +231,7 @@ def _of_width(path: Path, width: int, rows: Iterable[Row]) -> Iterator[Row]:
         yield number, row
 
 
-def _echo_rows(path: Path, head: list[str], rows: Iterable[Row]) -> Iterator[CsvEcho]:
+def _echo_rows(path: Path, head: list[str], rows: Iterable[Row]) -> Placed:
     found = [(int(match[1]), k) for k, name in enumerate(head) if (match := re.fullmatch(r"voltage_(\d+)_v", name))]
     numbers, volts = zip(*sorted(found), strict=True)
     if numbers != tuple(range(len(numbers))):
@@ -320,27 +254,31 @@ def _echo_rows(path: Path, head: list[str], rows: Iterable[Row]) -> Iterator[Csv
         period = _number(values["sample_period_s"], f"{place}, sample_period_s")
         first = _number(values.get("first_sample_time_s") or "0", f"{place}, first_sample_time_s")
         voltage = np.array([_number(text, place) for text in samples])
-        time = first + period * np.arange(voltage.size)
-        label = {
-            key.removeprefix("label_"): text_of_cell(text) for key, text in values.items() if key.startswith("label_")
-        }
-        yield label, time, voltage, place
+        keys = [key for key in values if key.startswith("label_")]
+        label = _as_label({key.removeprefix("label_"): text_of_cell(values[key]) for key in keys})
+        yield RecordedEcho(label, first + period * np.arange(voltage.size), voltage), place
 
 
-def _echo_columns(path: Path, head: list[str], rows: Iterable[Row]) -> Iterator[CsvEcho]:
+def _echo_columns(path: Path, head: list[str], rows: Iterable[Row]) -> Placed:
     if len(head) < 2 or not head[0].lower().startswith("time"):
         raise FileFault(
             f"{path}: its first line is {', '.join(head[:3])!r}; give a column `time_s` and one column for each echo, "
             "headed by its label such as mach=3, or a row for each echo with columns voltage_0_v, voltage_1_v ..."
         )
-    second = _time_unit(path, head[0])
+    unit = head[0][len("time") :].strip(" _[]()/")  # of time_s, time_ns, time [us]
+    try:
+        second = quantity(f"1 {unit}", "time")
+    except ValueError:
+        raise FileFault(
+            f"{path}: its first column is headed {head[0]!r}; give the times in seconds as time_s"
+        ) from None
     table = [[_number(text, f"{path}: line {number}") for text in row] for number, row in rows]
     values = np.array(table).reshape(-1, len(head))
     values[:, 0] *= second
     for k, name in enumerate(head[1:], start=1):
         pairs = dict(part.partition("=")[::2] for part in name.split() if "=" in part)
         volts = _voltage_unit(name) * values[:, k]
-        yield pairs, values[:, 0], volts, f"{path}: column {name!r}"
+        yield RecordedEcho(_as_label(pairs), values[:, 0], volts), f"{path}: column {name!r}"
 
 
 def _voltage_unit(head: str) -> float:
@@ -352,15 +290,6 @@ def _voltage_unit(head: str) -> float:
             with contextlib.suppress(ValueError):
                 return quantity(f"1 {spelled}", "voltage")
     return 1.0
-
-
-def _time_unit(path: Path, head: str) -> float:
-    """Return the unit [s] named in a time column's heading (time_s, time_ns, time [us]); 1 s without a unit."""
-    unit = head[len("time") :].strip(" _[]()/")
-    try:
-        return quantity(f"1 {unit}", "time")
-    except ValueError:
-        raise FileFault(f"{path}: its first column is headed {head!r}; give the times in seconds as time_s") from None
 
 
 def _number(text: str, place: str) -> float:

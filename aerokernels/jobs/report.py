@@ -50,7 +50,6 @@ GROUPS = {
     "range_uncertainty_m": "uncertainty of the range by {} [m]",
     "range_statistics_m": "statistics of the range by {} [m]",
     "stage_seconds": "time, {} [s]",
-    "averages_lacking": "deficit of the interpolant, {}; a share of the densities' range, or metres",
 }
 # What the table of numbers leaves out: other parts of the page, and the error budget's "sampling".
 ELSEWHERE = {"plan", "error", "errors", "seconds", "scene", "version", "verdict", "warnings", "failures"}

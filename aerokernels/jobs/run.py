@@ -5,7 +5,7 @@ import time
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -28,9 +28,6 @@ from aerokernels.scene import Scene, warn_of_unused
 from aerokernels.tracing import Plane, trace
 from aerokernels.tracing.engines.choice import choose_backend
 from aerokernels.wavefronts import Wavefront, wavefront
-
-if TYPE_CHECKING:
-    pass
 
 Progress = Callable[[str, float], None]
 T = TypeVar("T")
@@ -68,11 +65,7 @@ def _echo_with_errors(vacuum: VacuumEcho, field: IndexField, strehl: StrehlEstim
 
 
 def scene_wavefront(scene: Scene, field: IndexField) -> Wavefront:
-    """Trace the wavefront over a scene's pupil, piston removed.
-
-    Raises:
-        ValueError: No ray gets through.
-    """
+    """Trace the wavefront over a scene's pupil, piston removed."""
     try:
         traced = wavefront(
             field,
@@ -167,15 +160,10 @@ def run_stages(
     with_echo: bool = True,
     progress: Progress | None = None,
 ) -> RunResult:
-    """Run the stages of a scene in turn; arguments and errors as for `simulate`.
+    """Run the stages of a scene in turn; other arguments and errors as for `simulate`.
 
-    Args:
-        scene: The scene.
-        prepare: Makes its flow and index fields.
-        estimate: Estimates its Strehl ratio through the index field.
-        with_views: Whether to trace the wavefront and the rays for the figures.
-        with_echo: Whether to simulate and range the laser echo.
-        progress: Called with the description of each stage as it begins and the fraction of the job done before it.
+    `prepare` makes its flow and index fields, and `estimate` its Strehl ratio through the index field. `with_views`
+    tells whether to trace the wavefront and the rays for the figures.
     """
     seconds: dict[str, float] = {}
     failed: dict[str, str] = {}
@@ -201,10 +189,8 @@ def run_stages(
         choose_backend(scene.trace.backend, scene.trace.device)  # rejects a missing device before anything is computed
         prepared = timed("prepare", prepare)
         index = prepared.field
-        if with_echo:
-            vacuum = check_echo(
-                Setup.of_scene(scene), index
-            )  # rejects a scene whose echo cannot be computed for any flow
+        if with_echo:  # rejects a scene whose echo cannot be computed for any flow
+            vacuum = check_echo(Setup.of_scene(scene), index)
         strehl = timed("strehl", lambda: estimate(index))
         if with_views:
             waves = attempted("wavefront", lambda: scene_wavefront(scene, index), "wavefront")

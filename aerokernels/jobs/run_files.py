@@ -1,22 +1,4 @@
-"""What a run writes to its folder: the numbers of summary.json, each with its error, and the dataset of result.nc.
-
-strehl, range_m, ...   the numbers, SI; null if there is no result
-errors                 the errors of the numbers by the same keys, in the same units; null if not known; no entry for
-numbers that are not estimates (counts, settings, times). The error of a ratio between 0 and 1 is at most what these
-bounds allow, max(ratio, 1 - ratio): the number is then not meaningful, as the verdict on the Strehl ratio says
-still_air_m            the part of the range error that the air at rest between aperture and target causes, not the flow
-range_uncertainty_m    the error of the range by cause, by ranging method
-verdict, warnings      whether the answer is meaningful given its errors ("fine", "warning", "worthless"), and why
-failures               why a stage has no result, by stage ("wavefront", "rays", "echo", "range", "picture echo", ...)
-error                  the error budget of the Strehl ratio by cause, each at most what the bounds 0 and 1 allow
-averages_lacking       deficit of the interpolant against the averages over rows and columns of the flow's cells and
-over single cells, as shares of the range of densities, and over a row as optical path [m]; empty if the flow has no
-averages over the cells of a mesh
-scene_values           the whole scene as it was run, every key with its default, SI
-seconds                wall time of each part of the run, and of "prepare" by its own parts; "total" is that of the run
-stage_seconds          the same time by activity, each moment counted once (clock.py): trace_seconds is its "kernel",
-compile_seconds its "compile"; both include the rays of the error budget
-"""
+"""What a run writes to its folder: the numbers of summary.json, each with its error, and the dataset of result.nc."""
 
 import json
 import math
@@ -36,10 +18,9 @@ from aerokernels.display.quantities import TOTAL, Verdict, greatest_ratio_error,
 from aerokernels.display.shown import shown
 from aerokernels.focus import StrehlEstimate
 from aerokernels.jobs.numbers import NUMBERS
-from aerokernels.jobs.plots import density_cells
+from aerokernels.jobs.plots import body_variables, density_variables, variable
 from aerokernels.jobs.store import number_or_nan, to_json
 from aerokernels.lidar import EchoResult
-from aerokernels.medium import AveragesLacking, SolidBody
 from aerokernels.prepare import Prepared
 from aerokernels.scene import Scene
 from aerokernels.scene.pupil_table import axis_words
@@ -53,14 +34,11 @@ SPOT_PADDING, SPOT_RINGS = 8, 8.0  # samples per wavelength / diameter of the sp
 
 @dataclass(frozen=True, eq=False)
 class RayFan:
-    """Rays in the plane of a pupil's direction of view and its second axis (x = 0 if it faces ahead).
+    """Rays in the plane of a pupil's direction of view and its second axis (x = 0 if it faces ahead)."""
 
-    Attributes:
-        position: Intersection of each ray with each plane [m], shape (ray_count, plane_count, 3); NaN after its end.
-        deviation: Displacement from the undisturbed ray along the second axis [m], shape (ray_count, plane_count).
-    """
-
+    # intersection of each ray with each plane [m], shape (ray_count, plane_count, 3); NaN after its end
     position: np.ndarray
+    # displacement from the undisturbed ray along the second axis [m], shape (ray_count, plane_count)
     deviation: np.ndarray
 
 
@@ -116,7 +94,12 @@ class RunResult:
 
 
 def summarise(result: RunResult) -> dict[str, Any]:
-    """Return the content of summary.json; lengths in m, angles in rad, powers in W; NaN if there is no result."""
+    """Return the content of summary.json; lengths in m, angles in rad, powers in W; NaN if there is no result.
+
+    "errors" has the errors of estimates by the same keys; that of a ratio between 0 and 1 is at most what these bounds
+    allow. "error" is the error budget of the Strehl ratio by cause, "failures" why a stage has no result.
+    "stage_seconds" counts each moment once, by activity; "seconds" is by part of the run.
+    """
     scene, strehl, density, verdict = result.scene, result.strehl, result.prepared.density, result.verdict
     plan, seen = strehl.plan.as_dict(), strehl.quantities
     numbers = {
@@ -165,19 +148,9 @@ def summarise(result: RunResult) -> dict[str, Any]:
         "seconds": {**result.seconds, "prepare": dict(result.prepared.seconds)},
         "stage_seconds": dict(result.stages),
         "provenance": result.prepared.provenance,
-        "averages_lacking": _averages_lacking(result.prepared.lacking),
         "scene_values": scene.as_dict(),
         "version": __version__,
     }
-
-
-def _averages_lacking(lacking: AveragesLacking | None) -> dict[str, float]:
-    """Return the deficits of rows of cells and of single cells; without the rows if the cells form none."""
-    if lacking is None:
-        return {}
-    names = {"row_path": "row_path_m"}
-    deficits = {name: getattr(lacking, name) for name in ("rows_max", "rows_rms", "row_path", "cells_max", "cells_rms")}
-    return {names.get(name, name): value for name, value in deficits.items() if value is not None}
 
 
 def _ranges(echo: EchoResult | None) -> tuple[dict[str, Any], dict[str, float]]:
@@ -219,13 +192,11 @@ def run_dataset(result: RunResult, summary: Mapping[str, Any]) -> "xarray.Datase
     coordinates["wavelength"][2]["standard_name"] = "radiation_wavelength"
     flow = result.prepared.density
     if flow is not None:
-        density, corner_y, corner_z = density_cells(flow)
-        cells, corners = ("cell_i", "cell_j"), ("corner_i", "corner_j")
-        variables["density"] = variable(cells, density, "kg m-3", "density, cell averages")
-        for name, corner in (("y", corner_y), ("z", corner_z)):
-            variables[f"density_{name}"] = variable(corners, corner, "m", f"{name} of the cells' corners")
+        variables |= density_variables(flow)
+        for name in "yz":
+            corner = variables[f"density_{name}"][1]
             middle = 0.25 * (corner[1:, 1:] + corner[:-1, 1:] + corner[1:, :-1] + corner[:-1, :-1])
-            coordinates[f"cell_{name}"] = variable(cells, middle, "m", f"{name} of the cells' centres")
+            coordinates[f"cell_{name}"] = variable(("cell_i", "cell_j"), middle, "m", f"{name} of the cells' centres")
     if result.fan is not None:
         variables["ray_position"] = variable(("ray", "plane", "axis"), result.fan.position, "m", "rays of the picture")
         words = f"displacement along {second} from the straight ray"
@@ -240,17 +211,7 @@ def run_dataset(result: RunResult, summary: Mapping[str, Any]) -> "xarray.Datase
         for name, along in (("x", first), ("y", second)):
             coordinates[f"pupil_{name}"] = variable(f"pupil_{name}", coordinate, "m", f"along {along} in the pupil")
             coordinates[f"angle_{name}"] = variable(f"angle_{name}", angle, "rad", f"angle toward {along}")
-    body = result.prepared.field.body
-    if isinstance(body, SolidBody):
-        variables["body_point"] = variable(("body_vertex", "axis"), body.vertices, "m", "points of the body's surface")
-        variables["body_triangle"] = variable(
-            ("body_face", "corner"), body.triangles, "1", "corners of its triangles, by the number of their point"
-        )
-    elif body is not None:
-        for k, name in enumerate("yz"):
-            variables[f"body_{name}"] = variable(
-                "body_vertex", body.profile[:, k], "m", f"{name} of the body's outline"
-            )
+    variables |= body_variables(result.prepared.field.body)
     dataset = xarray.Dataset(variables, coordinates, _attributes(result, summary, (first, second)))
     if result.echo is None:
         return dataset
@@ -286,11 +247,6 @@ def _attributes(result: RunResult, summary: Mapping[str, Any], axes: tuple[str, 
     if scene.detector.ranging == "leading-edge":  # the other methods use no fixed level
         attributes["threshold_v"] = scene.detector.threshold
     return attributes
-
-
-def variable(dims: str | tuple[str, ...], values: Any, units: str, long_name: str) -> tuple[Any, ...]:
-    """Return a variable with its unit and meaning, as xarray.Dataset takes it."""
-    return dims, values, {"units": units, "long_name": long_name}
 
 
 def _maps(wave: Wavefront) -> dict[str, Any]:

@@ -4,10 +4,9 @@ import json
 import math
 import tomllib
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -15,31 +14,18 @@ from aerokernels.jobs.recorded import Label, label_text, load_netcdf
 from aerokernels.jobs.store import RESULT_FILE, SUMMARY_FILE
 from aerokernels.lidar.result import echo_of_result
 
-if TYPE_CHECKING:
-    import xarray
-
 
 @dataclass(frozen=True, eq=False)
 class RunFolder:
-    """The data of a run that a comparison needs.
-
-    Attributes:
-        path: the folder.
-        summary: its summary.json.
-        time: sample times of the simulated echo [s], shape (n,).
-        voltage: the simulated echo [V], shape (n,).
-        distance: true distance of the target [m].
-        detector: the scene's [detector] table, SI.
-        label: the label that the caller assigned to the run, if any.
-    """
+    """The data of a run that a comparison needs."""
 
     path: Path
     summary: Mapping[str, Any]
-    time: np.ndarray
-    voltage: np.ndarray
-    distance: float
-    detector: Mapping[str, Any]
-    label: Label = ()
+    time: np.ndarray  # sample times of the simulated echo [s], shape (n,)
+    voltage: np.ndarray  # the simulated echo [V], shape (n,)
+    distance: float  # true distance of the target [m]
+    detector: Mapping[str, Any]  # the scene's [detector] table, SI
+    label: Label = ()  # the label that the caller assigned to the run, if any
 
     @property
     def name(self) -> str:
@@ -53,16 +39,8 @@ class RunFolder:
         return float(error) if isinstance(error, (int, float)) else math.nan
 
 
-class RunWithoutEcho(ValueError):
-    """A finished run has no echo."""
-
-
 def read_run(text: str) -> RunFolder:
-    """Read a run from "DIR", or from "KEY=VALUE=DIR", which assigns the run to a label.
-
-    Raises:
-        ValueError: the folder does not exist, holds no finished run, or holds a run without an echo.
-    """
+    """Read a run from "DIR", or from "KEY=VALUE=DIR", which assigns the run to a label."""
     path = Path(text)
     label: Label = ()
     if not path.exists() and text.count("=") >= 2:
@@ -78,25 +56,12 @@ def read_run(text: str) -> RunFolder:
             )
     try:
         summary = json.loads((path / SUMMARY_FILE).read_text(encoding="utf-8"))
-    except (ValueError, OSError, RecursionError) as error:
-        raise _unreadable(path, f"{SUMMARY_FILE}: {error}") from None
-    _check_echo(path, summary)
-    return run_of(path, summary, load_netcdf(path / RESULT_FILE), label)
-
-
-def run_of(path: Path, summary: Any, result: "xarray.Dataset", label: Label = ()) -> RunFolder:
-    """Make a run from the contents of its files.
-
-    Args:
-        path: the folder, for messages.
-        summary: the content of summary.json.
-        result: the content of result.nc.
-        label: the label that the caller assigned to the run, if any.
-
-    Raises:
-        ValueError: the contents are not those of a run; the message names the folder.
-    """
-    _check_echo(path, summary)
+        lost = dict(summary.get("failures") or {}).get("echo")
+    except (ValueError, OSError, RecursionError, AttributeError, TypeError) as error:
+        raise _unreadable(path, f"{SUMMARY_FILE} is not that of a run: {error}") from None
+    if lost:
+        raise ValueError(f"run {path}: it has no echo to compare with: {lost}")
+    result = load_netcdf(path / RESULT_FILE)
     time, voltage = echo_of_result(path, result)
     try:
         detector = tomllib.loads(str(result.attrs.get("scene", ""))).get("detector", {})
@@ -116,23 +81,11 @@ def _unreadable(path: Path, what: str) -> ValueError:
     return ValueError(f"run {path}: its files cannot be read ({' '.join(what.split())}); run it again")
 
 
-def _check_echo(path: Path, summary: Any) -> None:
-    """Reject anything but the summary of a run with an echo."""
-    lost = summary.get("failures") or {} if isinstance(summary, dict) else None
-    if not isinstance(lost, dict):
-        raise _unreadable(path, f"{SUMMARY_FILE} is not that of a run")
-    if lost.get("echo"):
-        raise RunWithoutEcho(f"run {path}: it has no echo to compare with: {lost['echo']}")
-
-
 def match_runs(labels: Sequence[Label], runs: Sequence[RunFolder]) -> dict[Label, RunFolder]:
     """Find the run that belongs to each label.
 
     A run with an assigned label matches the labels that contain it. Any other run matches the labels that agree with
     its summary in every shared key, such as mach=3. A single run also matches labels that share no key with it.
-
-    Raises:
-        ValueError: several runs match one label, or no run matches any.
     """
     matched = {}
     for label in labels:
@@ -146,9 +99,10 @@ def match_runs(labels: Sequence[Label], runs: Sequence[RunFolder]) -> dict[Label
         if fitting:
             matched[label] = fitting[0]
     if not matched:
+        known = ", ".join(f"{run.path} (mach={run.summary.get('mach')})" for run in runs)
         raise ValueError(
-            f"no run fits a label: the recording has {', '.join(map(label_text, labels))}; the runs are "
-            f"{', '.join(_described(run) for run in runs)}; give KEY=VALUE=DIR to say which is for which"
+            f"no run fits a label: the recording has {', '.join(map(label_text, labels))}; the runs are {known}; give "
+            "KEY=VALUE=DIR to say which is for which"
         )
     return matched
 
@@ -163,12 +117,3 @@ def _same(text: str, value: Any) -> bool:
         return math.isclose(float(text), float(value), rel_tol=1e-6, abs_tol=1e-9)
     except (TypeError, ValueError, OverflowError):
         return text == str(value)
-
-
-def _described(run: RunFolder) -> str:
-    if run.label:
-        return f"{run.path} ({label_text(run.label)})"
-    mach = run.summary.get("mach")
-    with suppress(OverflowError):
-        return f"{run.path} (mach={mach:g})" if isinstance(mach, (int, float)) else str(run.path)
-    return str(run.path)

@@ -17,7 +17,7 @@ from aerokernels.display.plain_text import plain_json
 from aerokernels.display.quantities import Quantity
 from aerokernels.display.shown import is_flat, say_flat, told
 from aerokernels.files.writing import only_writer
-from aerokernels.flow import GridMesh, Series, open_series
+from aerokernels.flow import Series, open_series
 from aerokernels.jobs.figure_layout import Panel, panelled_figure, plain_decades
 from aerokernels.jobs.numbers import SERIES_NUMBERS, quantity_of
 from aerokernels.jobs.page import Picture, drawn, embedded, page, table
@@ -51,11 +51,7 @@ MOST_FRAMES, FRAME_SIDE = 60, 320  # most frames of the film, and least pixels a
 
 
 def scene_series(scene: Scene) -> Series:
-    """Open the snapshots of a scene.
-
-    Raises:
-        ValueError: The scene names no snapshots, or they cannot be opened; the message names the key.
-    """
+    """Open the snapshots of a scene."""
     table = scene.series
     if table.source is None:
         raise ValueError(
@@ -88,10 +84,6 @@ def run_series(scene: Scene, out: Path, progress: Progress | None = None) -> dic
 
     Returns:
         The summary.
-
-    Raises:
-        ValueError: The scene, the snapshots or the folder cannot be used; nothing is written then.
-        ImportError: Zarr is not installed.
     """
     check_output_folder(out, own=(MAPS_FILE,))
     with only_writer(out):
@@ -119,8 +111,7 @@ def _run_alone(scene: Scene, out: Path, progress: Progress | None) -> dict[str, 
         progress=lambda text, share: report(text, MAPS_SHARE * share),
     )
     report("statistics", MAPS_SHARE)
-    again = series if isinstance(series.mesh, GridMesh) and len(series) > 1 else None
-    found = statistics(maps, velocity=table.velocity, length=table.length, series=again)
+    found = statistics(maps, velocity=table.velocity, length=table.length)
     found.attrs["pupil_axes"] = list(axis_words(scene.view))
     summary = summarise(scene, maps, found)
     report("writing the report", 0.95)

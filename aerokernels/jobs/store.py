@@ -29,36 +29,22 @@ MAPS_FILE = "series.zarr"
 def check_output_folder(out: Path, own: Sequence[str] = ()) -> None:
     """Reject, before anything is computed, a folder that cannot take results.
 
-    Args:
-        out: The folder for the results.
-        own: Names of files that an unfinished job of the same kind leaves behind; such a job is resumed.
-
-    Raises:
-        ValueError: `out` or a parent of it is a file or not writable; or it holds files that are not an earlier result:
-            only a folder with the summary.json of a result may be overwritten.
+    Only a folder with the summary.json of a result may be overwritten. `own` are names of files that an unfinished job
+    of the same kind leaves behind, which is resumed.
     """
     folder = next(one for one in (out, *out.absolute().parents) if one.exists() or one.is_symlink())
     if not folder.is_dir():
         raise ValueError(f"out={out}: {folder} is not a folder; choose another name")
     if not os.access(folder, os.W_OK | os.X_OK):
         raise ValueError(f"out={out}: no permission to write in {folder}; choose another folder")
-    others = _foreign_files(out, own) if folder == out else []
-    if others:
+    others = sorted(path.name for path in out.iterdir() if not path.name.startswith(".")) if folder == out else []
+    # The maps of a series are hours of work: no other job may overwrite a folder that holds them.
+    has_maps = MAPS_FILE in others and MAPS_FILE not in own
+    if has_maps or (others and not set(own) & set(others) and not _is_summary(_read_summary(out))):
         raise ValueError(
-            f"out={out}: the folder holds {others[0]}{' and more' * (len(others) > 1)}, and no result of an "
-            "earlier run: choose another folder, or empty this one"
+            f"out={out}: the folder holds {MAPS_FILE if has_maps else others[0]}{' and more' * (len(others) > 1)}, and "
+            "no result of an earlier run: choose another folder, or empty this one"
         )
-
-
-def _foreign_files(out: Path, own: Sequence[str]) -> list[str]:
-    """Return the names of a folder's files, without hidden ones; none if the folder holds an earlier result.
-
-    The maps of a series are hours of work, so no other job may overwrite a folder that holds them.
-    """
-    found = sorted(path.name for path in out.iterdir() if not path.name.startswith("."))
-    if MAPS_FILE in found and MAPS_FILE not in own:
-        return [MAPS_FILE, *found]
-    return [] if set(own) & set(found) or _is_summary(_read_summary(out)) else found
 
 
 def _read_summary(out: Path) -> Any:
@@ -80,16 +66,6 @@ def staged_folder(out: Path) -> Iterator[Path]:
     Files that the summary.json of an earlier result names and that the new result does not have are removed; all other
     files in `out` stay. On any exception, interrupts included, the hidden folder is removed and `out` is left as it
     was: absent if it was absent. summary.json, which lists the files, comes last.
-
-    Args:
-        out: The folder for the files. It and its parents are created if they do not exist.
-
-    Yields:
-        The hidden folder, empty, on the same file system as `out`.
-
-    Raises:
-        ValueError: Another process is writing there, or a folder has the name of a file of the result.
-        OutputError: The disk is full.
     """
     out = out.absolute()
     with in_room(out), only_writer(out):
@@ -150,11 +126,7 @@ def write_summary(path: Path, summary: Mapping[str, Any]) -> None:
 
 
 def write_result(path: Path, dataset: "xarray.Dataset") -> None:
-    """Write `dataset` as NetCDF-4 with compressed arrays.
-
-    Raises:
-        ValueError: A variable without a `units` attribute.
-    """
+    """Write `dataset` as NetCDF-4 with compressed arrays."""
     lacking = sorted(str(name) for name, variable in dataset.variables.items() if "units" not in variable.attrs)
     if lacking:
         raise ValueError(f"every variable of a result needs a `units` attribute; these have none: {', '.join(lacking)}")
@@ -167,11 +139,7 @@ def write_result(path: Path, dataset: "xarray.Dataset") -> None:
 
 
 def replace_result(path: Path, dataset: "xarray.Dataset") -> None:
-    """Write `dataset` like `write_result`, but atomically: a reader finds the complete old or the complete new file.
-
-    Raises:
-        OutputError: The disk is full.
-    """
+    """Write `dataset` like `write_result`, but atomically: a reader finds the complete old or the complete new file."""
     with replacing(path, name="out=") as (draft,):
         write_result(draft, dataset)
 

@@ -1,6 +1,5 @@
 """Refractive index fields through which rays are traced: meshes, uniform grids, bodies, and resampling."""
 
-from aerokernels.medium.averages.kept_averages import AveragesLacking
 from aerokernels.medium.bodies.body import Body
 from aerokernels.medium.bodies.solid_body import SolidBody
 from aerokernels.medium.field import GroupIndex, IndexField, Upstream
@@ -8,7 +7,6 @@ from aerokernels.medium.mesh import QuadMesh
 from aerokernels.medium.resample import ResamplingError
 
 __all__ = [
-    "AveragesLacking",
     "Body",
     "GroupIndex",
     "IndexField",

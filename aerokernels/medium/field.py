@@ -15,7 +15,7 @@ from aerokernels.inputs.arguments import Numbers, checked
 from aerokernels.inputs.checks import check_choice, check_positive
 from aerokernels.inputs.kinds import are_numbers
 from aerokernels.inputs.wavelength import check_wavelength, field_wavelength
-from aerokernels.medium.averages.kept_averages import AveragesLacking, conserving_values, cut_and_kept
+from aerokernels.medium.averages.kept_averages import conserving_values, cut_and_kept
 from aerokernels.medium.averages.vertex_values import vertex_values
 from aerokernels.medium.bodies.body import Body
 from aerokernels.medium.bodies.solid_body import SolidBody
@@ -273,11 +273,6 @@ class IndexField(Derived):
         if self.is_uniform:
             raise ValueError("this field lies on a uniform grid, it has no mesh")
         return self.samples.mesh
-
-    @property
-    def averages_lacking(self) -> AveragesLacking | None:
-        """Deficits of the interpolant from the cell averages it was made from; None for values at points."""
-        return None if self.is_uniform else self.samples.averages_lacking
 
     @property
     def spacing(self) -> np.ndarray:

@@ -23,7 +23,7 @@ import numpy as np
 
 from aerokernels.derived import Derived
 from aerokernels.display.shown import shown
-from aerokernels.medium.averages.kept_averages import AveragesLacking, averages_lacking, cell_deficits
+from aerokernels.medium.averages.kept_averages import cell_deficits
 from aerokernels.medium.averages.vertex_values import of_parents, values_and_smooth, vertex_gradients
 from aerokernels.medium.grid import eq5_step
 from aerokernels.medium.mesh import Places, QuadMesh
@@ -82,21 +82,14 @@ class MeshSamples(Derived):
         """Node gradients of eq 7 [1/m], shape (vertex_count, 2)."""
         return vertex_gradients(self.mesh, self.values)
 
-    @property
-    def lacking(self) -> np.ndarray | None:
-        """Deficit of the interpolant's mean from the average in each cell, shape (cell_count,); None if not known.
-
-        For parts of triangles and polygons beside a shock the deficit is doubled, and half the deficit of the initial
-        values is added, because the average does not determine where within such a cell the gas changes.
-        """
-        if self.lacking_by_cell is None:
-            return None
-        mesh, lacks = self.lacking_by_cell
-        return lacks if mesh is self.mesh else lacks[self.mesh.parents]
-
     @cached_property
     def lacking_by_cell(self) -> tuple[QuadMesh, np.ndarray] | None:
-        """`lacking` with its mesh: for cells cut in four the mesh before the cut, which has a quarter of the cells."""
+        """Deficit of the interpolant's mean from the average in each cell, shape (cell_count,), after its mesh.
+
+        The mesh is that before cells were cut in four; None if the averages are not known. For parts of triangles and
+        polygons beside a shock the deficit is doubled, and half the deficit of the initial values is added, because
+        the average does not determine where within such a cell the gas changes.
+        """
         if self.averages is None or self.interpolation != "bilinear":
             return None
         lacks = cell_deficits(self.mesh, self.averages, self.values)
@@ -107,13 +100,6 @@ class MeshSamples(Derived):
         start, smooth = values_and_smooth(self.mesh, self.averages)
         unsure = lacks + 0.5 * cell_deficits(self.mesh, self.averages, start)
         return self.mesh, np.asarray(lacks + np.where(smooth[self.mesh.parents], 0.0, unsure))
-
-    @cached_property
-    def averages_lacking(self) -> AveragesLacking | None:
-        """Deficits of rows of cells and of cells; None without averages, or for an interpolant other than bilinear."""
-        if self.averages is None or self.interpolation != "bilinear":
-            return None
-        return averages_lacking(self.mesh, self.averages, self.values)
 
     @cached_property
     def kinks(self) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Measure the wall time of a computation by stage, each moment counted once, and its processor time in total.
+"""Measure the wall time of a computation by stage, each moment counted once.
 
 A stage that begins within another one interrupts it: a kernel compiled while a plan is made counts as "compile". Times
 are the host's; a launch ends when the device is done. The entries of a mapping of seconds (STAGES) therefore add up to
@@ -7,7 +7,6 @@ at most its "total", the wall time of the whole call; the rest is Python between
 
 import time
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
 from contextvars import ContextVar
 from typing import TypeVar
 
@@ -30,7 +29,6 @@ STAGES = {
 # The running clocks, and for the open stage the time that stages within it took.
 _running: ContextVar[tuple[dict[str, float], ...]] = ContextVar("running", default=())
 _within: ContextVar[list[float] | None] = ContextVar("within", default=None)
-_processor: ContextVar[list[float] | None] = ContextVar("processor", default=None)
 
 
 class clocked:
@@ -51,24 +49,13 @@ class clocked:
         self.seconds["total"] = time.perf_counter() - self._begin
 
 
-@contextmanager
-def processor_clocked() -> Iterator[list[float]]:
-    """Measure the processor seconds of all threads and all stages in this block, as one growing number."""
-    seconds = [0.0]
-    token = _processor.set(seconds)
-    try:
-        yield seconds
-    finally:
-        _processor.reset(token)
-
-
 class stage:
     """Count a block as the named stage, except for the stages within it.
 
     A class, since entering a generator takes several times as long, and a ratio has some twenty stages.
     """
 
-    __slots__ = ("_begin", "_busy", "_outer", "_processor", "_token", "_within", "name")
+    __slots__ = ("_begin", "_outer", "_token", "_within", "name")
 
     def __init__(self, name: str):
         """Take the stage's name."""
@@ -77,15 +64,11 @@ class stage:
     def __enter__(self) -> None:
         """Start the stage's clock."""
         self._begin, self._outer, self._within = time.perf_counter(), _within.get(), [0.0]
-        self._processor = _processor.get() if self._outer is None else None
-        self._busy = 0.0 if self._processor is None else time.process_time()
         self._token = _within.set(self._within)
 
     def __exit__(self, *_: object) -> None:
         """Add the stage's time to every running clock."""
         _within.reset(self._token)
-        if self._processor is not None:
-            self._processor[0] += time.process_time() - self._busy
         spent = time.perf_counter() - self._begin
         for seconds in _running.get():
             seconds[self.name] = seconds.get(self.name, 0.0) + max(spent - self._within[0], 0.0)

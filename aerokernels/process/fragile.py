@@ -42,11 +42,10 @@ class Bounds(NamedTuple):
 
 
 def bounds_of(path: Path) -> Bounds:
-    """Return the limits for a file; memory is unlimited if the system does not report how much it has.
+    """Return the limits for a file, proportional to its size: a damaged one may announce more than it holds.
 
-    A damaged file may announce more than it holds. The limits are therefore proportional to the file's size, with room
-    for compressed data and for a twentieth of a slow disk's speed. Files that only list other files may use most of the
-    machine's memory. The computing time ends a library in an endless loop.
+    There is room for compressed data and for a twentieth of a slow disk's speed. Files that only list other files may
+    use most of the machine's memory. The computing time ends a library in an endless loop.
     """
     total = 0.8 * host_memory()
     if path.suffix.lower() in LISTS:
@@ -56,14 +55,10 @@ def bounds_of(path: Path) -> Bounds:
 
 
 class _Child:
-    """One child process and the pipes to it.
-
-    Attributes:
-        is_late: Whether it was ended because it did not answer in time.
-    """
+    """One child process and the pipes to it."""
 
     def __init__(self):
-        self.is_late = False
+        self.is_late = False  # whether it was ended because it did not answer in time
         self.process = subprocess.Popen(
             **python_child(["-m", __name__], ONE_THREAD),
             stdin=subprocess.PIPE,
@@ -110,17 +105,10 @@ def _idle() -> list[_Child]:
 
 
 def in_child(path: Path, function: str, *arguments: Any) -> Any:
-    """Call a function of this package in the child.
+    """Call a function of this package, "package.module:name", in the child, within the limits for the file it reads.
 
-    Args:
-        path: The file that the function reads: its size sets the child's limits, and messages name it.
-        function: "package.module:name".
-        arguments: Its arguments; they and the returned value are pickled.
-
-    Raises:
-        LibraryEndedError: The child ended, or exceeded its limits.
-        OwnFilesError: The file names others that it may not.
-        Exception: Any exception of the function.
+    Arguments and the returned value are pickled. Raises a LibraryEndedError where the child ends or exceeds its
+    limits, an OwnFilesError where the file names others that it may not, and any exception of the function.
     """
     bounds, folder = bounds_of(path), os.sep
     with suppress(OSError):  # the working directory is gone
@@ -167,10 +155,7 @@ def _end_idle() -> None:
 
 
 def limit(bounds: Bounds, inherited: float = 0.0) -> None:
-    """Limit this process's memory, and its remaining computing time.
-
-    The limit of memory is `inherited` bytes higher: address space in use before the first file is no file's.
-    """
+    """Limit this process's memory, beyond `inherited` bytes in use before the first file, and its computing time."""
     try:
         import resource
 

@@ -8,7 +8,6 @@ import json
 import os
 import re
 import shutil
-import stat
 import struct
 import tempfile
 import warnings
@@ -33,39 +32,14 @@ def why_unusable(folder: Path) -> str:
         return f"{folder} cannot be written ({error.strerror or type(error).__name__})"
     if not os.access(folder, os.W_OK | os.X_OK):
         return f"{folder} cannot be written (no right to write)"
-    return f"the disk of {folder} is full" if _free_space(folder) < LEAST_SPACE else ""
-
-
-def why_untrusted(folder: Path) -> str:
-    """Return why another user could have put code into a folder; empty if none could.
-
-    It, its links and the folders that contain it belong to this user or to root; others may write in none of them, but
-    in those above it that keep each user's files from the others, as /tmp does.
-    """
-    if not hasattr(os, "geteuid"):  # Windows gives each user folders of his own
-        return ""
-    trusted = {os.geteuid(), 0, os.stat("/").st_uid}
-    whole, real = Path(os.path.abspath(folder)), Path(os.path.realpath(folder))
-    for place in dict.fromkeys((real, *real.parents, whole, *whole.parents)):
-        try:
-            state = os.lstat(place)
-        except OSError as error:
-            return f"{place} cannot be examined ({error.strerror or type(error).__name__})"
-        if state.st_uid not in trusted:
-            return f"{place} belongs to another user"
-        others = stat.S_IWOTH | (stat.S_IWGRP if place == real and state.st_gid != os.getegid() else 0)
-        if state.st_mode & others and not stat.S_ISLNK(state.st_mode):
-            if place == real or not state.st_mode & stat.S_ISVTX:
-                return f"{place} may be written by other users"
+    with suppress(OSError):  # unknown
+        if shutil.disk_usage(folder).free < LEAST_SPACE:
+            return f"the disk of {folder} is full"
     return ""
 
 
 def spare_cache(engine: str, why: str) -> str:
-    """Make a new temporary folder, removed when the process ends, warn by a RuntimeWarning, and return its path.
-
-    Args:
-        engine: The engine that builds the kernels.
-        why: Why the usual folder is not used.
+    """Make a temporary folder for the kernels of an engine until the process ends, and warn why; return its path.
 
     Raises:
         NoCacheError: The folder for temporary files cannot take kernels.
@@ -86,40 +60,15 @@ def spare_cache(engine: str, why: str) -> str:
     return place
 
 
-def _free_space(folder: Path) -> float:
-    """Return the free space in a folder [bytes]; infinite if unknown."""
-    try:
-        return shutil.disk_usage(folder).free
-    except OSError:
-        return float("inf")
-
-
 def remove_damaged(cache: Path) -> list[Path]:
-    """Remove the modules of Warp's cache that have an empty file, code that is cut, or a description that is not JSON.
-
-    Returns:
-        The folders that were removed.
-    """
+    """Remove modules of Warp's cache with an empty file, cut code, or a description that is not JSON; return them."""
     removed = []
     with suppress(OSError):  # no cache yet, or another process is removing modules too
-        for folder in _modules(cache):
-            if not all(map(_is_sound, folder.iterdir())):
+        for folder in cache.glob("wp_*"):
+            if folder.is_dir() and not BEING_MADE.search(folder.name) and not all(map(_is_sound, folder.iterdir())):
                 shutil.rmtree(folder, ignore_errors=True)
                 removed.append(folder)
     return removed
-
-
-def lend_modules(cache: Path, place: Path) -> None:
-    """Link the modules of a cache of Warp's that takes no files into a new one, so that only others are compiled."""
-    with suppress(OSError, NotImplementedError):  # not on this system: all are compiled
-        for folder in _modules(cache):
-            (place / folder.name).mkdir()
-            for file in folder.iterdir():
-                (place / folder.name / file.name).symlink_to(file)
-
-
-def _modules(cache: Path) -> list[Path]:
-    return [folder for folder in cache.glob("wp_*") if folder.is_dir() and not BEING_MADE.search(folder.name)]
 
 
 def _is_sound(file: Path) -> bool:

@@ -26,8 +26,7 @@ def patient_threads() -> Iterator[None]:
     """Start threads in this block, including those of libraries, that take no core from the thread that wakes them.
 
     Linux may give a woken thread the core of the thread that woke it, which here may hold Python's lock. Threads of the
-    scheduling class SCHED_BATCH wait for a free core instead, with the same share of time. On other systems nothing
-    changes.
+    scheduling class SCHED_BATCH wait for a free core instead, with the same share of time.
     """
     is_usual = hasattr(os, "sched_setscheduler") and os.sched_getscheduler(0) == os.SCHED_OTHER
     try:
@@ -59,11 +58,9 @@ def free_memory() -> float:
 
 
 def python_child(arguments: Sequence[str], own: Mapping[str, str] | None = None) -> dict[str, Any]:
-    """Return `args` and `env` of a child Python process for `subprocess`; every child of this package is started so.
+    """Return `args` and `env` of a child Python process, with this process's environment, `own` and `sys.path`.
 
-    The environment is this process's and `own`, with this process's `sys.path`: packages may have been added to it
-    while this process ran, and this package may be one of them. `-P` keeps the working directory off the child's path:
-    a `random.py` beside somebody's flow file is not imported.
+    `-P` keeps the working directory off the child's path: a `random.py` beside somebody's flow file is not imported.
     """
     paths = dict.fromkeys([*filter(None, sys.path), str(Path(__file__).resolve().parents[2])])
     environment = {**os.environ, **(own or {}), "PYTHONPATH": os.pathsep.join(paths)}
@@ -71,14 +68,8 @@ def python_child(arguments: Sequence[str], own: Mapping[str, str] | None = None)
 
 
 def _available() -> float:
-    try:
-        with open("/proc/meminfo", encoding="ascii") as lines:
-            for line in lines:
-                if line.startswith("MemAvailable:"):
-                    return 1024.0 * int(line.split()[1])
-    except (OSError, ValueError, IndexError):
-        pass
-    return host_memory()
+    kilobytes = _listed(Path("/proc/meminfo"), "MemAvailable:")
+    return host_memory() if math.isnan(kilobytes) else 1024.0 * kilobytes
 
 
 def address_space() -> float:
@@ -138,12 +129,14 @@ def _group_memory() -> Iterator[tuple[float, float]]:
     for folder in _folders():
         limit, used = _number(folder, "memory.max"), _number(folder, "memory.current")
         if 0.0 < limit < math.inf and used >= 0.0:
-            yield limit, max(0.0, used - _droppable(folder / "memory.stat"))
+            caches = _listed(folder / "memory.stat", "inactive_file")
+            yield limit, max(0.0, used - (0.0 if math.isnan(caches) else caches))
 
 
-def _droppable(path: Path) -> float:
+def _listed(path: Path, name: str) -> float:
+    """Return a number of a file with a name and a number on each line; NaN if it is not there."""
     try:
         lines = [line.split() for line in path.read_text(encoding="ascii").splitlines()]
-        return next((float(line[1]) for line in lines if line[0] == "inactive_file"), 0.0)
+        return next((float(line[1]) for line in lines if line[0] == name), math.nan)
     except (OSError, ValueError, IndexError):
-        return 0.0
+        return math.nan

@@ -11,17 +11,13 @@ from pathlib import Path
 
 import warp as wp
 
-from aerokernels.process.kernel_cache import lend_modules, remove_damaged, spare_cache, why_untrusted, why_unusable
+from aerokernels.process.kernel_cache import remove_damaged, spare_cache, why_unusable
 
 from .opened import OPENED
 
 
 def start_warp() -> None:
-    """Start Warp without its banner, and without its warning about a missing CUDA driver.
-
-    Raises:
-        NoCacheError: No folder takes the kernels that Warp builds.
-    """
+    """Start Warp without its banner; raises NoCacheError where no folder takes the kernels that Warp builds."""
     OPENED.once("Warp", _start)
 
 
@@ -29,11 +25,7 @@ def open_device(name: str) -> wp.Device:
     """Start Warp, and return its device of this name after one thread has made its context and streams.
 
     Warp makes them when they are first asked for, without a lock: threads that ask at the same time each make their
-    own, and destroy streams on which others have launched.
-
-    Raises:
-        NoCacheError: As `start_warp`.
-        ValueError: The device does not exist.
+    own, and destroy streams on which others have launched. Raises a ValueError if the device does not exist.
     """
     start_warp()
     device = wp.get_device(name)
@@ -46,19 +38,14 @@ def _start() -> None:
     wp.config.log_level = wp.LOG_WARNING
     if flags := os.environ.get("AEROKERNELS_WARP_FLAGS"):
         wp.config.cpu_compiler_flags = flags
-    usual = None
     try:
         _silently(wp.init)
-        usual = Path(wp.config.kernel_cache_dir)
-        why = why_unusable(usual) or why_untrusted(usual)
+        why = why_unusable(Path(wp.config.kernel_cache_dir))
     except OSError as error:
         why = f"Warp's kernel cache cannot be made ({error})"
     if why:
-        place = spare_cache("warp", why)
-        wp.config.kernel_cache_dir = place
+        wp.config.kernel_cache_dir = spare_cache("warp", why)
         _silently(wp.init)
-        if usual is not None:
-            lend_modules(usual, Path(place))
     remove_damaged(Path(wp.config.kernel_cache_dir))
 
 

@@ -22,14 +22,7 @@ AREA_NOISE = 1e-14  # rounding error of the area of a cell in a pupil, over the 
 
 
 def cell_shares(area: np.ndarray, x_edges: np.ndarray, y_edges: np.ndarray, size: float) -> np.ndarray:
-    """Return the fractions of a grid's cells that a pupil covers; zero where the area is within rounding errors.
-
-    Args:
-        area: Area of each cell in the pupil [m2], shape (y count, x count).
-        x_edges: Edges of the cells along the first axis [m].
-        y_edges: Edges of the cells along the second axis [m].
-        size: Size of the pupil [m].
-    """
+    """Return the shares of cells (y, x) that a pupil of a size [m] covers, from areas in it [m2] and edges [m]."""
     width, height = (np.asarray(edges)[1:] - np.asarray(edges)[:-1] for edges in (x_edges, y_edges))
     shares = np.where(area > AREA_NOISE * size**2, area, 0.0) / (height[:, None] * width)
     return np.minimum(np.maximum(shares, 0.0, out=shares), 1.0, out=shares)
@@ -231,10 +224,7 @@ SUBDIVISION = 16
 
 
 def across_look(pupil: Pupil, look: np.ndarray) -> np.ndarray:
-    """Return the matrix that makes coordinates across a look direction of those in the pupil's plane, shape (2, 2).
-
-    The axes across it are those of a pupil that faces along it.
-    """
+    """Return the matrix (2, 2) from coordinates in the pupil's plane to those across a look direction."""
     if np.array_equal(look, pupil.normal):
         return np.eye(2)
     return np.stack(transverse_axes(look)) @ np.stack(pupil.axes, axis=1)
@@ -252,12 +242,7 @@ def seen_along(pupil: Pupil, look: np.ndarray | None) -> "Pupil | Projected":
 
 @dataclass(frozen=True, eq=False)
 class Projected:
-    """A pupil in coordinates across a look direction.
-
-    Attributes:
-        pupil: The pupil.
-        matrix: Makes coordinates across the look direction of those in the pupil's plane, shape (2, 2).
-    """
+    """A pupil in coordinates across a look direction; `matrix` (2, 2) makes these of those in its plane."""
 
     pupil: Pupil
     matrix: np.ndarray
@@ -289,8 +274,8 @@ class Projected:
     def coverage(self, x_edges: np.ndarray, y_edges: np.ndarray, power: int = 1) -> np.ndarray:
         """Return the mean of a power of the transmission in each cell of a grid: see `Pupil.coverage`.
 
-        It is exact if the look direction is turned about one of the pupil's axes. Otherwise it is a mean over points,
-        by which the share of a cell on the pupil's edge is off by about a hundredth.
+        Exact if the look direction is turned about one of the pupil's axes; otherwise a mean over points, by which the
+        share of a cell on the pupil's edge is off by about a hundredth.
         """
         x_edges, y_edges = np.asarray(x_edges), np.asarray(y_edges)
         size = np.abs(self.matrix)

@@ -1,15 +1,10 @@
-r"""Maps of the unit square onto a pupil that preserve area ratios, weighted by the pupil's transmission.
-
-A low-discrepancy sequence on the square becomes one on the pupil, with equal weights. The kernels that launch the rays
-of a pupil take the numbers of such a map and use the same formulas (kernels/include/pupil_shape.h and its twin):
+"""Maps of the unit square onto a pupil that preserve area ratios, weighted by the pupil's transmission.
 
     ring        r^2 = a^2 + (1 - a^2) u,  angle = 2 pi v                    a: inner over outer radius
-    pixels      y from v by the cumulative shares of the rows, then x from u by those within the row: inverse marginal
-                and inverse conditional distribution (L. Devroye, Non-Uniform Random Variate Generation (1986), XI.1)
-    triangles   u selects a triangle by their cumulative areas; with the position u' of u in that triangle's interval
-                the point is p + sqrt(u') (e + v (f - e)), where e and f are the edges from the triangle's corner p
+    pixels      inverse marginal and conditional distribution (L. Devroye, Non-Uniform Random Variate Generation, XI.1)
+    triangles   u selects one by area; with u' its position in that interval p + sqrt(u') (e + v (f - e)), e, f edges
 
-Coordinates are in units of the pupil's reach, the radius of the circle about its centre that encloses it.
+The kernels that launch the rays of a pupil use the same formulas. Coordinates are in units of the pupil's reach.
 """
 
 from dataclasses import dataclass
@@ -77,10 +72,7 @@ def _locate(shares: np.ndarray, value: np.ndarray) -> tuple[np.ndarray, np.ndarr
 
 
 def cumulative(shares: np.ndarray) -> np.ndarray:
-    """Return normalised cumulative sums along the last axis, from 0 to exactly 1, of length n + 1.
-
-    Along a row whose sum is zero they are all zero.
-    """
+    """Return the n + 1 cumulative shares along the last axis, from 0 to exactly 1; all zero where the sum is zero."""
     total = np.cumsum(shares, axis=-1)
     whole = np.where(total[..., -1:] > 0.0, total[..., -1:], 1.0)
     return np.concatenate([np.zeros_like(total[..., :1]), total / whole], axis=-1)

@@ -13,12 +13,10 @@ Outside the box f is zero. A ray that leaves through a side collects nothing bey
 
 from collections.abc import Callable
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from scipy import sparse
 
-from aerokernels.device_arrays import host_array
 from aerokernels.flow import GridMesh
 from aerokernels.medium import QuadMesh
 from aerokernels.medium.averages.kept_averages import conserving_values, cut_and_kept
@@ -60,16 +58,11 @@ class LineIntegrals:
     """
 
     def __init__(self, mesh: GridMesh, start: np.ndarray, direction: np.ndarray, interpolation: str = "cubic"):
-        """Compute the geometry.
-
-        Args:
-            mesh: The grid of the samples.
-            start: Starting points of the rays [m], shape (n, 3).
-            direction: Their direction, a unit vector, shape (3,).
-            interpolation: "cubic" or "linear".
+        """Compute the geometry of rays from `start` [m], shape (n, 3), along a unit vector.
 
         Raises:
-            NotLinearError: Another interpolant, or rays across the planes of a planar or axisymmetric grid.
+            NotLinearError: Another interpolant than "cubic" and "linear", or rays across the planes of a planar or
+                axisymmetric grid.
         """
         if interpolation not in LINEAR:
             raise NotLinearError(f"interpolation {interpolation!r} is not linear in the samples")
@@ -101,27 +94,13 @@ class LineIntegrals:
         self.inside &= self.length > 0.0
         self.direction, self.start, self._space = direction, start, space
 
-    def __call__(self, samples: Any, ambient: float = 0.0, device: str | None = None) -> np.ndarray:
-        """Return the integrals of samples minus a constant: shape (n,), float64.
-
-        Args:
-            samples: Shape of the mesh; with `device` also a Warp array there, flat or not.
-            ambient: The constant, in the samples' unit.
-            device: A GPU by its name in Warp; None: the processor.
-        """
+    def __call__(self, samples: np.ndarray, ambient: float = 0.0) -> np.ndarray:
+        """Return the integrals of samples, of the mesh's shape, minus a constant: shape (n,), float64."""
         if self.mesh.cell_averages and not self.is_aligned:
-            samples = nodes_along(host_array(samples), [self.axis], self.interpolation, self._is_even)
-        if device is not None and self.lattice is not None:
-            return self.lattice.on_device(samples, device, ambient)
-        found = host_array(samples)
+            samples = nodes_along(samples, [self.axis], self.interpolation, self._is_even)
         if self._sum is self.lattice and self.lattice is not None:
-            return self.lattice(found, ambient)
-        return self._sum(found) - ambient * self.length
-
-    @property
-    def runs_on_device(self) -> bool:
-        """Whether samples are summed on a device, if there is one, as they are."""
-        return self.lattice is not None and (self.is_aligned or not self.mesh.cell_averages)
+            return self.lattice(samples, ambient)
+        return self._sum(samples) - ambient * self.length
 
     @cached_property
     def _sum(self) -> Callable[[np.ndarray], np.ndarray]:
@@ -146,7 +125,7 @@ class LineIntegrals:
 
     @cached_property
     def lattice(self) -> ShearedLattice | None:
-        """The same map by lines through the nodes, which also runs on a GPU; None where it does not apply."""
+        """The same map by lines through the nodes; None where it does not apply."""
         if self.mesh.geometry != "volume" or self.interpolation != "cubic" or len(self._weights) != 1:
             return None
         if min(self.mesh.shape) < 4:
@@ -177,21 +156,6 @@ class LineIntegrals:
             rows = self._rows(self._crossing(plane))
             total += self._weights[:, plane][self._which] * (rows @ self._coefficients(values).ravel())
         return total
-
-    def along(self, samples: np.ndarray) -> np.ndarray:
-        """Return the samples where each ray crosses each plane, linear within the plane, shape (n, plane_count)."""
-        moved = np.moveaxis(samples, self.axis, 0)
-        counts = moved[0].shape
-        columns = []
-        for plane in range(len(moved)):
-            lateral = self._crossing(plane)
-            rows = tensor_rows(self._cells(lateral), counts, "linear", self._within(lateral))
-            columns.append(rows @ np.asarray(moved[plane], np.float64).ravel())
-        return np.stack(columns, axis=1)
-
-    def path_weights(self) -> np.ndarray:
-        """Return the length of each ray that each plane represents [m], shape (n, plane_count)."""
-        return np.asarray(self._weights[self._which])
 
     @property
     def _is_even(self) -> bool:
@@ -248,11 +212,7 @@ class LineIntegrals:
 
 
 def basis_integrals(places: np.ndarray, count: int, interpolation: str) -> np.ndarray:
-    """Return integrals of an axis's basis functions from its first node to places [cells], in cells.
-
-    Returns:
-        Shape (len(places), coefficient_count).
-    """
+    """Return integrals of an axis's basis functions from its first node to places [cells], shape (n, coefficients)."""
     cell = np.minimum(np.maximum(places, 0.0).astype(np.int64), count - 2)
     u = np.clip(places - cell, 0.0, 1.0)
     v = 1.0 - u
@@ -297,22 +257,10 @@ CHUNK = 1 << 18  # samples located at once; speed only
 
 
 class MeshIntegrals:
-    """The map from values on a mesh to integrals.
-
-    Attributes:
-        inside: Whether a ray crosses the mesh, shape (n,).
-        length: Length of each ray in the mesh [m], shape (n,).
-    """
+    """The map from values on a mesh to integrals; `inside` and `length` [m] as in LineIntegrals, shape (n,)."""
 
     def __init__(self, mesh: QuadMesh, start: np.ndarray, direction: np.ndarray, interpolation: str | None = None):
-        """Locate the cells along the rays.
-
-        Args:
-            mesh: The mesh.
-            start: Starting points of the rays [m], shape (n, 3).
-            direction: Their direction, a unit vector, shape (3,).
-            interpolation: For cell averages: "conserving" on cells cut in four; None or "bilinear" on the cells as they
-                are.
+        """Locate the cells along rays; "conserving" cell averages are those of cells cut in four.
 
         Raises:
             NotLinearError: Too many samples for a matrix.
@@ -324,12 +272,9 @@ class MeshIntegrals:
         self.length = np.asarray(self._matrix(self._cuts).sum(axis=1)).ravel()
         self.inside = self.length > 0.0
 
-    def __call__(self, samples: Any, ambient: float = 0.0, device: str | None = None) -> np.ndarray:
-        """Return integrals of cell averages, or of values at the vertices, minus a constant: shape (n,).
-
-        They are summed on the processor, whatever the device.
-        """
-        values = np.asarray(host_array(samples), dtype=np.float64).ravel()
+    def __call__(self, samples: np.ndarray, ambient: float = 0.0) -> np.ndarray:
+        """Return integrals of cell averages, or of values at the vertices, minus a constant: shape (n,)."""
+        values = np.asarray(samples, dtype=np.float64).ravel()
         cuts = self._cuts and values.size == len(self.mesh.cells)
         if cuts:
             values = cut_and_kept(self.mesh, values, 0.0 if values.min() > 0.0 else -np.inf)[1]

@@ -42,18 +42,18 @@ if TYPE_CHECKING:
 
 Progress = Callable[[str, float], None]
 ALIKE = 12  # decimals of the cosine with the axis to which directions count as equal in a symmetric flow
-VARIABLES = {
+COVERS = "it covers the truth in 95 of 100 cases"
+WITH_ERRORS = {
     "strehl": ("1", "Strehl ratio"),
-    "strehl_standard_error": ("1", "standard error of its sampling"),
-    "strehl_error": ("1", "error of the Strehl ratio; it covers the truth in 95 of 100 cases"),
     "opd_rms": ("m", "optical path difference, rms over the pupil"),
-    "opd_rms_error": ("m", "error of opd_rms; it covers the truth in 95 of 100 cases"),
     "boresight": ("rad", "boresight error"),
-    "boresight_error": ("rad", "error of boresight; it covers the truth in 95 of 100 cases"),
     "boresight_azimuth": ("rad", "boresight error along growing azimuth"),
-    "boresight_azimuth_error": ("rad", "error of boresight_azimuth; it covers the truth in 95 of 100 cases"),
     "boresight_elevation": ("rad", "boresight error along growing elevation"),
-    "boresight_elevation_error": ("rad", "error of boresight_elevation; it covers the truth in 95 of 100 cases"),
+}
+VARIABLES = {
+    **WITH_ERRORS,
+    **{f"{name}_error": (units, f"error of {name}; {COVERS}") for name, (units, _) in WITH_ERRORS.items()},
+    "strehl_standard_error": ("1", "standard error of its sampling"),
     "blocked": ("1", "share of the pupil that the body shades"),
     "known": (
         "1",
@@ -64,28 +64,14 @@ VARIABLES = {
 
 @dataclass(eq=False)
 class Look:
-    """What is known of a direction.
+    """What is known of a direction."""
 
-    Attributes:
-        numbers: "strehl", "strehl_standard_error", "opd_rms" [m], "blocked" and "known".
-        axes: The pupil's two axes, shape (2, 3).
-        tilt: The beam's deflection along them [rad], shape (2,).
-        met: Whether the pupil looks through the flow.
-        sampling: Errors of PupilNumbers' numbers by the number of rays, shape (5,).
-        model: Computes those by all other causes, shape (5,); None where there are none.
-    """
-
-    numbers: dict[str, float]
-    axes: np.ndarray
-    tilt: np.ndarray
-    met: bool
-    sampling: np.ndarray
-    model: Callable[[], np.ndarray] | None = None
-
-    @property
-    def in_space(self) -> np.ndarray:
-        """The deflection in space [rad], shape (3,)."""
-        return np.asarray(self.tilt @ self.axes)
+    numbers: dict[str, float]  # "strehl", "strehl_standard_error", "opd_rms" [m], "blocked" and "known"
+    axes: np.ndarray  # the pupil's two axes, shape (2, 3)
+    tilt: np.ndarray  # the beam's deflection along them [rad], shape (2,)
+    met: bool  # whether the pupil looks through the flow
+    sampling: np.ndarray  # errors of PupilNumbers' numbers by the number of rays, shape (5,)
+    model: Callable[[], np.ndarray] | None = None  # computes those by all other causes, shape (5,)
 
 
 @checked
@@ -190,7 +176,8 @@ def _hemisphere(field, azimuth, elevation, pupil, options, progress, share) -> d
     columns, rows = np.meshgrid(azimuth, elevation, indexing="ij")
     looks = direction_of(columns, rows).reshape(-1, 3)
     turned, kind = looks, np.arange(len(looks))
-    symmetric = _looks_alike(field, pupil)
+    ahead = replace(pupil, normal=np.array([0.0, 0.0, 1.0]))
+    symmetric = asymmetry(field, ahead, ahead.normal) is None  # directions at one angle from z are equivalent
     if symmetric:
         _, first, kind = np.unique(np.round(looks[:, 2], ALIKE), return_index=True, return_inverse=True)
         height = looks[first, 2]
@@ -208,7 +195,7 @@ def _hemisphere(field, azimuth, elevation, pupil, options, progress, share) -> d
         )
     wrong = tell_errors(found, turned)[kind]
     numbers = [one.numbers for one in found]
-    tilt = np.array([one.in_space for one in found])[kind]
+    tilt = np.array([one.tilt @ one.axes for one in found])[kind]
     if symmetric:
         tilt = _about_the_axis(tilt, looks)
         wrong = np.stack([_about_the_axis(wrong[:, k], looks) for k in range(2)], axis=1)
@@ -226,12 +213,6 @@ def _hemisphere(field, azimuth, elevation, pupil, options, progress, share) -> d
     return maps
 
 
-def _looks_alike(field: IndexField, pupil: Any) -> bool:
-    """Return whether all directions at the same angle from the z axis are equivalent."""
-    ahead = replace(pupil, normal=np.array([0.0, 0.0, 1.0]))
-    return asymmetry(field, ahead, ahead.normal) is None
-
-
 def _about_the_axis(tilt: np.ndarray, looks: np.ndarray) -> np.ndarray:
     """Rotate tilts found in the plane x = 0 on the side of +y about z to the plane of each look direction."""
     across = np.hypot(looks[:, 0], looks[:, 1])
@@ -245,6 +226,10 @@ def _look(field: IndexField, pupil: Any, look: np.ndarray, options: dict[str, An
     """Return what full traces tell of one direction."""
     turned = replace(pupil, normal=look)
     axes, none = np.stack(turned.axes), np.zeros(len(NUMBERS))
+
+    def numbers(*values: float) -> dict[str, float]:
+        return dict(zip(("strehl", "strehl_standard_error", "opd_rms", "blocked", "known"), values, strict=True))
+
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # the map shows undisturbed and unknown air
@@ -253,12 +238,12 @@ def _look(field: IndexField, pupil: Any, look: np.ndarray, options: dict[str, An
             known = float(not (air.is_truncated or air.looks_past))
             found = prepared()
     except NoRayMeetsField:
-        return Look(numbers_of(1.0, 0.0, 0.0, 0.0, 1.0), axes, np.zeros(2), False, none)
+        return Look(numbers(1.0, 0.0, 0.0, 0.0, 1.0), axes, np.zeros(2), False, none)
     except NoRayArrived:  # of a pupil in the body's shadow nothing is known
-        return Look(numbers_of(np.nan, np.nan, np.nan, 1.0, 0.0), axes, np.full(2, np.nan), True, none + np.nan)
-    numbers = numbers_of(found.value, found.standard_error, found.opd_rms, found.blocked, known)
+        return Look(numbers(np.nan, np.nan, np.nan, 1.0, 0.0), axes, np.full(2, np.nan), True, none + np.nan)
+    own = numbers(found.value, found.standard_error, found.opd_rms, found.blocked, known)
     errors = found.budgets
-    return Look(numbers, axes, found.boresight, True, errors.sampling, lambda: errors.model)
+    return Look(own, axes, found.boresight, True, errors.sampling, lambda: errors.model)
 
 
 def _dataset(maps: list[dict[str, np.ndarray]], angles: list[np.ndarray], times, pupil, wavelength, ends: str):
@@ -286,29 +271,6 @@ def _dataset(maps: list[dict[str, np.ndarray]], angles: list[np.ndarray], times,
     return xarray.Dataset(variables, coordinates, about)
 
 
-def numbers_of(strehl: float, standard_error: float, rms: float, blocked: float, known: float) -> dict[str, float]:
-    """Return the numbers of a direction, without their errors."""
-    names = "strehl", "strehl_standard_error", "opd_rms", "blocked", "known"
-    return dict(zip(names, (strehl, standard_error, rms, blocked, known), strict=True))
-
-
-def few_of(looks: np.ndarray, rms: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the rows of a few directions, and for each direction which of these is the nearest, shape (n,).
-
-    Args:
-        looks: Unit vectors, shape (n, 3).
-        rms: Their OPD rms [m], shape (n,).
-    """
-    level = np.log10(np.maximum(rms, 1e-4 * rms.max(initial=0.0) + 1e-300))
-    place = np.column_stack([looks, level])
-    rows = [int(np.argmax(rms))]
-    apart = [np.linalg.norm(place - place[rows[0]], axis=1)]
-    while len(rows) < 8 and np.min(apart, axis=0).max() > 0.0:
-        rows.append(int(np.argmax(np.min(apart, axis=0))))
-        apart.append(np.linalg.norm(place - place[rows[-1]], axis=1))
-    return np.array(rows), np.argmin(apart, axis=0)
-
-
 def tell_errors(found: list[Look], looks: np.ndarray) -> np.ndarray:
     """Add "strehl_error" and "opd_rms_error" to directions' numbers; return errors of their tilts.
 
@@ -321,8 +283,7 @@ def tell_errors(found: list[Look], looks: np.ndarray) -> np.ndarray:
     along = axes.copy()
     if len(rows):
         few, nearest = few_of(looks[rows], np.array([found[k].numbers["opd_rms"] for k in rows]))
-        computed = np.stack([found[k].model() for k in rows[few]])
-        model[rows] = computed[nearest]
+        model[rows] = np.stack([found[k].model() for k in rows[few]])[nearest]  # type: ignore[misc]
         along[rows] = axes[rows[few]][nearest]
     total = np.hypot(model, np.stack([one.sampling for one in found]))
     for one, error in zip(found, total, strict=True):  # in the order of NUMBERS
@@ -331,3 +292,15 @@ def tell_errors(found: list[Look], looks: np.ndarray) -> np.ndarray:
     normal = np.cross(axes[:, 0], axes[:, 1])
     along -= np.einsum("nak,nk->na", along, normal)[..., None] * normal[:, None]
     return np.asarray(along * total[:, 3:5, None])
+
+
+def few_of(looks: np.ndarray, rms: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return rows of a few directions, by unit vectors and OPD rms [m], and for each one which of them is nearest."""
+    level = np.log10(np.maximum(rms, 1e-4 * rms.max(initial=0.0) + 1e-300))
+    place = np.column_stack([looks, level])
+    rows = [int(np.argmax(rms))]
+    apart = [np.linalg.norm(place - place[rows[0]], axis=1)]
+    while len(rows) < 8 and np.min(apart, axis=0).max() > 0.0:
+        rows.append(int(np.argmax(np.min(apart, axis=0))))
+        apart.append(np.linalg.norm(place - place[rows[-1]], axis=1))
+    return np.array(rows), np.argmin(apart, axis=0)

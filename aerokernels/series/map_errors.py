@@ -1,9 +1,7 @@
 """Errors of the maps of a series: its numbers on some of the rays, computed again as each cause changes these.
 
-They are computed for the snapshots at every k-th place, where k is the least power of two for which there are at most
-MOST_PLACES, and not below LEAST_STEP; and for those whose wavefront is much steeper or flatter than it was when that
-was last so. Each other one takes the errors of the nearest of these in time. A series that has grown has the errors of
-one that was as long from the start, because its places are among those of the shorter one.
+They are computed for a few snapshots, evenly spread, and for those whose wavefront is much steeper or flatter than it
+was when that was last so. Each other one takes the errors of the nearest of these in time.
 """
 
 from collections.abc import Mapping
@@ -29,19 +27,13 @@ from aerokernels.tracing.variants.paths import Rays
 # The numbers, in order; and with the optical path difference of a ray, what has an error.
 NAMES = ("strehl", "boresight_x", "boresight_y", "piston", "opd_rms", "opd_rms_with_tilt")
 WRONG = (*NAMES, "error")
+LEAST_STEP = 128
 
 
 def map_errors(
     found: Variants | None, points: np.ndarray, wavelength: float, remove: tuple[str, ...]
 ) -> dict[str, float]:
-    """Return the errors of WRONG; NaN where no ray is known.
-
-    Args:
-        found: Some rays, and how they change by each cause.
-        points: Their coordinates across the look direction [m], shape (n, 2).
-        wavelength: Vacuum wavelength [m].
-        remove: Terms removed from the maps.
-    """
+    """Return the errors of WRONG, by some rays at `points` across the look direction [m]; NaN where none is known."""
     if found is None:
         return dict.fromkeys(WRONG, float("nan"))
     reader = MapReader(points, found.weight, remove, wavelength)
@@ -51,25 +43,23 @@ def map_errors(
     return {**dict(zip(NAMES, totals, strict=True)), "error": of_opd}
 
 
-# Places with errors of their own; least number of snapshots from one to the next, for which errors take little of the
-# time; most other snapshots with errors of their own.
-MOST_PLACES, LEAST_STEP, MOST_MORE = 8, 128, 8
-
-
 class Chosen:
-    """Says of one snapshot after another whether errors are computed for it."""
+    """Says of one snapshot after another whether errors are computed for it: of 8 places at most, and of 8 others.
+
+    Places are LEAST_STEP or more apart, so that errors take little of the time.
+    """
 
     def __init__(self, total: int):
         """Begin with the first snapshot of `total`."""
         self._step = LEAST_STEP
-        while self._step * MOST_PLACES < total:
+        while self._step * 8 < total:
             self._step *= 2
         self._number, self._more, self._slope = 0, 0, np.nan
 
     def __call__(self, slope: float) -> bool:
         """Whether the next snapshot is one of them; `slope` is the mean square of its wavefront's slopes."""
         other = self._number > 0 and not self._slope / 3.0 <= slope <= self._slope * 3.0
-        other = other and self._more < MOST_MORE
+        other = other and self._more < 8
         if other or self._number == 0:
             self._slope = slope
         self._more += other
@@ -77,17 +67,9 @@ class Chosen:
         return bool((self._number - 1) % self._step == 0 or other)
 
 
-def nearest_in_time(errors: np.ndarray, slopes: np.ndarray, total: int) -> np.ndarray:
-    """Return errors of all snapshots, shape (n,), of which those that were not computed are NaN.
-
-    Args:
-        errors: As they were computed, NaN elsewhere, shape (n,).
-        slopes: Mean squares of the wavefronts' slopes, shape (n,).
-        total: Number of snapshots of the series.
-    """
-    chosen = Chosen(total)
-    known = np.flatnonzero([chosen(slope) for slope in slopes])
-    known = known[np.isfinite(errors[known])]
+def nearest_in_time(errors: np.ndarray) -> np.ndarray:
+    """Return errors of all snapshots, shape (n,), from those that were computed; the others are NaN."""
+    known = np.flatnonzero(np.isfinite(errors))
     if not len(known):
         return np.full(len(errors), np.nan)
     place = np.arange(len(errors))
@@ -103,16 +85,9 @@ def straight_variants(
     tolerance: float,
     options: Mapping[str, Any],
 ) -> Variants:
-    """Return how the rays change by cause; the part of "step" is what rays traced in full bring besides `opd`.
+    """Return how rays, in random order, change by cause; that of "step" is what full traces bring besides `opd` [m].
 
-    Args:
-        field: The refractive index.
-        rays: The rays, in random order; `weight` is their share in means.
-        opd: Their optical path differences along straight lines [m], shape (n,).
-        until: Their stop.
-        wavelength: Vacuum wavelength [m].
-        tolerance: Requested OPD error [waves].
-        options: backend and device of rays that are traced.
+    `opd` is that along straight lines, shape (n,), and `options` are backend and device of the full traces.
     """
     backend = backend_for(field, options.get("backend") or "auto")
     backend, device, _ = choose_backend(backend, options.get("device"))

@@ -10,19 +10,12 @@ from aerokernels.series.uncertainty import spread_share
 
 @dataclass(frozen=True, eq=False)
 class Modes:
-    """Proper orthogonal modes of maps about their mean.
+    """Proper orthogonal modes of maps about their mean."""
 
-    Attributes:
-        shape: Modes of weighted mean square 1, shape (m, n); NaN for those without energy.
-        energy: Mean square of each coefficient [m2], descending, shape (m,).
-        coefficient: Of each map [m], shape (t, m).
-        total: Mean square of all modes together [m2].
-    """
-
-    shape: np.ndarray
-    energy: np.ndarray
-    coefficient: np.ndarray
-    total: float
+    shape: np.ndarray  # modes of weighted mean square 1, shape (m, n); NaN for those without energy
+    energy: np.ndarray  # mean square of each coefficient [m2], descending, shape (m,)
+    coefficient: np.ndarray  # of each map [m], shape (t, m)
+    total: float  # mean square of all modes together [m2]
 
 
 def about_mean(maps: np.ndarray) -> np.ndarray:
@@ -66,16 +59,10 @@ def orthogonal_modes(maps: np.ndarray, weight: np.ndarray, count: int) -> Modes:
 
 
 def two_point_correlation(maps: np.ndarray, lit: np.ndarray, mean: Any = None) -> np.ndarray:
-    """Return the correlation of maps about their mean at two pixels, by their distance, averaged over maps and pairs.
+    """Return the mean product of maps of lit pixels, shape (t, n), about their mean, or `mean`, at two pixels.
 
-    Args:
-        maps: Pixels that are lit, shape (t, n).
-        lit: Which pixels these are, shape (ny, nx).
-        mean: Subtracted from the maps instead of their own mean, shape (n,) or a number.
-
-    Returns:
-        Mean product [square of the unit], shape (2 ny - 1, 2 nx - 1), distance zero in the middle; NaN where no two
-        pixels have that distance.
+    Averaged over maps and pairs of one distance, shape (2 ny - 1, 2 nx - 1), distance zero in the middle; NaN where no
+    two pixels have that distance.
     """
     ny, nx = lit.shape
     size = (2 * ny, 2 * nx)
@@ -94,71 +81,39 @@ def two_point_correlation(maps: np.ndarray, lit: np.ndarray, mean: Any = None) -
 
 
 def integral_length(correlation: np.ndarray, pixel: float) -> float:
-    """Return the integral of a correlation over distance from zero to its first zero [m].
-
-    Args:
-        correlation: From distance zero on, shape (n,), any scale.
-        pixel: Distance of two entries [m].
-    """
+    """Return the integral of a correlation, of any scale, from distance zero to its first zero [m]."""
     if not correlation[0] > 0.0:
         return float("nan")
-    return float(first_zero_weights(correlation, pixel) @ np.nan_to_num(correlation) / correlation[0])
-
-
-def first_zero_weights(correlation: np.ndarray, pixel: float) -> np.ndarray:
-    """Return weights of the entries of a correlation in its integral up to its first zero [m], shape (n,).
-
-    For a small change of the correlation, the integral changes by the weighted sum of the differences: at the zero the
-    integrand vanishes, so that a shift of the zero adds nothing.
-    """
     good = np.isfinite(correlation)
     count = len(correlation) if good.all() else int(np.argmin(good))
     below = correlation[:count] <= 0.0
     stop = int(np.argmax(below)) if below.any() else count
-    weights = np.zeros(len(correlation))
-    if stop == 0:
-        return weights
-    if stop > 1:
-        weights[:stop] = pixel
-        weights[[0, stop - 1]] = 0.5 * pixel
+    area = float(np.trapezoid(correlation[:stop]))
     if below.any():  # a triangle up to where the line between two entries meets zero
-        weights[stop - 1] += 0.5 * pixel * correlation[stop - 1] / (correlation[stop - 1] - correlation[stop])
-    return weights
+        area += float(0.5 * correlation[stop - 1] ** 2 / (correlation[stop - 1] - correlation[stop]))
+    return pixel * area / float(correlation[0])
 
 
-EVEN = 1e-3  # greatest relative deviation of time steps from even ones
 LEAST_SEGMENT = 8
 SPECTRA_AT_ONCE = 256  # processed together
-SEGMENTS = 8  # default number of half-overlapping segments
 
 
 @dataclass(frozen=True, eq=False)
 class Spectrum:
-    """A power spectral density.
+    """A power spectral density."""
 
-    Attributes:
-        frequency: [Hz], shape (f,).
-        density: [square of the unit / Hz], shape (f, ...).
-        error: Its standard error, of the same shape.
-        segment_count: Number of independent segments averaged.
-    """
-
-    frequency: np.ndarray
-    density: np.ndarray
-    error: np.ndarray
-    segment_count: float
+    frequency: np.ndarray  # [Hz], shape (f,)
+    density: np.ndarray  # [square of the unit / Hz], shape (f, ...)
+    error: np.ndarray  # its standard error, of the same shape
+    segment_count: float  # independent segments averaged
 
 
 def sample_rate(time: np.ndarray) -> float:
-    """Return the samples per second of even times [s].
-
-    Raises:
-        ValueError: Times that are not even, or too few.
-    """
+    """Return the samples per second of even times [s]; raises a ValueError for uneven ones, or too few."""
     if len(time) < 2 * LEAST_SEGMENT:
         raise ValueError(f"spectra need at least {2 * LEAST_SEGMENT} snapshots, there are {len(time)}")
     steps = np.diff(time)
-    if np.abs(steps - steps.mean()).max() > EVEN * steps.mean():
+    if np.abs(steps - steps.mean()).max() > 1e-3 * steps.mean():
         raise ValueError("spectra need even times: interpolate the series in time first")
     return float(1.0 / steps.mean())
 
@@ -166,18 +121,13 @@ def sample_rate(time: np.ndarray) -> float:
 def welch(values: np.ndarray, rate: float, segment: int | None = None) -> Spectrum:
     """Return the spectrum of samples along the first axis, with their mean subtracted.
 
-    Args:
-        values: Samples, shape (n, ...).
-        rate: Samples per second.
-        segment: Samples of a segment; None takes a length that gives about eight of them.
-
-    Raises:
-        ValueError: A segment that is longer than the series, or below eight samples.
+    A segment has `segment` samples, by default so many that there are about eight segments; raises a ValueError for one
+    that is longer than the series, or below eight samples.
     """
     from scipy import signal
 
     count = len(values)
-    length = max(LEAST_SEGMENT, 2 * count // (SEGMENTS + 1)) if segment is None else int(segment)
+    length = max(LEAST_SEGMENT, 2 * count // 9) if segment is None else int(segment)
     if not LEAST_SEGMENT <= length <= count:
         raise ValueError(f"a segment of {length} samples: give {LEAST_SEGMENT} to {count}")
     flat = values - values.mean(axis=0)

@@ -57,7 +57,7 @@ def optical_series(
     """Return maps of the optical path difference of every snapshot of a series over a pupil.
 
     Where the rays are nearly straight, OPD is linear in the density: the lines through the grid are prepared once, and
-    a snapshot costs one pass over its samples, on a GPU where there is one. The bending that this leaves out is
+    a snapshot costs one pass over its samples. The bending that this leaves out is
     measured on the first snapshot, and again whenever it has grown; above the tolerance a snapshot is traced in full.
     Where rays leave the grid by a side, or miss it, all are.
     The next snapshot is read while one is computed, and no more than these two are in memory, unless the maps are.
@@ -129,33 +129,31 @@ def optical_series(
             "check the pupil's center, its normal and the units (metres are expected)"
         )
     template = _template(series, pupil, grid, settings, terms, snapshots)
-    store: MemoryStore | ZarrStore
-    if out is None:
-        store = MemoryStore(template)
-    else:
+    store = MemoryStore(template)
+    if out is not None:
         define = partial(_definition, series, template, settings)
         store = ZarrStore(Path(out), template, define, partial(_is_unchanged, series))
         if store.changed_count:
             warn_caller(
-                f"out={out}: files of snapshot {store.done.count} have changed since its map was stored: it and those "
+                f"out={out}: files of snapshot {store.count} have changed since its map was stored: it and those "
                 f"after it, {store.changed_count} in all, are computed again"
             )
-        if store.done.count and store.is_finished:
+        if store.count and store.is_finished:
             maps = store.finish()
             if text := maps.attrs.get(TRUNCATION, ""):
                 warn_caller(text, TruncationWarning)
             return maps
     chosen = Chosen(len(series))
-    for slope, probe in zip(*map(store.done.column, ("slope", "probe")), strict=True):
+    for slope, probe in zip(*map(store.column, ("slope", "probe")), strict=True):
         snapshots.resume(slope, probe)
         chosen(slope)
     lit: np.ndarray | None = None
-    first = store.done.count
+    first = store.count
     # While a snapshot is computed the next one is read and the maps of the one before are written.
     with store.writing(), ThreadPoolExecutor(1) as writer:
         written = None
-        for number, stamp, read in _read_ahead(snapshots, first, len(series)):
-            found = snapshots(number, read)
+        for number, stamp, stored in _read_ahead(snapshots, first, len(series)):
+            found = snapshots(number, stored)
             good = found.valid & np.isfinite(found.opd)
             if not good.any():
                 raise ValueError(
@@ -163,7 +161,7 @@ def optical_series(
                 )
             if number == first:
                 # The store is created from the template, with the first snapshot.
-                air = snapshots.air(pupil, number, read[0])
+                air = snapshots.air(pupil, number, stored)
                 template.attrs[ENDS] = air.ends
                 if method != "linear":
                     template.attrs[TRUNCATION] = _warn_of_air(air)
@@ -174,10 +172,10 @@ def optical_series(
             entry = _entry(grid, found, good, reader, wrong)
             _finished(written, number, len(series), progress)
             if stamp is not None:
-                entry[1].update(stamp=code_of(stamp), mark=code_of(mark_of(read[0])))
+                entry[1].update(stamp=code_of(stamp), mark=code_of(mark_of(stored)))
             written = writer.submit(store.add, *entry)
         _finished(written, len(series), len(series), progress)
-    _warn_of_lost(store.done.column("known"))
+    _warn_of_lost(store.column("known"))
     return store.finish()
 
 
@@ -220,13 +218,13 @@ def _finished(written: "Future[None] | None", count: int, total: int, progress: 
 def _read_ahead(snapshots: Snapshots, first: int, stop: int) -> Iterator[tuple[int, str | None, Any]]:
     """Yield snapshots in order, each with its number and the stamp of its files.
 
-    The next one is read, and sent to a GPU, while the current one is processed.
+    The next one is read while the current one is processed.
     """
     stamp = snapshots.series.stamp
 
     def read(number: int) -> tuple[str | None, Any]:
         # The stamp first: files that are written while they are read have another one afterwards.
-        return None if stamp is None else stamp(number), snapshots.read(number)
+        return None if stamp is None else stamp(number), snapshots.series.read(number)
 
     with ThreadPoolExecutor(1) as reader:
         following = reader.submit(read, first) if first < stop else None
@@ -271,8 +269,6 @@ def _template(
     def meaning(units: str, words: str) -> dict[str, str]:
         return {"units": units, "long_name": words}
 
-    model = snapshots.model
-    constant = model.constant(settings.wavelength) if model.form == "gladstone-dale" else np.empty(0)
     return xarray.Dataset(
         {"weight": (("y", "x"), grid.weight, meaning("1", "share of the pixel in means over the pupil"))},
         {
@@ -289,10 +285,8 @@ def _template(
             "direction": settings.direction.tolist(),
             "pupil_center": pupil.center.tolist(),
             "pupil_axes": np.concatenate(grid.aperture.axes).tolist(),
-            "relation": settings.relation or model.name,
+            "relation": settings.relation or snapshots.model.name,
             **({} if settings.constant is None else {"constant": settings.constant}),
-            # Of a composition as well, unless it varies in space.
-            **({} if np.ndim(constant) else {"gladstone_dale_constant": float(constant)}),
             "pupil": f"{type(pupil).__name__} at {pupil.center.tolist()} m, normal {pupil.normal.tolist()}",
             "tolerance": settings.tolerance,
             TRUNCATION: "",
@@ -344,5 +338,4 @@ def _is_unchanged(series: Series, number: int, stamp: float, mark: float) -> boo
 
 
 def _digest(*arrays: np.ndarray) -> str:
-    """Return a short hash of arrays."""
     return hashlib.sha256(b"".join(np.ascontiguousarray(one).tobytes() for one in arrays)).hexdigest()[:16]

@@ -69,12 +69,7 @@ def thinned(matrix: np.ndarray) -> sparse.csr_matrix:
 
 
 class PlaneValues:
-    """The map from the samples of a plane to the values at points of it.
-
-    Attributes:
-        maps: Sparse matrices along each axis; `pick` picks the points from the plane to which they were applied.
-        count: Number of points.
-    """
+    """The map from the samples of a plane to the values at points of it."""
 
     def __init__(
         self,
@@ -95,47 +90,32 @@ class PlaneValues:
             interpolation: "cubic" or "linear".
             even: The plane is mirrored at the first node of its first axis.
             cell_averages: The samples are cell averages.
-            inverted: Along which axes the spline's inverse is applied once more, because the samples are sums of its
-                basis functions.
+            inverted: Axes along which the samples are sums of the spline's basis functions.
         """
         inverses = []
         for axis, count in enumerate(counts):
             once = to_coefficients(count, interpolation, even and axis == 0, False)
             twice = once @ once[1:-1] if inverted[axis] else once
             inverses.append(twice @ to_nodes(count, interpolation, even and axis == 0) if cell_averages else twice)
-        self._within, self.count = within, len(within)
+        self._within = within
         unique = [np.unique(np.round(places[:, k], DECIMALS), return_inverse=True) for k in range(len(counts))]
         cells = int(np.prod([len(values) for values, _ in unique]))
         self._index: np.ndarray | None = None
         if len(counts) == 1 or cells <= SPARSEST * len(places):
-            self.maps = [
+            self._maps = [
                 thinned(sparse_rows(values, count, interpolation) @ inverse)
                 for (values, _), count, inverse in zip(unique, counts, inverses, strict=True)
             ]
             self._index = np.ravel_multi_index([where for _, where in unique], [len(values) for values, _ in unique])
         else:
-            self.maps = [thinned(inverse) for inverse in inverses]
+            self._maps = [thinned(inverse) for inverse in inverses]
             self._rows = tensor_rows(places, counts, interpolation)
 
     def __call__(self, plane: np.ndarray) -> np.ndarray:
         """Return values at the points, shape (n,), float64."""
         found = np.asarray(plane, np.float64)
-        for axis, one in enumerate(self.maps):
+        for axis, one in enumerate(self._maps):
             found = one @ found if axis == 0 else (one @ np.ascontiguousarray(found.T)).T
-        return self.pick(found)
-
-    @property
-    def rule(self) -> tuple[np.ndarray | None, sparse.csr_matrix | None]:
-        """How `pick` picks the points from a plane: the numbers of its entries, or else a matrix.
-
-        Points outside the plane have the number -1, or a row of zeros.
-        """
-        if self._index is not None:
-            return np.where(self._within, self._index, -1), None
-        return None, sparse.csr_matrix(sparse.diags(self._within.astype(np.float64)) @ self._rows)
-
-    def pick(self, found: np.ndarray) -> np.ndarray:
-        """Return the values at the points from a plane to which `maps` were applied, shape (n,)."""
         values = self._rows @ found.ravel() if self._index is None else np.take(found, self._index)
         return np.where(self._within, values, 0.0)
 

@@ -12,31 +12,18 @@ from aerokernels.pupils import Projected, Pupil, seen_along
 from aerokernels.wavefronts import remove_terms, weighted_mean
 from aerokernels.wavefronts.pixels import derivatives, three_in_a_row
 
-# Share of a pixel below which a remainder is rounding.
-ROUNDING = 1e-9
-
 
 @dataclass(frozen=True, eq=False)
 class PupilGrid:
-    """Square pixels over a pupil.
+    """Square pixels over a pupil."""
 
-    Attributes:
-        x: Pixel centres along the pupil's first axis [m], shape (nx,).
-        y: Pixel centres along its second axis [m], shape (ny,).
-        weight: Share of each pixel in means over the pupil, sums to 1, shape (ny, nx).
-        points: Centres of the pixels with a weight, in space [m], shape (n, 3).
-        pixel: Side of a pixel [m].
-        pupil: The pupil.
-        aperture: The pupil as it is seen along the look direction.
-    """
-
-    x: np.ndarray
-    y: np.ndarray
-    weight: np.ndarray
-    points: np.ndarray
-    pixel: float
+    x: np.ndarray  # pixel centres along the pupil's first axis [m], shape (nx,)
+    y: np.ndarray  # and along its second axis [m], shape (ny,)
+    weight: np.ndarray  # share of each pixel in means over the pupil, sums to 1, shape (ny, nx)
+    points: np.ndarray  # centres of the pixels with a weight, in space [m], shape (n, 3)
+    pixel: float  # side of a pixel [m]
     pupil: Pupil
-    aperture: Pupil | Projected
+    aperture: Pupil | Projected  # the pupil as it is seen along the look direction
 
     @property
     def lit(self) -> np.ndarray:
@@ -67,12 +54,7 @@ class PupilGrid:
 
 
 def pupil_grid(pupil: Any, pixel_count: int, look: np.ndarray | None = None) -> PupilGrid:
-    """Cover a pupil with `pixel_count` square pixels along its greater side, across a look direction if that is given.
-
-    Raises:
-        TypeError: No pupil.
-        ValueError: Fewer than 2 pixels.
-    """
+    """Cover a pupil with `pixel_count` square pixels along its greater side, across a look direction if given one."""
     if not isinstance(pupil, Pupil):
         raise TypeError(f"pupil must be a Disc or another pupil, got {type(pupil).__name__}")
     check_count(pixel_count, "pixel_count", 2)
@@ -80,7 +62,7 @@ def pupil_grid(pupil: Any, pixel_count: int, look: np.ndarray | None = None) -> 
     half = aperture.half_extent
     pixel = 2.0 * max(half) / int(pixel_count)
     # Enough pixels to cover the whole pupil: a missing rim would be missing in every mean.
-    counts = [max(1, math.ceil(2.0 * extent / pixel - ROUNDING)) for extent in half]
+    counts = [max(1, math.ceil(2.0 * extent / pixel - 1e-9)) for extent in half]
     edges = [pixel * (np.arange(count + 1) - 0.5 * count) for count in counts]
     weight = aperture.coverage(edges[0], edges[1])
     x, y = (0.5 * (edge[1:] + edge[:-1]) for edge in edges)
@@ -93,23 +75,14 @@ def pupil_grid(pupil: Any, pixel_count: int, look: np.ndarray | None = None) -> 
 
 @dataclass(frozen=True, eq=False)
 class Reading:
-    """The numbers of a map.
+    """The numbers of a map."""
 
-    Attributes:
-        opd: The map without the removed terms [m], shape (n,).
-        piston: Mean optical path difference [m].
-        tilt: Slopes along x and y [rad], shape (2,).
-        rms: Root mean square of the map without its mean [m].
-        rms_without_tilt: The same, also without its tilt [m].
-        strehl: |<exp(i k OPD)>|^2 of `opd`.
-    """
-
-    opd: np.ndarray
-    piston: float
-    tilt: np.ndarray
-    rms: float
-    rms_without_tilt: float
-    strehl: float
+    opd: np.ndarray  # the map without the removed terms [m], shape (n,)
+    piston: float  # mean optical path difference [m]
+    tilt: np.ndarray  # slopes along x and y [rad], shape (2,)
+    rms: float  # of the map without its mean [m]
+    rms_without_tilt: float  # also without its tilt [m]
+    strehl: float  # |<exp(i k OPD)>|^2 of `opd`
 
     @property
     def numbers(self) -> np.ndarray:
@@ -118,11 +91,7 @@ class Reading:
 
 
 class MapReader:
-    """Computes the numbers of maps with the same pixels; the part that depends on the pixels alone is computed once.
-
-    Attributes:
-        finer: The parts of the pixels, and the reader of their maps; None where errors are not needed or not known.
-    """
+    """Computes the numbers of maps with the same pixels; the part that depends on the pixels alone is computed once."""
 
     def __init__(self, coordinates: np.ndarray, weight: np.ndarray, remove: tuple[str, ...], wavelength: float):
         """Prepare from `coordinates` [m], shape (n, 2), and `weight`, shape (n,)."""
@@ -131,6 +100,7 @@ class MapReader:
         self._centred = coordinates - weighted_mean(self.weight, coordinates)
         # pinv with a relative cutoff, so that neither small units nor a pupil that is a line make it singular.
         self._inverse = np.linalg.pinv((self._centred * self.weight[:, None]).T @ self._centred, rcond=1e-12)
+        # The parts of the pixels, and the reader of their maps; None where errors are not needed or not known.
         self.finer: tuple[FinerPixels, MapReader] | None = None
 
     def __call__(self, opd: np.ndarray) -> Reading:
@@ -154,33 +124,22 @@ class MapReader:
         if self.finer is None:
             return np.full(len(reading.numbers), np.nan)
         parts, reader = self.finer
-        return np.asarray(DOUBTED * np.abs(reader(parts(opd)).numbers - reading.numbers))
+        return np.asarray(2.0 * np.abs(reader(parts(opd)).numbers - reading.numbers))
 
 
-DOUBTED = 2.0
 # Parts of a pixel's side, and their middles from its own [pixels].
 PIXEL_PARTS, STEPS = 3, (-1.0 / 3.0, 0.0, 1.0 / 3.0)
 
 
 class FinerPixels:
-    """The parts of a map's pixels that lie in the pupil.
-
-    Attributes:
-        points: Coordinates of the parts [m], shape (m, 2).
-        weight: Their shares of the pupil, shape (m,).
-    """
+    """The parts of a map's pixels in the pupil: their `points` [m], shape (m, 2), and shares of it, `weight`."""
 
     def __init__(
         self, x: np.ndarray, y: np.ndarray, pixel: float, weight: np.ndarray, coverage: Callable[..., np.ndarray]
     ):
-        """Divide the pixels.
+        """Divide pixels with centres at x and y [m], and shares `weight` of the pupil, 0 where there is no ray.
 
-        Args:
-            x: Pixel centres along the first axis [m], shape (nx,).
-            y: Pixel centres along the second axis [m], shape (ny,).
-            pixel: Side of a pixel [m].
-            weight: Shares of the pixels, 0 where there is no ray, shape (ny, nx).
-            coverage: Returns the shares of cells, between edges along both axes, that are in the pupil.
+        `coverage` returns the shares of cells, between edges along both axes, that are in the pupil.
         """
         self._lit = weight > 0.0
         middles = [(axis[:, None] + pixel * np.array(STEPS)).ravel() for axis in (x, y)]

@@ -6,9 +6,8 @@ and the spline's inverse, which is a convolution, commutes with the sum over the
 
     g(line) = inverse  sum over the planes k of  w_k sum_ab B_a B_b f_k(node of the line + shift_k + a, b)
 
-g is then interpolated, by the same spline, to the requested lines. Samples are read as they are: on a GPU, where those
-on the GPU stay, by a kernel (sheared_device.py), on the processor by products of matrices. The node at offset (du, dv)
-from a line's own node contributes in plane k with a weight C[(du, dv), k] that is the same for all lines:
+g is then interpolated, by the same spline, to the requested lines. The node at offset (du, dv) from a line's own node
+contributes in plane k with a weight C[(du, dv), k] that is the same for all lines:
 
     g(u, v) = sum over (du, dv) of  P[(du, dv)](u + du, v + dv),      P = C f,   f(k, node) = samples - offset
 
@@ -18,7 +17,6 @@ fewer offsets. Fourth order, like the spline; along an axis without shift there 
 """
 
 from concurrent.futures import ThreadPoolExecutor
-from functools import cached_property
 from itertools import pairwise
 from typing import Any
 
@@ -33,26 +31,14 @@ AT_ONCE = 1_000_000  # samples at a time; speed only
 
 
 class ShearedLattice:
-    """The map from samples to sums along lines.
-
-    Attributes:
-        shape: Nodes along each axis of the volume.
-        axis: The main axis.
-        others: The other two axes.
-        shift: Offset of the first node of each plane from a line's own node [cells], shape (plane_count, 2).
-        blends: Weights of the nodes from there on along each axis, shapes (plane_count, taps).
-        weights: Of the planes [m], shape (plane_count,).
-        low: The lattice's first line along each axis [cells], shape (2,).
-        size: Its lines along each axis, shape (2,).
-        values: From the lattice to the requested lines.
-    """
+    """The map from samples of a volume to sums along parallel lines, on the processor's cores."""
 
     def __init__(self, shape, axis: int, places: np.ndarray, slope, middle: int, weights, within, averages: bool):
         """Compute the geometry.
 
         Args:
             shape: Nodes along each axis of the volume, four or more.
-            axis: The main axis.
+            axis: The main axis, across the planes.
             places: Where the lines cross the plane `middle` [cells], shape (n, 2).
             slope: Their shift from one plane to the next [cells], shape (2,).
             middle: Number of that plane.
@@ -60,18 +46,15 @@ class ShearedLattice:
             within: Which lines are needed; the others' sums are zero, shape (n,).
             averages: The samples are cell averages.
         """
-        self.shape, self.axis = tuple(shape), axis
-        self.others = [k for k in range(3) if k != axis]
-        counts = [shape[k] for k in self.others]
+        self._axis = axis
+        self._counts = counts = [shape[k] for k in range(3) if k != axis]
         shift = np.asarray(slope)[None, :] * (np.arange(shape[axis]) - middle)[:, None]
         sheared = np.abs(shift).max(axis=0) > 1e-9  # a smaller shift over the box counts as none
         base = np.where(sheared, np.floor(shift), 0.0)
-        self.blends = [
+        blends = [
             spline.weights("cubic", shift[:, a] - base[:, a])[0].T if sheared[a] else np.ones((len(shift), 1))
             for a in range(2)
         ]
-        self.shift = (base - sheared).astype(np.int32)
-        self.weights = np.asarray(weights)
         wanted = places[within] if within.any() else np.zeros((1, 2))
         margin = np.where(sheared, 2, 8)  # cells beyond the requested lines
         low = np.floor(wanted.min(axis=0)).astype(int) - margin
@@ -79,63 +62,20 @@ class ShearedLattice:
         for a in range(2):  # without shift no line is beyond the box
             if not sheared[a]:
                 low[a], high[a] = max(low[a], 0), min(high[a], counts[a] - 1)
-        self.low, self.size = low, high - low + 1
-        self.values = PlaneValues(places - low, self.size, within, "cubic", False, averages, tuple(sheared))
-        self._devices: dict[tuple[str, str], Any] = {}
-
-    def __call__(self, samples: np.ndarray, offset: float = 0.0) -> np.ndarray:
-        """Return sums of samples minus a constant, on the processor's cores, shape (n,), float64."""
-        return self.values(self._products(samples, offset))
-
-    @cached_property
-    def _products(self) -> "ShearedProducts":
-        counts = [self.shape[k] for k in self.others]
-        return ShearedProducts(self.axis, counts, self.shift, self.blends, self.weights, self.low, self.size)
-
-    def on_device(self, samples: Any, device: str, offset: float = 0.0) -> np.ndarray:
-        """Return the same sums, computed entirely on a Warp device.
-
-        Args:
-            samples: Samples; a Warp array on a GPU is summed there.
-            device: By its name in Warp, for other samples.
-            offset: The constant.
-        """
-        from aerokernels.series.sheared_device import DeviceLattice, to_device
-
-        there = to_device(samples, device)
-        key = there.dtype.__name__, str(there.device)
-        if key not in self._devices:
-            self._devices[key] = DeviceLattice(self, *key)
-        return np.asarray(self._devices[key](there, offset))
-
-
-class ShearedProducts:
-    """The map from samples to sums along lines through the nodes."""
-
-    def __init__(self, axis: int, counts, shift: np.ndarray, blends, weights: np.ndarray, low, size):
-        """Prepare the part that depends on the direction.
-
-        Args:
-            axis: The array axis across the planes.
-            counts: Nodes along the other two axes, four or more.
-            shift: First node's offset from the line's own node in each plane, shape (plane_count, 2).
-            blends: Weights of the nodes from there on along each axis, shapes (plane_count, taps).
-            weights: Of the planes, shape (plane_count,).
-            low: Node of the first line along each axis; it may be outside.
-            size: Lines along each axis.
-        """
-        self._axis, self._counts, self._low, self._size = axis, counts, low, size
-        found = [_parts(shift, blends, weights, count) for count in (1, 2, 3, 4, 6, 8) if count <= len(weights)]
+        self._low, self._size = low, high - low + 1  # the lattice's first line [cells] and its lines, along each axis
+        self._values = PlaneValues(places - low, self._size, within, "cubic", False, averages, tuple(sheared))
+        first_node = (base - sheared).astype(np.int32)  # from a line's own node, in each plane
+        found = [_parts(first_node, blends, np.asarray(weights), n) for n in (1, 2, 3, 4, 6, 8) if n <= len(weights)]
         self._parts = min(found, key=_cost)
         offsets = np.concatenate([offset for _, offset, _ in self._parts])
         first = np.clip(low + offsets.min(axis=0), -BEYOND, np.add(counts, BEYOND - 1))
-        last = np.clip(low + size - 1 + offsets.max(axis=0), -BEYOND, np.add(counts, BEYOND - 1))
+        last = np.clip(high + offsets.max(axis=0), -BEYOND, np.add(counts, BEYOND - 1))
         self._first, self._stop = first, last + 1  # range of the nodes that are needed, along each axis
         self._drift = int(offsets[:, 0].min()), int(offsets[:, 0].max())
         self._matrices: dict[np.dtype, list[np.ndarray]] = {}
 
-    def __call__(self, samples: np.ndarray, offset: float) -> np.ndarray:
-        """Return sums of samples minus a constant, shape `size`, in the samples' precision."""
+    def __call__(self, samples: np.ndarray, offset: float = 0.0) -> np.ndarray:
+        """Return sums of samples minus a constant, shape (n,), float64."""
         if samples.dtype not in self._matrices:
             self._matrices[samples.dtype] = [part[2].astype(samples.dtype) for part in self._parts]
         first, stop, count = int(self._first[0]), int(self._stop[0]), self._counts[0]
@@ -152,7 +92,7 @@ class ShearedProducts:
         with ThreadPoolExecutor(max(1, min(core_count(), len(blocks)))) as pool:
             for line, part in pool.map(summed, blocks):  # in a fixed order, so that results are reproducible
                 total[line : line + len(part)] += part
-        return total
+        return self._values(total)
 
     def _summed(self, moved: np.ndarray, begin: int, end: int, offset: float) -> tuple[int, np.ndarray]:
         """Return the contribution of some rows of nodes to the lines that pass them: the first line, and the sums."""

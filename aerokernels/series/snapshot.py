@@ -18,14 +18,12 @@ from aerokernels.series.line_integrals import MeshIntegrals
 from aerokernels.series.map_errors import map_errors, straight_variants
 from aerokernels.tracing.stop import plane_beyond
 
-from ..device_arrays import host_array
 from ..flow import DensityField, Series, refractivity_model
 from ..flow.gas import GREATEST_DENSITY, LEAST_DENSITY
 from ..medium import IndexField, QuadMesh
 from ..medium.refined import has_seam
 from ..rays import Pupil, RayBundle
 from ..tracing.engines.choice import choose_backend
-from ..tracing.engines.info import cuda_driver_loads
 from ..tracing.pupil.air import PupilAir, pupil_air
 from ..tracing.trace import trace
 from ..tracing.variants.causes import Variants, few_rows, sample_size
@@ -40,29 +38,17 @@ PROBE_TOLERANCE = 0.1  # of the tolerance
 
 @dataclass(frozen=True)
 class SnapshotSettings:
-    """Direction and method of the rays of a series.
+    """Direction, relation and method of the rays of a series, as `optical_series` takes them."""
 
-    Attributes:
-        direction: Their direction, a unit vector, shape (3,).
-        wavelength: Vacuum wavelength [m].
-        relation: See `flow.index_field`; likewise the next two.
-        constant: K [m3/kg] or None.
-        composition: A composition or None.
-        interpolation: Interpolant of the samples; None takes that of the flow's kind.
-        tolerance: Requested OPD error [waves].
-        method: "auto", "linear" or "trace".
-        trace_options: backend, device and precision of full traces.
-    """
-
-    direction: np.ndarray
+    direction: np.ndarray  # a unit vector, shape (3,)
     wavelength: float
     relation: str | None
     constant: float | None
     composition: Any
-    interpolation: str | None
+    interpolation: str | None  # None: that of the flow's kind
     tolerance: float
     method: str
-    trace_options: dict[str, Any]
+    trace_options: dict[str, Any]  # backend, device and precision
 
     def index_field(self, flow: DensityField) -> IndexField:
         """Return the index field of a snapshot."""
@@ -74,45 +60,14 @@ class SnapshotSettings:
 
 @dataclass(frozen=True, eq=False)
 class SnapshotResult:
-    """The optical path differences of a snapshot.
+    """The optical path differences of a snapshot."""
 
-    Attributes:
-        opd: [m], shape (n,); NaN where a ray failed.
-        valid: Whether a ray came through, its whole path in the grid, shape (n,).
-        traced: Whether it was traced in full.
-        slope: Mean square of the wavefront's slopes.
-        varied: Returns how some of the rays change by each cause of an error; None where none came through.
-        probe: Bending's part as measured on this snapshot, terms removed [m]; NaN where it was not measured.
-    """
-
-    opd: np.ndarray
-    valid: np.ndarray
+    opd: np.ndarray  # [m], shape (n,); NaN where a ray failed
+    valid: np.ndarray  # whether a ray came through, its whole path in the grid, shape (n,)
     traced: bool
-    slope: float
-    varied: Callable[[], Variants | None]
-    probe: float = np.nan
-
-
-def gpu_of(backend: str | None, device: str | None) -> str | None:
-    """Return the GPU that a backend and a device select, by its name in Warp; None for the processor or OpenCL GPUs.
-
-    Raises:
-        ValueError: A Warp GPU that does not exist.
-    """
-    if device is not None and device.startswith("cuda"):
-        choose_backend(backend or "auto", device)
-    if backend not in (None, "auto", "warp") or not cuda_driver_loads():
-        return None
-    if device is not None and device.lower() != "gpu" and not device.startswith("cuda"):
-        return None
-    import warp
-
-    from ..process.quiet_warp import start_warp
-
-    start_warp()
-    if not warp.is_cuda_available():
-        return None
-    return device if device is not None and device.startswith("cuda") else "cuda:0"
+    slope: float  # mean square of the wavefront's slopes
+    varied: Callable[[], Variants | None]  # how some rays change by each cause of an error; None where none arrived
+    probe: float = np.nan  # the bending's part, terms removed [m]; NaN where it was not measured here
 
 
 class Snapshots:
@@ -120,7 +75,6 @@ class Snapshots:
 
     Attributes:
         reason: Why snapshots are traced in full, or "" where straight lines may suffice.
-        device: The GPU on which integrals along straight lines are summed, by its name in Warp; None: the processor.
     """
 
     def __init__(self, series: Series, grid: PupilGrid, settings: SnapshotSettings, remove: tuple[str, ...]):
@@ -129,7 +83,8 @@ class Snapshots:
         self.model = refractivity_model(settings.relation, constant=settings.constant, composition=settings.composition)
         self.lines: LineIntegrals | MeshIntegrals | None = None
         self.reason = ""
-        self.device = gpu_of(settings.trace_options.get("backend"), settings.trace_options.get("device"))
+        if (device := settings.trace_options.get("device")) is not None:  # refused also where nothing is traced
+            choose_backend(settings.trace_options.get("backend") or "auto", device)
         self._measured_slope, self._measured = 0.0, np.nan
         try:
             lines = self._lines()
@@ -165,53 +120,33 @@ class Snapshots:
         if np.isfinite(probe):
             self._measured_slope, self._measured = slope, probe
 
-    def read(self, number: int) -> tuple[Any, Any]:
-        """Read a snapshot, and start copying its samples to the device that sums them, if there is one."""
-        stored = self.series.read(number, self.device is not None)
-        lines = self.lines
-        on_device = isinstance(lines, LineIntegrals) and lines.runs_on_device and self.model.form == "gladstone-dale"
-        if self.device is None or not on_device:
-            return stored, None
-        samples = stored
-        if isinstance(stored, DensityField):
-            samples = getattr(stored, "density", None)
-            known = isinstance(samples, np.ndarray) and samples.dtype in (np.float32, np.float64)
-            if not known or not self.series.lies_here(stored):
-                return stored, None
-        from .sheared_device import to_device
-
-        return stored, to_device(samples, self.device)
-
     def air(self, pupil: Pupil, number: int, stored: Any) -> PupilAir:
         """Return what the pupil misses of a snapshot."""
         field = self.settings.index_field(self.series.field(stored, number))
         return pupil_air(field, pupil, self.settings.direction, self.settings.tolerance * self.settings.wavelength)
 
-    def __call__(self, number: int, read: tuple[Any, Any] | None = None) -> SnapshotResult:
-        """Return the optical path differences of a snapshot, which `read` may have read already."""
-        stored, there = self.read(number) if read is None else read
+    def __call__(self, number: int, stored: Any) -> SnapshotResult:
+        """Return the optical path differences of a snapshot, as `Series.read` returned it."""
         flow = stored if isinstance(stored, DensityField) else None
         mixture = getattr(flow, "composition", None) is not None and self.settings.constant is None
         if self.lines is None or mixture or (flow is not None and not self.series.lies_here(flow)):
             return self._traced(self.settings.index_field(self.series.field(stored, number)))
-        density = stored if flow is None else np.asarray(flow.density)  # type: ignore[attr-defined]
+        density = np.asarray(stored if flow is None else flow.density)  # type: ignore[attr-defined]
         refuse_half_precision(density, f"the density of snapshot {number}")
         ambient = self.series.ambient_density if flow is None else flow.ambient_density
         assert ambient is not None  # open_series requires it
-        if flow is None and isinstance(stored, np.ndarray):
-            self._check_range(stored, number)
-        opd = self._straight(density if there is None else there, ambient)
+        if flow is None:
+            self._check_range(density, number)
+        opd = self._straight(density, ambient)
         valid = self.lines.inside & np.isfinite(opd)
         if not np.isfinite(opd).all():
-            samples = host_array(density)
-            bad = int((~np.isfinite(samples)).sum())
-            raise ValueError(f"snapshot {number}: {bad} of {samples.size} densities are not finite; repair the file")
+            bad = int((~np.isfinite(density)).sum())
+            raise ValueError(f"snapshot {number}: {bad} of {density.size} densities are not finite; repair the file")
         slope = self._slope(opd, valid)
         probe, rows = np.nan, None
         if self.settings.method == "auto" and not (
             np.isfinite(self._measured) and slope <= GROWN * self._measured_slope + 1e-30
         ):
-            self._check_range(host_array(density), number)
             rows = self._sample(valid)
             few = rows[few_rows(len(rows))]
             bent = self._bent(stored, number, few)
@@ -235,7 +170,7 @@ class Snapshots:
     def _check_range(self, samples: np.ndarray, number: int) -> None:
         """Reject densities that no gas has, for which straight lines would give a number as well.
 
-        Fields have checked theirs. Samples on a GPU are checked when the bending is measured, which copies them anyway.
+        Fields have checked theirs.
         """
         if samples.size and not (samples.min() >= LEAST_DENSITY and samples.max() <= GREATEST_DENSITY):
             try:
@@ -243,13 +178,13 @@ class Snapshots:
             except ValueError as fault:
                 raise ValueError(f"snapshot {number}: {fault}") from None
 
-    def _straight(self, density: Any, ambient: float) -> np.ndarray:
+    def _straight(self, density: np.ndarray, ambient: float) -> np.ndarray:
         """Return K times the integral of the density minus the ambient one, whose spline is that constant."""
         assert self.lines is not None
         if self.model.form == "gladstone-dale":
             constant = float(self.model.constant(self.settings.wavelength))
-            return constant * self.lines(density, ambient, self.device)
-        return self.lines(self.model.contrast(host_array(density), ambient, self.settings.wavelength))
+            return constant * self.lines(density, ambient)
+        return self.lines(self.model.contrast(density, ambient, self.settings.wavelength))
 
     def _slope(self, opd: np.ndarray, valid: np.ndarray) -> float:
         """Return the mean square of the slopes of a wavefront, from neighbouring pixels."""

@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 
 from aerokernels.pupils import Disc
-from aerokernels.series.linking import linking_equation, snapshots_at
 from aerokernels.series.modes import (
     Modes,
     Spectrum,
@@ -18,12 +17,9 @@ from aerokernels.series.modes import (
     welch,
 )
 from aerokernels.series.pupil_grid import MapReader
-from aerokernels.series.uncertainty import Mean, about_mean_of, mean_of, root_of, standard_errors, student_share
+from aerokernels.series.uncertainty import Mean, mean_of, root_of, standard_errors, student_share
 
 BLOCKS = 10  # blocks of the series, whose differences give the error of numbers that are not plain means
-APERTURES = (0.25, 0.5, 0.75, 1.0)  # of the pupil, by default
-DRIFTS = 0.01  # probability below which a series counts as drifting
-LEAST_PIXELS = 12  # of an aperture
 
 
 class Table:
@@ -39,7 +35,7 @@ class Table:
         attributes = {"units": units, "long_name": words, "effective_count": mean.effective_count, "trend": mean.trend}
         self.variables[name] = ((), mean.value, attributes)
         self.variables[f"{name}_error"] = ((), mean.error, {"units": units, "long_name": f"{words}: standard error"})
-        if mean.trend < DRIFTS:
+        if mean.trend < 0.01:
             self.drifting.append(name)
 
     def array(self, name: str, dims: tuple[str, ...], values: Any, error: Any, units: str, words: str) -> None:
@@ -102,7 +98,7 @@ def covers_of(x: np.ndarray, y: np.ndarray, lit: np.ndarray):
 def add_apertures(table, coordinates, opd, points, weight, wavelength, apertures, covers) -> None:
     """Add rms and Strehl ratio over concentric round parts of the pupil, with mean and tilt over each removed."""
     width = pupil_width(coordinates["x"], coordinates["y"])
-    asked = np.array([share * width for share in APERTURES] if apertures is None else apertures, dtype=np.float64)
+    asked = np.array(width * np.array([0.25, 0.5, 0.75, 1.0]) if apertures is None else apertures, dtype=np.float64)
     if asked.ndim != 1 or not (np.isfinite(asked).all() and (asked > 0.0).all()):
         raise ValueError(f"apertures must be positive diameters in metres, got {apertures!r}")
     if (asked > width * (1.0 + 1e-9)).any():
@@ -111,7 +107,7 @@ def add_apertures(table, coordinates, opd, points, weight, wavelength, apertures
     for diameter in asked:
         shares = np.minimum(covers(diameter), weight / weight.max())
         inside = shares > 0.0
-        if inside.sum() < LEAST_PIXELS:
+        if inside.sum() < 12:  # too few pixels
             rows.append([math.nan] * 4)
             continue
         reader = MapReader(points[inside], shares[inside], ("piston", "tilt"), wavelength)
@@ -121,9 +117,8 @@ def add_apertures(table, coordinates, opd, points, weight, wavelength, apertures
         rows.append([rms.value, rms.error, ratio.value, ratio.error])
     values = np.array(rows).reshape(len(asked), 4)
     described = "over a round part of the pupil, its mean and tilt removed"
-    table.array(
-        "opd_rms_aperture", ("aperture",), values[:, 0], values[:, 1], "m", f"optical path difference {described}, rms"
-    )
+    words = f"optical path difference {described}, rms"
+    table.array("opd_rms_aperture", ("aperture",), values[:, 0], values[:, 1], "m", words)
     table.array("strehl_aperture", ("aperture",), values[:, 2], values[:, 3], "1", f"Strehl ratio {described}")
     coordinates["aperture"] = asked
 
@@ -201,50 +196,10 @@ def _error_by_parts(values: list) -> np.ndarray:
     return np.asarray(np.std(values, axis=0, ddof=1) / math.sqrt(len(values)))
 
 
-def add_linking(table, dataset, series, time, opd, points, weight, wavelength) -> None:
-    """Add the linking equation, and the corresponding number of the maps where no focus was removed from them."""
-    about = dataset.attrs
-    missing = [name for name in ("pupil_center", "pupil_axes", "direction") if name not in about]
-    if missing:
-        raise ValueError(f"series goes with a dataset of optical_series; this one has no {missing[0]}")
-    axes = np.asarray(about["pupil_axes"]).reshape(2, 3)
-    start = np.asarray(about["pupil_center"]) + points @ axes
-    linear = "gladstone_dale_constant" in about
-    dated = dataset["time"].dtype.kind == "M"  # which snapshot is the first one of a part is then not known
-    found = linking_equation(
-        series,
-        start,
-        about["direction"],
-        wavelength,
-        relation="gladstone-dale" if linear else about.get("relation", "gladstone-dale"),
-        constant=about["gladstone_dale_constant"] if linear else about.get("constant"),
-        snapshots=snapshots_at(series, np.full(len(time), np.nan) if dated else time),
-    )
-    words = {"opd_rms_linking": "the linking equation", "opd_rms_path": "the covariance of density along the rays"}
-    for name, mean in found.items():
-        table.number(name, mean, "m", f"rms of optical path differences in time at a point, by {words[name]}")
-    centred = points - weight @ points
-    whole = opd + 0.0
-    terms = terms_of(dataset)
-    if "focus" in terms:
-        return
-    if "piston" in terms:
-        whole += in_time(dataset, "piston")
-    if "tilt" in terms:
-        whole += in_time(dataset, "boresight_x", "boresight_y") @ centred.T
-    unsteady = (whole - whole.mean(axis=0)) ** 2 @ weight
-    described = "rms of optical path differences in time at a point, by the maps"
-    independent = float(weight @ standard_errors(whole)[1])
-    table.number("opd_rms_point", root_of(about_mean_of(unsteady, independent)), "m", described)
-
-
 def lost_pixels(finite: np.ndarray, share: np.ndarray) -> str:
-    """Return a warning of pixels that have a number in some snapshots but not in all; empty if these are few.
+    """Return a warning of pixels that have a number in some snapshots, shape (t, y, x), but not in all; or empty.
 
-    Args:
-        finite: Whether pixels have a number, shape (t, y, x).
-        share: Their shares of the pupil, shape (y, x). Pixels that have no number in any snapshot do not count: a
-            caller leaves them out on purpose.
+    Pixels that have no number in any snapshot do not count: a caller leaves them out on purpose.
     """
     share = np.where(finite.any(axis=0), share, 0.0)
     lost = (share * ~finite.all(axis=0)).sum() / share.sum()
@@ -286,16 +241,13 @@ def few_independent(independent: float, count: int) -> str:
     )
 
 
-# Statistics and the numbers of snapshots of which they are means, or rms deviations.
-OF_SNAPSHOTS = {
-    **{name: name for name in ("strehl", "opd_rms", "opd_rms_with_tilt", "boresight_x", "boresight_y")},
-    **{"jitter_x": "boresight_x", "jitter_y": "boresight_y", "opd_mean": ""},
-}
-# Powers of the OPD and of the tilts.
-POWERS = {
-    **dict.fromkeys(("opd_std", "opd_rms_steady", "opd_rms_unsteady", "opd_rms_aperture"), ("opd_rms", 1.0)),
-    **dict.fromkeys(("opd_rms_linking", "opd_rms_path", "opd_rms_point"), ("opd_rms", 1.0)),
-    **dict.fromkeys(("spectrum_opd", "pod_energy"), ("opd_rms", 2.0)),
+# Statistics, the numbers of snapshots whose errors they have, and the power of these numbers that they are; 0 for those
+# that are means of such numbers, or rms deviations.
+SHARES = {
+    **{name: (name, 0.0) for name in ("strehl", "opd_rms", "opd_rms_with_tilt", "boresight_x", "boresight_y")},
+    **{f"jitter_{axis}": (f"boresight_{axis}", 0.0) for axis in "xy"},
+    **dict.fromkeys(("opd_std", "opd_rms_steady", "opd_rms_unsteady", "opd_rms_aperture"), ("", 1.0)),
+    **dict.fromkeys(("spectrum_opd", "pod_energy"), ("", 2.0)),
     **{f"spectrum_jitter_{axis}": (f"boresight_{axis}", 2.0) for axis in "xy"},
 }
 
@@ -306,43 +258,32 @@ def add_model_errors(table: Table, dataset: Any, wavelength: float) -> None:
     They do not become smaller by averaging in time: they are those of one grid and one gas. A mean has the root mean
     square of the snapshots' errors; other lengths have the share of the OPD rms that its error is, squares of lengths
     twice that, and a Strehl ratio S of the rms changes by 2 S |ln S| of it. Errors of maps are twice a standard error.
-
-    Args:
-        table: The statistics.
-        dataset: The maps.
-        wavelength: Vacuum wavelength of the statistics [m].
     """
+    if not {"error", *(f"{name}_error" for name, _ in SHARES.values() if name)} <= set(dataset.data_vars):
+        return
     whole = "opd_rms" if "tilt" in terms_of(dataset) else "opd_rms_with_tilt"
 
     def rms(name: str) -> float:
         return float(np.sqrt(np.mean(in_time(dataset, name) ** 2)))
 
-    def error(name: str) -> float:
-        return 0.5 * rms(f"{name}_error" if name else "error")
-
     def share(name: str) -> float:
         size = rms(name)
-        return error(name) / size if size > 0.0 else 0.0
+        return 0.5 * rms(f"{name}_error") / size if size > 0.0 else 0.0
 
     def add(name: str, more: Any) -> None:
         if f"{name}_error" in table.variables:
             dims, before, about = table.variables[f"{name}_error"]
             table.variables[f"{name}_error"] = dims, np.hypot(before, more), about
 
-    needed = {"error", *(f"{name}_error" for name in OF_SNAPSHOTS.values() if name)}
-    if not needed <= set(dataset.data_vars):
-        return
-    by_rms = [
-        "strehl_large_aperture",
-        "strehl_aperture",
-        *(["strehl"] if wavelength != dataset.attrs.get("wavelength") else []),
-    ]
-    for name, of in OF_SNAPSHOTS.items():
-        if name not in by_rms:
-            add(name, error(of))
-    for name, (of, power) in POWERS.items():
-        if name in table.variables:
-            add(name, power * share(whole if of == "opd_rms" else of) * np.abs(table.variables[name][1]))
+    by_rms = ["strehl_large_aperture", "strehl_aperture"]
+    if wavelength != dataset.attrs.get("wavelength"):
+        by_rms.append("strehl")
+    add("opd_mean", 0.5 * rms("error"))
+    for name, (of, power) in SHARES.items():
+        if power == 0.0 and name not in by_rms:
+            add(name, 0.5 * rms(f"{of}_error"))
+        elif power > 0.0 and name in table.variables:
+            add(name, power * share(of or whole) * np.abs(table.variables[name][1]))
     for name in by_rms:
         value = np.clip(table.variables[name][1], 1e-300, 1.0)
         add(name, 2.0 * value * np.abs(np.log(value)) * share(whole))

@@ -12,7 +12,6 @@ import shutil
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
-from itertools import zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -66,83 +65,59 @@ def code_of(text: str) -> float:
     return float(int(hashlib.sha256(text.encode()).hexdigest()[:13], 16))
 
 
-class Done:
-    """The numbers of the finished snapshots, in their order: one block of memory from the start.
+class MemoryStore:
+    """The maps and numbers of the finished snapshots, in memory.
 
     Attributes:
         count: Number of finished snapshots.
     """
 
-    def __init__(self, total: int):
-        """Start with none of `total` finished."""
-        self.count, self._table = 0, np.full((total, len(KEPT)), np.nan)
-
-    def add(self, numbers: Mapping[str, float]) -> np.ndarray:
-        """Add a snapshot; return its row."""
-        self._table[self.count] = [numbers.get(name, np.nan) for name in KEPT]
-        self.count += 1
-        return self._table[self.count - 1]
-
-    def keep(self, rows: np.ndarray) -> None:
-        """Take the rows of an earlier run."""
-        self.count = len(rows)
-        self._table[: self.count] = rows
-
-    def column(self, name: str) -> np.ndarray:
-        """Return one of KEPT of all finished snapshots, shape (count,)."""
-        return np.array(self._table[: self.count, KEPT.index(name)])
-
-    def told(self, name: str) -> np.ndarray:
-        """Return one of NUMBERS of all finished snapshots, shape (count,): errors by all causes, of every snapshot."""
-        number = name.removesuffix("_error")
-        if number in VALUES and number != name:
-            return np.hypot(self._nearest(f"{number}_model"), self.column(f"{number}_pixels"))
-        return self._nearest(name) if name == "error" else self.column(name)
-
-    def _nearest(self, name: str) -> np.ndarray:
-        return nearest_in_time(self.column(name), self.column("slope"), len(self._table))
-
-
-class MemoryStore:
-    """Everything in memory.
-
-    Attributes:
-        done: The numbers of the finished snapshots.
-    """
-
     def __init__(self, template: "xarray.Dataset"):
-        """Start with no finished snapshot."""
-        self.template = template
-        self.done = Done(template.sizes["time"])
-        shape = tuple(template.sizes[name] for name in ("time", "y", "x"))
-        self._maps = {name: np.empty(shape, kind) for name, (kind, _, _) in MAPS.items()}
+        """Start with no finished snapshot; `template` has coordinates, weights and attributes."""
+        self.template, self.count = template, 0
+        self._total = template.sizes["time"]
+        self._rows = np.full((self._total, len(KEPT)), np.nan)
+        self._arrays: dict[str, Any] = {}
 
     @contextmanager
     def writing(self) -> Iterator[None]:
-        """Do nothing: there is nothing to open."""
+        """Prepare arrays for the maps."""
+        shape = tuple(self.template.sizes[name] for name in ("time", "y", "x"))
+        self._arrays = {name: np.empty(shape, kind) for name, (kind, _, _) in MAPS.items()}
         yield
 
     def add(self, maps: Mapping[str, np.ndarray], numbers: Mapping[str, float]) -> None:
-        """Store a snapshot."""
+        """Store a snapshot: its maps, and its row of KEPT."""
         for name, array in maps.items():
-            self._maps[name][self.done.count] = array
-        self.done.add(numbers)
+            self._arrays[name][self.count] = array
+        self._rows[self.count] = [numbers.get(name, np.nan) for name in KEPT]
+        self.count += 1
+
+    def column(self, name: str) -> np.ndarray:
+        """Return one of KEPT of all finished snapshots, shape (count,)."""
+        return np.array(self._rows[: self.count, KEPT.index(name)])
+
+    def _number(self, name: str) -> np.ndarray:
+        """Return one of NUMBERS of all finished snapshots, shape (count,): errors by all causes, of every snapshot."""
+        number = name.removesuffix("_error")
+        if number in VALUES and number != name:
+            return np.hypot(nearest_in_time(self.column(f"{number}_model")), self.column(f"{number}_pixels"))
+        return nearest_in_time(self.column(name)) if name == "error" else self.column(name)
 
     def finish(self) -> "xarray.Dataset":
         """Return the dataset."""
-        found = self.template.copy()
+        dataset = self.template.copy()
         for name, (_, units, words) in MAPS.items():
-            found[name] = (("time", "y", "x"), self._maps[name], {"units": units, "long_name": words})
+            dataset[name] = (("time", "y", "x"), self._arrays[name], {"units": units, "long_name": words})
         for name, (units, words) in NUMBERS.items():
-            found[name] = (("time",), self.done.told(name), {"units": units, "long_name": words})
-        return found
+            dataset[name] = (("time",), self._number(name), {"units": units, "long_name": words})
+        return dataset
 
 
-class ZarrStore:
-    """A Zarr store.
+class ZarrStore(MemoryStore):
+    """The same in a Zarr store, which is created with the first snapshot, so that an early failure leaves nothing.
 
     Attributes:
-        done: The numbers of the finished snapshots.
         changed_count: Number of finished snapshots that are not kept because files have changed since.
     """
 
@@ -153,7 +128,7 @@ class ZarrStore:
         define: Callable[[int], Mapping[str, Any]],
         is_unchanged: Callable[[int, float, float], bool] = lambda number, stamp, mark: True,
     ):
-        """Open a store, or prepare one that is created with the first snapshot.
+        """Open a store, or prepare one.
 
         Args:
             path: The store.
@@ -169,87 +144,58 @@ class ZarrStore:
             import zarr  # noqa: F401
         except ImportError:
             raise ImportError("out needs Zarr: pip install 'aerokernels[dask]', or leave out= away") from None
-        self.path, self.template = path, template
-        self.done = Done(template.sizes["time"])
-        self.changed_count = 0
-        self._total = template.sizes["time"]
+        super().__init__(template)
+        self.path, self.changed_count = path, 0
         self._definition = _plain(define(self._total))  # now: the first snapshot of an iterator can be read once
         self._has_grown, self._seen_count = False, 0
-        self._arrays: dict[str, Any] = {}
         if (path / "zarr.json").is_file():
             self._read(define, is_unchanged)
         elif path.exists() and (not path.is_dir() or any(path.iterdir())):
-            raise ValueError(f"out={path}: something else is there; take another name, or remove it")
+            raise self._refused("something else is there")
+
+    def _refused(self, why: str) -> ValueError:
+        return ValueError(f"out={self.path}: {why}; take another name, or remove it")
+
+    @contextmanager
+    def _group(self) -> Iterator[Any]:
+        """Open the store; whatever Zarr raises for damaged data becomes a ValueError with the store's name."""
+        import zarr
+
+        try:
+            yield zarr.open_group(str(self.path), mode="r+", use_consolidated=False)
+        except Exception as fault:
+            if isinstance(fault, OSError) and fault.errno in FULL:
+                raise
+            raise self._refused(f"the store is damaged ({fault_text(fault)})") from fault
 
     def _read(self, define: Callable[[int], Any], is_unchanged: Callable[[int, float, float], bool]) -> None:
         """Take what an earlier run has finished."""
-        import zarr
-
-        with self._in_words():
-            group = zarr.open_group(str(self.path), mode="r")
+        with self._group() as group:
             if text := group.attrs.get("definition"):
                 earlier, rows = json.loads(text), np.asarray(group["done"][:], np.float64)
                 count = (earlier.get("time") or [0])[0]
                 self._has_grown = 0 < count < self._total and earlier == _plain(define(count))
         if not text:
-            raise ValueError(f"out={self.path}: something else is there; take another name, or remove it")
+            raise self._refused("something else is there")
         if earlier != self._definition and not self._has_grown:
-            text = f"it contains another series, {_change(earlier, self._definition)}"
-            raise ValueError(f"out={self.path}: {text}; take another name, or remove it")
+            raise self._refused(f"it contains another series, {_change(earlier, self._definition)}")
         if rows.shape[1:] != (len(KEPT),) or len(rows) > self._total:
-            raise self._damaged("done in the store has another shape than the series")
+            raise self._refused("the store is damaged (done has another shape than the series)")
         self._seen_count = _count_of(rows)
         finished = range(self._seen_count)
-        count = next((k for k in finished if not is_unchanged(k, rows[k, -2], rows[k, -1])), self._seen_count)
-        self.changed_count = self._seen_count - count
-        self.done.keep(rows[:count])
-
-    def _damaged(self, what: str) -> ValueError:
-        return ValueError(f"out={self.path}: {what}; take another name, or remove it")
-
-    @contextmanager
-    def _in_words(self) -> Iterator[None]:
-        """Convert any error that Zarr raises for damaged data to a ValueError with the store's name."""
-        try:
-            yield
-        except Exception as fault:
-            if isinstance(fault, OSError) and fault.errno in FULL:
-                raise
-            raise self._damaged(f"the store is damaged ({fault_text(fault)})") from fault
+        self.count = next((k for k in finished if not is_unchanged(k, rows[k, -2], rows[k, -1])), self._seen_count)
+        self.changed_count = self._seen_count - self.count
+        self._rows[: self.count] = rows[: self.count]
 
     @property
     def is_finished(self) -> bool:
         """Whether all snapshots are finished, and the numbers are in the store."""
-        return self.done.count == self._total and bool(self._group(self._total).attrs.get("finished", False))
-
-    def _group(self, times: int) -> Any:
-        """Return the store, after checking that its arrays fit the series and contain the maps that `done` lists.
-
-        Raises:
-            ValueError: It is damaged.
-        """
-        import zarr
-
-        sizes = (self.template.sizes["y"], self.template.sizes["x"])
-        with self._in_words():
-            group = zarr.open_group(str(self.path), mode="r+")
-            shapes = {**dict.fromkeys(MAPS, (times, *sizes)), **dict.fromkeys(NUMBERS, (times,))}
-            other = next((name for name, shape in shapes.items() if group[name].shape != shape), None)
-        if other:
-            raise self._damaged(f"{other} in the store has another shape than the series")
-        for number in range(self.done.count):  # Zarr reads a lost chunk as fill values
-            for name in MAPS:
-                if not (self.path / name / "c" / str(number) / "0" / "0").is_file():
-                    raise self._damaged(f"{name} of snapshot {number}, which `done` lists, is lost")
-        return group
+        with self._group() as group:
+            return self.count == self._total and bool(group.attrs.get("finished", False))
 
     @contextmanager
     def writing(self) -> Iterator[None]:
-        """Open the store for writing; it is created with the first snapshot, so that an early failure leaves nothing.
-
-        Raises:
-            OutputError: The disk is full.
-        """
+        """Hold the lock of the store that the first snapshot takes."""
         with ExitStack() as self._open:
             yield
 
@@ -259,76 +205,55 @@ class ZarrStore:
         Raises:
             ValueError: Another process writes there, or wrote since the store was read.
         """
-        import zarr
-
         self._open.enter_context(only_writer(self.path))
         if not (self.path / "zarr.json").is_file():
             self._create()
-        with self._in_words():
-            group = zarr.open_group(str(self.path), mode="r+")
+        with self._group() as group:
             count = _count_of(group["done"][:])
         if count != self._seen_count:
             raise ValueError(f"out={self.path}: another process is at work there; wait for it, or take another")
-        with self._in_words():
-            if self._has_grown:
-                self._lengthen(group)
+        with self._group() as group:
+            if self._has_grown:  # its definition last, in case of a kill
+                for name in ("time", "done", *MAPS, *NUMBERS):
+                    group[name].resize((self._total, *group[name].shape[1:]))
+                group["time"][:] = self.template["time"].values
+                group.attrs["provenance"] = self.template.attrs["provenance"]
+                group.attrs["definition"] = json.dumps(self._definition)
             if self.changed_count:
-                group["done"][self.done.count :] = np.nan
-            if (self.changed_count or self._has_grown) and group.attrs.pop("finished", 0):
-                _consolidate(self.path)
-        group = self._group(self._total)
-        self._arrays = {name: group[name] for name in (*MAPS, "done")}
+                group["done"][self.count :] = np.nan
+            if self.changed_count or self._has_grown:
+                group.attrs.pop("finished", 0)
+            self._arrays = {name: group[name] for name in (*MAPS, "done")}
 
     def _create(self) -> None:
         """Create the store with all its arrays, empty; under a temporary name, so that it appears whole."""
+        import zarr
+
         draft = draft_of(self.path)
+        times, *sides = (self.template.sizes[name] for name in ("time", "y", "x"))
         try:
-            self._make_arrays(draft)
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                self.template.to_zarr(draft, mode="w", consolidated=False)
+            group = zarr.open_group(str(draft), mode="r+")
+
+            def make(name: str, kind: str, shape: tuple, chunks: tuple, dims: tuple, about: dict[str, str]) -> None:
+                fill = False if kind == "?" else np.nan
+                group.create_array(name, shape=shape, chunks=chunks, dtype=np.dtype(kind), fill_value=fill,
+                                   dimension_names=dims, attributes=about)  # fmt: skip
+
+            for name, (kind, units, words) in MAPS.items():
+                about = {"units": units, "long_name": words}
+                make(name, kind, (times, *sides), (1, *sides), ("time", "y", "x"), about)
+            for name, (units, words) in NUMBERS.items():
+                make(name, "f8", (times,), (times,), ("time",), {"units": units, "long_name": words})
+            make("done", "f8", (times, len(KEPT)), (1, len(KEPT)), ("time", "kept"), {"kept": ", ".join(KEPT)})
+            group.attrs["definition"] = json.dumps(self._definition)
             if self.path.is_dir():
                 self.path.rmdir()  # empty, or it would have been refused
             draft.rename(self.path)
         finally:
             shutil.rmtree(draft, ignore_errors=True)
-
-    def _make_arrays(self, path: Path) -> None:
-        import zarr
-
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            self.template.to_zarr(path, mode="w", consolidated=False)
-        group = zarr.open_group(str(path), mode="r+")
-        times, *sides = (self.template.sizes[name] for name in ("time", "y", "x"))
-
-        def make(name: str, kind: str, shape: tuple, chunks: tuple, dims: tuple, about: dict[str, str]) -> None:
-            group.create_array(
-                name,
-                shape=shape,
-                chunks=chunks,
-                dtype=np.dtype(kind),
-                fill_value=False if kind == "?" else np.nan,
-                dimension_names=dims,
-                attributes=about,
-            )
-
-        for name, (kind, units, words) in MAPS.items():
-            about = {"units": units, "long_name": words}
-            make(name, kind, (times, *sides), (1, *sides), ("time", "y", "x"), about)
-        for name, (units, words) in NUMBERS.items():
-            make(name, "f8", (times,), (times,), ("time",), {"units": units, "long_name": words})
-        make("done", "f8", (times, len(KEPT)), (1, len(KEPT)), ("time", "kept"), {"kept": ", ".join(KEPT)})
-        group.attrs["definition"] = json.dumps(self._definition)
-        _consolidate(path)
-
-    def _lengthen(self, group: Any) -> None:
-        """Give the store the times of this run, of which it has the first; its definition last, in case of a kill."""
-        for name in ("time", "done", *MAPS, *NUMBERS):
-            array = group[name]
-            array.resize((self._total, *array.shape[1:]))
-            if name == "time":
-                array[:] = self.template["time"].values
-        group.attrs["provenance"] = self.template.attrs["provenance"]
-        group.attrs["definition"] = json.dumps(self._definition)
-        _consolidate(self.path)
 
     def add(self, maps: Mapping[str, np.ndarray], numbers: Mapping[str, float]) -> None:
         """Store a snapshot: first its maps, then its row of `done`.
@@ -339,34 +264,25 @@ class ZarrStore:
         with in_room(self.path):
             if not self._arrays:
                 self._begin()
-            number = self.done.count
-            for name, array in maps.items():
-                self._arrays[name][number] = array
-            self._arrays["done"][number] = self.done.add(numbers)
+            super().add(maps, numbers)
+            self._arrays["done"][self.count - 1] = self._rows[self.count - 1]
 
     def finish(self) -> "xarray.Dataset":
-        """Write the numbers, and open the whole store lazily.
-
-        Raises:
-            ValueError: The store is damaged.
-        """
+        """Write the numbers, unless they are there, and open the whole store lazily."""
         import xarray
+        import zarr
 
-        group = self._group(self._total)
-        with in_room(self.path), self._in_words():
-            for name in NUMBERS:
-                column = self.done.told(name)
-                if not np.array_equal(group[name][:], column, equal_nan=True):  # not written yet, or lost since
-                    group[name][:] = column
+        with in_room(self.path), self._group() as group:
             if not group.attrs.get("finished", False):
+                for name in NUMBERS:
+                    group[name][:] = self._number(name)
                 group.attrs["finished"] = 1  # NetCDF has no attributes that are true or false
-                _consolidate(self.path)
-            found = xarray.open_zarr(self.path, consolidated=False, chunks=None)
-        if lost := {*MAPS, *NUMBERS, *self.template.coords} - set(found.variables):
-            raise self._damaged(f"{min(lost)} is lost from the store")
-        found = found.drop_vars("done")
-        found.attrs.pop("definition")
-        return found
+                with warnings.catch_warnings():
+                    warnings.simplefilter("ignore")  # consolidated metadata are not part of the Zarr 3 specification
+                    zarr.consolidate_metadata(str(self.path))
+            dataset = xarray.open_zarr(self.path, consolidated=False, chunks=None).drop_vars("done")
+        dataset.attrs.pop("definition")
+        return dataset
 
 
 def _plain(definition: Mapping[str, Any]) -> Any:
@@ -380,32 +296,16 @@ def _count_of(rows: np.ndarray) -> int:
     return int(np.argmax(left)) if left.any() else len(rows)
 
 
-def _consolidate(path: Path) -> None:
-    """Collect the metadata of all arrays of a store in one place, where xarray looks first."""
-    import zarr
-
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # consolidated metadata are not part of the Zarr 3 specification
-        zarr.consolidate_metadata(str(path))
-
-
-def _change(old: Any, new: Any, key: str = "") -> str:
-    """Return the first difference of two definitions in words; empty if they are equal."""
-    if old == new:
-        return ""
-    if isinstance(old, Mapping) and isinstance(new, Mapping):
-        name = next(name for name in (*old, *new) if old.get(name) != new.get(name))
-        inner = name if not key or name not in (*old, *new) else f"{key} {name}"
-        if name in (FIRST, LAST) and name in old and name in new:
-            return f"whose {name} has other densities"
-        return _change(old.get(name), new.get(name), inner)
-    if isinstance(old, list) and isinstance(new, list) and max(len(old), len(new)) > 3:
-        count = "" if len(old) == len(new) else f" has {len(new)} instead of {len(old)} entries, and"
-        place = next(k for k, (one, other) in enumerate(zip_longest(old, new, fillvalue=zip_longest)) if one != other)
-        was, now = (_short(one[place]) if place < len(one) else "absent" for one in (old, new))
-        return f"whose {key}{count} was {was} and is {now} at number {place}"
-    return f"{key} was {_short(old)} and is {_short(new)}"
-
-
-def _short(value: Any) -> str:
-    return cut(json.dumps(value))
+def _change(old: Mapping[str, Any], new: Mapping[str, Any]) -> str:
+    """Return the first difference of two definitions in words."""
+    key = next(key for key in (*old, *new) if old.get(key) != new.get(key))
+    was, now = old.get(key), new.get(key)
+    if isinstance(was, Mapping) and isinstance(now, Mapping):
+        return _change(was, now)
+    if key in (FIRST, LAST):
+        return f"whose {key} has other densities"
+    if isinstance(was, list) and isinstance(now, list) and len(was) != len(now):
+        return f"of {len(was)} {key} and not of {len(now)}"
+    if isinstance(was, list) and isinstance(now, list):
+        was, now = next((one, other) for one, other in zip(was, now, strict=True) if one != other)
+    return f"whose {key} was {cut(json.dumps(was))} and is {cut(json.dumps(now))}"

@@ -13,19 +13,16 @@ from aerokernels.inputs.checks import warn_caller
 from aerokernels.inputs.units import unit_of
 from aerokernels.series.statistic_parts import add_model_errors, few_independent, lost_pixels, uneven_times
 
-from ..flow import Series
 from ..inputs.arguments import checked, seconds
 from ..inputs.checks import check_count, check_positive
 from ..inputs.wavelength import DEFAULT_WAVELENGTH, check_wavelength
 from ..wavefronts import weighted_mean
-from .linking import NotLinkedError
 from .modes import orthogonal_modes
 from .pupil_grid import MapReader
 from .statistic_parts import (
     Table,
     add_apertures,
     add_correlation,
-    add_linking,
     add_modes,
     add_spectra,
     covers_of,
@@ -50,7 +47,6 @@ def statistics(
     mode_count: int = 10,
     segment: int | None = None,
     wavelength: float | None = None,
-    series: Series | None = None,
 ) -> "xarray.Dataset":
     """Return statistics of optical path differences in time.
 
@@ -58,8 +54,8 @@ def statistics(
     and for a series too short to tell it: two of them are meant to contain the truth in 95 of 100 series, which few
     independent snapshots do not quite reach (see uncertainty.py). Variances about a mean in time are corrected for
     the error of that mean. The errors of the maps' own numbers, as `optical_series` gives them, are added
-    (model_errors.py). The attribute `independent_count` says how many independent snapshots there are, `drifting` lists
-    the variables that drift. Below four snapshots errors are NaN.
+    (statistic_parts.py). The attribute `independent_count` says how many independent snapshots there are, `drifting`
+    lists the variables that drift. Below four snapshots errors are NaN.
 
     Args:
         dataset: Of `optical_series`, or any with `opd` over (time, y, x), NaN outside the pupil, in metres and
@@ -70,8 +66,6 @@ def statistics(
         mode_count: Proper orthogonal modes.
         segment: Samples of a segment of the spectra.
         wavelength: Vacuum wavelength [m]; None: the dataset's.
-        series: The snapshots that the dataset was made of, for the linking equation; those at the dataset's times are
-            read once more.
 
     Returns:
         A dataset with NAME and NAME_error:
@@ -84,9 +78,7 @@ def statistics(
         `spectrum_jitter_y` [rad2/Hz];
         over `aperture` [m]: `opd_rms_aperture` and `strehl_aperture`, mean and tilt over that part removed;
         `pod_energy` (mode) [m2], `pod_share`, `pod_mode` (mode, y, x), `pod_coefficient` (time, mode) [m];
-        `correlation` (lag_y, lag_x) and `correlation_length_x`, `correlation_length_y` [m];
-        with `series`: `opd_rms_linking`, by the linking equation, `opd_rms_path`, by the double integral that the
-        equation approximates, and `opd_rms_point`, the same rms from the maps, their mean and tilt added back [m].
+        `correlation` (lag_y, lag_x) and `correlation_length_x`, `correlation_length_y` [m].
         Attributes: `skipped`, what could not be computed and why, and `warnings`, the texts of the warnings.
 
     Warns:
@@ -117,9 +109,8 @@ def statistics(
     for text in warned:
         warn_caller(text)
     table.number("opd_rms", root_of(mean_of(squares[:, 1])), "m", "optical path difference, mean and tilt removed, rms")
-    table.number(
-        "opd_rms_with_tilt", root_of(mean_of(squares[:, 0])), "m", "optical path difference, mean removed, rms"
-    )
+    rms = root_of(mean_of(squares[:, 0]))
+    table.number("opd_rms_with_tilt", rms, "m", "optical path difference, mean removed, rms")
     for k, axis in enumerate("xy"):
         table.number(f"boresight_{axis}", mean_of(tilts[:, k]), "rad", f"tilt along {axis}")
         value, error = (float(one) for one in deviations_of(tilts[:, k]))
@@ -140,11 +131,6 @@ def statistics(
     add_apertures(table, coordinates, opd, points, weight, wave, apertures, covers_of(x, y, lit))
     add_modes(table, coordinates, modes, lit)
     add_correlation(table, coordinates, opd, lit, x, y)
-    if series is not None:
-        try:
-            add_linking(table, dataset, series, time, opd, points, weight, wave)
-        except NotLinkedError as fault:
-            skipped.append(str(fault))
     add_model_errors(table, dataset, wave)
     found = _dataset(table, coordinates, dataset, wave, {"skipped": skipped, "warnings": warned})
     return found.assign_attrs(independent_count=independent)
@@ -163,11 +149,7 @@ def _in_order(dataset: Any) -> Any:
 
 
 def _unit(dataset: Any, name: str) -> float:
-    """Return the unit of a variable in SI, 1 where none is stated; dates have none.
-
-    Raises:
-        ValueError: A unit of another dimension, or an unknown unit.
-    """
+    """Return the unit of a variable in SI, 1 where none is stated, or for dates; raises a ValueError for others."""
     if dataset[name].dtype.kind in "mM":
         return 1.0
     try:
@@ -239,18 +221,6 @@ def _maps(table: Table, opd: np.ndarray, weight: np.ndarray, lit: np.ndarray) ->
     return independent
 
 
-UNITS = {
-    "time": "s",
-    "y": "m",
-    "x": "m",
-    "frequency": "Hz",
-    "strouhal": "1",
-    "aperture": "m",
-    "lag_x": "m",
-    "lag_y": "m",
-}
-
-
 def _dataset(table: Table, coordinates: dict[str, Any], source: Any, wavelength: float, said: dict[str, list[str]]):
     import xarray
 
@@ -265,6 +235,7 @@ def _dataset(table: Table, coordinates: dict[str, Any], source: Any, wavelength:
         **{name: "; ".join(texts) for name, texts in said.items()},
     }
     found = xarray.Dataset(table.variables, coordinates, about)
+    units = {"time": "s", "frequency": "Hz", **dict.fromkeys(("x", "y", "aperture", "lag_x", "lag_y"), "m")}
     for name in coordinates:
-        found[name].attrs["units"] = UNITS.get(name, "1")
+        found[name].attrs["units"] = units.get(name, "1")
     return found

@@ -36,29 +36,18 @@ HELD = 0.95  # share of cases in which two standard errors contain the truth
 
 @dataclass(frozen=True)
 class Mean:
-    """A mean over time.
-
-    Attributes:
-        value: The mean.
-        error: Its standard error; NaN below four samples.
-        effective_count: Equivalent number of independent samples.
-        trend: Probability that a series without drift shows at least this trend; a small value means that it drifts.
-    """
+    """A mean over time."""
 
     value: float
-    error: float
-    effective_count: float
-    trend: float
+    error: float  # its standard error; NaN below four samples
+    effective_count: float  # equivalent number of independent samples
+    trend: float  # probability that a series without drift shows at least this trend
 
 
 def standard_errors(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the standard error of the mean of each series, and its number of independent samples.
+    """Return the standard error of the mean of each series, shape (n, ...), and its number of independent samples.
 
-    Args:
-        values: Samples, shape (n, ...), finite.
-
-    Returns:
-        Two arrays of the shape of one sample; errors are NaN below four samples.
+    Both have the shape of one sample; errors are NaN below four samples.
     """
     count, shape = len(values), values.shape[1:]
     if count < LEAST_SNAPSHOTS:
@@ -102,12 +91,7 @@ def mean_of(values: np.ndarray) -> Mean:
 
 
 def about_mean_of(squares: np.ndarray, independent: float) -> Mean:
-    """Return the mean of squares about the samples' own mean, corrected for it.
-
-    Args:
-        squares: Squares, or sums of squares, of samples about their mean in time, shape (n,).
-        independent: Number of independent samples in that mean.
-    """
+    """Return the mean of squares about the samples' own mean in time, corrected for it, by its independent samples."""
     found = mean_of(squares)
     value, error = _corrected(found.value, found.error, independent)
     return Mean(float(value), float(error), found.effective_count, found.trend)
@@ -151,13 +135,10 @@ def root_errors(mean_square: Any, error: Any) -> np.ndarray:
 
 
 def spread_share(freedom: Any, power: float = 1.0) -> np.ndarray:
-    """Return half of the share by which a variance, to a power, may be too small in 1 of 20 cases, for its freedom.
+    """Return half of the share by which a variance, to a power, may be too small in 1 of 20 cases.
 
-    At least the standard error of a normal distribution, power * sqrt(2 / freedom).
-
-    Args:
-        freedom: Degrees of freedom of the variance's distribution, chi squared; one at least is assumed.
-        power: 1 for the variance itself, 0.5 for its root.
+    At least the standard error of a normal distribution, power * sqrt(2 / freedom), for the degrees of freedom of chi
+    squared; one at least is assumed.
     """
     from scipy.special import gammaincinv
 

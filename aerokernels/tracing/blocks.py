@@ -1,7 +1,6 @@
 """Reduce values at the nodes of a uniform grid over blocks of its cells: the greatest, or the mean along an axis.
 
-The nodes of a block are those of its cells; adjacent blocks share the nodes between them. Along an axis the last node
-is repeated until the last block is whole.
+Adjacent blocks share the nodes between them; along an axis the last node is repeated until the last block is whole.
 """
 
 from collections.abc import Callable, Iterable
@@ -31,13 +30,9 @@ def block_maxima(values: np.ndarray, block: int, axes: Iterable[int] | None = No
 
 
 def by_slabs(reduce: Callable[[slice], np.ndarray], shape: tuple[int, ...], block: int, axis: int) -> np.ndarray:
-    """Join along an axis what is made of the nodes of some whole blocks at a time: of all it might take much memory.
+    """Join along an axis what `reduce` makes, in threads, of the nodes of some whole blocks at a time, to save memory.
 
-    Args:
-        reduce: Returns the values of the blocks between these nodes along the axis; it may be called in threads.
-        shape: The shape of the nodes; axes of the values count from the last one.
-        block: Cells in a block.
-        axis: The axis.
+    `shape` is that of the nodes; axes of the values count from the last one.
     """
     cells = slabs(shape[axis] - 1, int(np.prod(shape)), block)
     found: list = [None] * len(cells)
@@ -107,10 +102,7 @@ def greatest_around(values: np.ndarray, low: int, high: int, axis: int) -> np.nd
 
 
 def over_lines(values: np.ndarray, reduce: np.ufunc) -> list[np.ndarray]:
-    """For each axis the absolute values along it, summed (np.add) or their greatest (np.maximum).
-
-    The values are read in slabs that fit a processor's cache, once for all axes.
-    """
+    """For each axis the sums (np.add) or the greatest (np.maximum) of absolute values along it, read once for all."""
     shape = values.shape
     found = [np.zeros(shape[:axis] + shape[axis + 1 :]) for axis in range(values.ndim)]
     slab = max(1, SLAB * len(values) // max(values.size, 1))  # speed only

@@ -1,20 +1,9 @@
-r"""Integrate the air that a field was cut from, along the parts of rays that lie outside the field's box.
+r"""Integrate the air that a field was cut from (`IndexField.source`), along rays outside the field's box.
 
-The box of a field is its whole flow, unless the field was resampled from a field whose box goes on beyond a face: that
-face is a cut, and what a ray misses by it is computed from the source (`IndexField.source`),
+    lost OPD = \int m_source ds
 
-    lost OPD = \int m_source ds   outside the box, from the start of the ray to its stop
-
-along the undisturbed line or, behind a field that displaces rays by more than a cell, along the tangent at the traced
-end. Three Gauss points for each cell of the source integrate its cubic spline exactly along an axis of the grid, and
-kinks between cells to second order in the cell. To first order in the contrast a ray through the source has the OPD of
-the ray through the field plus this integral; what the missing air would turn the ray by is left out.
-
-All other faces are ends of the flow, and nothing is lost there: those of a file, an array or a mesh, of a part that a
-user took of them, and of a field whose source was not kept.
-
-Where rays cross disturbed air at an end of the flow, the plan of a trace says so in a sentence, so that a face that was
-meant to lie in undisturbed air is seen.
+along the undisturbed line or, behind a field that displaces rays by more than a cell, the tangent at the traced end, by
+three Gauss points a cell. Other faces are ends of the flow, where nothing is lost: a plan names those in disturbed air.
 """
 
 import numpy as np
@@ -97,10 +86,7 @@ def weakest_contrast(field: IndexField, tolerance: float) -> float:
 
 
 def may_bend(field: IndexField) -> bool:
-    """Whether a field on a uniform grid may displace rays by more than a cell; False for every field on a mesh.
-
-    The displacement is at most half the greatest turn times the box's size.
-    """
+    """Whether a uniform grid may displace rays by more than a cell: by half the greatest turn times its size."""
     if not isinstance(field.samples, UniformGrid):
         return False
     return 0.5 * greatest_turn(field.samples) * box_size(field) > float(field.spacing.min())
@@ -115,15 +101,8 @@ def lost(
 ) -> np.ndarray:
     """The OPD that the source of a field has outside the field's box on each ray [m], signed, shape (ray_count,).
 
-    Rays that end on a body lose nothing.
-
-    Args:
-        field: The refractive index.
-        rays: The rays.
-        until: Their stop; None for rays that continue without end once they have left the field.
-        ends: Where the traced rays ended [m] and their directions there, both (ray_count, 3); used where the field may
-            displace rays by more than a cell. None: straight lines.
-        tolerance: Requested OPD error [m]; air that cannot change a path by a tenth of it is not integrated.
+    Rays that end on a body lose nothing, nor those in air that cannot change a path by a tenth of the tolerance [m].
+    `ends` are those of the traced rays; None takes straight lines.
     """
     found = np.zeros(rays.ray_count)
     if not may_lose(field, tolerance):
@@ -253,12 +232,6 @@ def flow_ends(field: IndexField, rays: RayBundle, until, tolerance: float) -> st
     """A sentence on the disturbed ends of the flow that straight rays cross; empty where they cross none.
 
     Air is disturbed if as much of it as the box is long would change a path by more than the tolerance [m].
-
-    Args:
-        field: The refractive index.
-        rays: Some of the rays, a few hundred.
-        until: Their stop; None for rays that continue without end.
-        tolerance: Requested OPD error [m].
     """
     if isinstance(field.samples, UniformGrid):
         found = _at_faces(field, rays, until)

@@ -1,13 +1,8 @@
-"""The OPD error allowed to a ray: the requested tolerance, or less in a field whose own OPD is hardly greater.
+"""The OPD error allowed to a ray, and the support of a field: the part of its box that must be integrated.
 
-The tolerance is the greatest OPD error allowed. In a field whose greatest OPD is no larger than the tolerance, an OPD
-of 0 would be within it, and the field would be ignored. The error is therefore also limited to a share of the greatest
-line integral of the field, however weak it is, and the result is accurate to that share.
-
-The support of a field is the part of its box outside which the air is so uniform that it need not be integrated.
-Ignoring that air may cost a share of the tolerance, by its optical path and by its deflection of rays: on a path of
-length L the potential outside is below share / L and, with a lever arm A (straight_lines.py), its slope is below share
-/ (L A).
+The tolerance is the greatest error; in a weak field it is also limited to a share of the greatest line integral, or an
+OPD of 0 would do. Outside the support, on a path of length L with a lever arm A (straight_lines.py), the potential is
+below share / L and its slope below share / (L A).
 """
 
 import numpy as np
@@ -80,17 +75,10 @@ MARGIN_NODES = 3
 def support_box(
     field: IndexField, tolerance: float, lever_arms: LeverArms | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Corners of the support along the local axes [m], each of shape (2,) or (3,).
+    """Corners of the support of a cubic uniform grid along the local axes [m], each of shape (2,) or (3,).
 
-    Outside, the optical potential is so small that ignoring it changes the path along any line through the box by less
-    than SUPPORT_SHARE of the tolerance [m], and by no more than that for its deflection. Where the support is empty,
-    both corners are the middle of the box.
-
-    Args:
-        field: The refractive index, on a cubic uniform grid.
-        tolerance: OPD error allowed for a ray [m].
-        lever_arms: How far the rays fly and at what angle they meet their stop; None takes a line across the box that
-            ends on a surface across it.
+    Ignoring the air outside changes a path by less than SUPPORT_SHARE of the tolerance [m], and its deflection by no
+    more than that. An empty support is the middle of the box. Without `lever_arms` lines end on a surface across them.
     """
     grid = field.samples
     assert isinstance(grid, UniformGrid)
@@ -136,7 +124,7 @@ def left_out(field: IndexField, tolerance: float, lever_arms: LeverArms | None) 
 @cached_on("grid")
 def potential_peaks(grid: UniformGrid) -> list[np.ndarray]:
     """Along each axis, the greatest absolute coefficient in each plane across it."""
-    return peaks_along_axes(grid.coefficients)
+    return _peaks_along_axes(grid.coefficients)
 
 
 @cached_on("grid")
@@ -149,7 +137,7 @@ def _slope_peaks(grid: UniformGrid) -> list[np.ndarray]:
             change = np.diff(slab if axis == 0 else slab[: rows.stop - rows.start], axis=axis) / spacing
             if not len(change):
                 continue
-            for other, found in enumerate(peaks_along_axes(change)):
+            for other, found in enumerate(_peaks_along_axes(change)):
                 # A difference belongs to both of its coefficients.
                 for shift in (0, 1) if other == axis else (0,):
                     first = shift + (rows.start if other == 0 else 0)
@@ -158,7 +146,7 @@ def _slope_peaks(grid: UniformGrid) -> list[np.ndarray]:
     return peaks
 
 
-def peaks_along_axes(values: np.ndarray) -> list[np.ndarray]:
+def _peaks_along_axes(values: np.ndarray) -> list[np.ndarray]:
     """Along each axis, the greatest absolute value in each plane across it."""
     over_first, *others = over_lines(values, np.maximum)
     peaks = [others[-1].max(axis=tuple(range(1, values.ndim - 1)))]

@@ -1,15 +1,9 @@
-"""Compute the tables of a grid that planning needs on the engine's device.
+"""Compute the tables of a grid that planning needs on the engine's device: NumPy's results, but for rounding.
 
 A GPU does so for every volume, a CPU for grids of many float64 nodes and for those whose values change repeatedly.
-
-These are the spline's coefficients, the greatest of their fourth differences in blocks (step_bound.py), of the
-potential in blocks (unresolved.py) and of the coefficients in each plane across an axis (error_limit.py): half of the
-work of preparing a known pupil for new values. The results are cached on the grid under the keys that NumPy's results
-would have, and are the same except for rounding.
 """
 
 import math
-from collections.abc import Callable
 from functools import partial
 from typing import Any
 
@@ -33,33 +27,16 @@ LEAST_FLAT = 1 << 12  # speed only
 MANY_NODES = 1 << 20  # speed only
 # Least number of nodes along an axis: the elimination needs four; and along the last axis: those of a CPU's vectors.
 LEAST_COUNT, LEAST_LAST = 4, 8
-# Launches of one kernel for a grid, at most.
-MOST_LAUNCHES = 3
-
-
-def prepare_grid(engine: Engine, grid: UniformGrid) -> None:
-    """Compute on a device the tables of a cubic volume that planning needs, or the spline of a grid of two axes.
-
-    Raises:
-        ValueError: The grid does not fit the device.
-    """
-    begun_grid(engine, grid)()
 
 
 def prepare_once(engine: Engine, grid: Any) -> None:
-    """`prepare_grid`, if that is faster than NumPy for a grid whose values are not known to change; no mesh needs it.
-
-    Raises:
-        ValueError: The grid does not fit the device.
-    """
+    """`prepare_grid`, if that is faster than NumPy for a grid that is planned once; no mesh needs it."""
     if isinstance(grid, UniformGrid) and (engine.is_gpu or grid.samples.size >= MANY_NODES):
         prepare_grid(engine, grid)
 
 
-def begun_grid(engine: Engine, grid: UniformGrid) -> Callable[[], None]:
-    """Start what `prepare_grid` computes; return a function that waits for it, which must be called.
-
-    Until then the device may write into memory of the grid's coefficients.
+def prepare_grid(engine: Engine, grid: UniformGrid) -> None:
+    """Compute on a device the tables of a cubic volume that planning needs, or the spline of a grid of two axes.
 
     Raises:
         ValueError: The grid does not fit the device.
@@ -69,7 +46,17 @@ def begun_grid(engine: Engine, grid: UniformGrid) -> Callable[[], None]:
     # A CPU's tables are of float64: those of float32 samples are made by slabs, which take a third of the memory.
     is_slower |= grid.samples.dtype == np.float32 and not engine.is_gpu
     is_known = "coefficients" in grid.__dict__ or grid.held(FETCH) is not None
-    return _nothing if is_slower or is_known or not has_tables(engine, grid) else GridTables(engine, grid).begun(grid)
+    if is_slower or is_known or not has_tables(engine, grid):
+        return
+    tables = _GridTables(engine, grid)
+    found = tables.computed(engine.share(grid.doubles))
+    engine.settle()
+    grid.derive(engine.grid_key, lambda: tables.coefficients)
+    # Without the tables themselves, which have a grid: a cycle would keep its memory, on the device too.
+    fetch = partial(_fetched, engine, tables.coefficients, tables.on_host, grid.coefficient_shape)
+    grid.derive(FETCH, lambda: fetch)
+    for function, table in found.items():
+        function.keep(table, grid)
 
 
 def has_tables(engine: Engine, grid: UniformGrid) -> bool:
@@ -80,29 +67,12 @@ def has_tables(engine: Engine, grid: UniformGrid) -> bool:
     return bool(engine.grid_tables) and 8 * math.prod(count + 2 for count in shape) <= engine.memory[1]
 
 
-def keep_tables(grid: UniformGrid, tables: dict[Cached, Any]) -> None:
-    """Cache tables that `GridTables.read` has returned on the grid from whose samples they were made."""
-    for function, table in tables.items():
-        function.keep(table, grid)
-
-
-def _nothing() -> None:
-    """Do nothing: the host computes the tables, or they are known."""
-
-
-class GridTables:
-    """Memory on a device for the tables of grids on the same nodes, and the launches that compute them.
-
-    Attributes:
-        coefficients: The buffer of the spline's coefficients.
-        on_host: On a CPU the array with which it shares memory: allocating memory takes as long as a spline.
-    """
+class _GridTables:
+    """Memory on a device for the tables of a grid; on a CPU the coefficients share that of the array `on_host`."""
 
     def __init__(self, engine: Engine, grid: UniformGrid):
-        """Allocate memory for grids like this one: with the same nodes and the same ambient index."""
         self.engine, self.grid = engine, grid
-        # One for each launch: a launch that is started again then sets no argument.
-        self.kernels = [engine.kernels(PROGRAMS["grid_tables"]) for _ in range(MOST_LAUNCHES)]
+        self.kernels = engine.kernels(PROGRAMS["grid_tables"])
         self.block = block_size(grid)
         self.blocks = [_blocks(count, self.block) for count in grid.shape]
         count = math.prod(grid.coefficient_shape)
@@ -110,50 +80,28 @@ class GridTables:
         self.coefficients = engine.empty(count) if self.on_host is None else engine.share(self.on_host)
         *others, last = grid.shape
         self.spare = engine.empty(math.prod(count + 2 for count in others) * last)
+
+    def computed(self, samples: Any) -> dict[Cached, Any]:
+        """The tables of the samples in a buffer, on the host, by the functions whose results they are."""
+        first, second, third = _three(self.grid.coefficient_shape)
         sizes = [4 * math.prod(self.blocks)]
-        if "potential peaks" in engine.grid_tables:
-            first, second, third = _three(grid.coefficient_shape)
+        if "potential peaks" in self.engine.grid_tables:
             sizes += [second * third, first * third]
-        self.reading = engine.fetched([np.empty(size) for size in sizes])
-
-    def begun(self, grid: UniformGrid) -> Callable[[], None]:
-        """Start for the samples of a grid, which then owns the coefficients; return what waits and caches all on it."""
-        self.start(self.engine.share(grid.doubles))
-
-        def finish() -> None:
-            found, engine = self.read(), self.engine
-            engine.settle()
-            grid.derive(engine.grid_key, lambda: coefficients)
-            # Not a method of these tables, which have a grid: a cycle would keep its memory, on the device too.
-            fetch = partial(_fetched, engine, coefficients, self.on_host, grid.coefficient_shape)
-            grid.derive(FETCH, lambda: fetch)
-            keep_tables(grid, found)
-
-        coefficients = self.coefficients
-        return finish
-
-    def start(self, samples: Any) -> None:
-        """Start the launches for the samples in a buffer."""
+        reading = self.engine.fetched([np.empty(size) for size in sizes])
+        by_blocks, *lines = reading.buffers
         self._spline(samples)
-        self._by_blocks(samples, self.in_blocks)
-
-    @property
-    def in_blocks(self) -> Any:
-        """The buffer of the greatest fourth differences along three axes in each block, and of the potential there."""
-        return self.reading.buffers[0]
-
-    def read(self) -> dict[Cached, Any]:
-        """Copy the tables of the last `start` to the host, and return them by the functions whose results they are."""
-        _, *lines = self.reading.buffers
+        self._by_blocks(samples, by_blocks)
         if lines:
-            self._peaks(*lines)
-        self.reading.start()
-        in_blocks, *greatest = (array.copy() for array in self.reading.wait())
+            # The greatest absolute coefficients along the first axis, and along the second.
+            self._maxima(self.coefficients, second * third, 1, first, first, lines[0])
+            self._maxima(self.coefficients, third, first, second, second, lines[1])
+        reading.start()
+        in_blocks, *greatest = (array.copy() for array in reading.wait())
         *fourth, potential = in_blocks.reshape(4, *self.blocks)  # of a grid of two axes the first is of no axis
         found: dict[Cached, Any] = {roughness_of_blocks: self._by_axis(*fourth), potential_by_blocks: potential}
         if greatest:
-            first, second, third = _three(self.grid.coefficient_shape)
-            peaks = _peaks_of(greatest[0].reshape(second, third), greatest[1].reshape(first, third))
+            over_first, over_second = greatest[0].reshape(second, third), greatest[1].reshape(first, third)
+            peaks = [over_second.max(axis=1), over_first.max(axis=1), over_first.max(axis=0)]
             found[potential_peaks] = peaks[-len(self.blocks) :]
         return found
 
@@ -170,7 +118,7 @@ class GridTables:
             shape[axis] += 2
             ambient = self.grid.ambient_index if axis == 0 else 0.0
             before = [values, inverse, nodes, pitch, int(even), ambient]
-            engine.launch(self.kernels[axis]["spline_lines"], before, [made], lines)
+            engine.launch(self.kernels["spline_lines"], before, [made], lines)
             values = made
 
     def _by_blocks(self, samples: Any, made: Any) -> None:
@@ -180,8 +128,8 @@ class GridTables:
         columns = _blocks(first, self.block) * _blocks(second, self.block) * third
         even = int(grid.even_first_axis and first == 1)
         before = [self.coefficients, samples, first, second, third, self.block, even, grid.ambient_index]
-        self.engine.launch(self.kernels[0]["column_maxima"], before, [self.spare], columns)
-        self._maxima(0, self.spare, 1, 4 * columns // third, third, self.block, made)
+        self.engine.launch(self.kernels["column_maxima"], before, [self.spare], columns)
+        self._maxima(self.spare, 1, 4 * columns // third, third, self.block, made)
 
     def _by_axis(self, *fourth: np.ndarray) -> tuple[int, list[np.ndarray], list[np.ndarray]]:
         """Convert to the form of step_bound.roughness_of_blocks."""
@@ -189,16 +137,10 @@ class GridTables:
         derivatives = [part / scale for part, scale in zip(fourth[-len(scales) :], scales, strict=True)]
         return self.block, derivatives, [np.zeros(derivatives[0].shape)] * len(scales)
 
-    def _peaks(self, planes: Any, rows: Any) -> None:
-        """Launch the greatest absolute coefficients along the first axis, and along the second, into these buffers."""
-        first, second, third = _three(self.grid.coefficient_shape)
-        self._maxima(1, self.coefficients, second * third, 1, first, first, planes)
-        self._maxima(2, self.coefficients, third, first, second, second, rows)
-
-    def _maxima(self, number: int, values: Any, pitch: int, outer: int, count: int, block: int, made: Any) -> None:
+    def _maxima(self, values: Any, pitch: int, outer: int, count: int, block: int, made: Any) -> None:
         """Launch the greatest absolute values over the nodes of blocks along an axis, into the buffer `made`."""
         places = outer * _blocks(count, block) * pitch
-        self.engine.launch(self.kernels[number]["block_maxima"], [values, count, pitch, block], [made], places)
+        self.engine.launch(self.kernels["block_maxima"], [values, count, pitch, block], [made], places)
 
 
 @cached_on("places", 6)
@@ -215,11 +157,6 @@ def _fetched(engine: Engine, coefficients: Any, on_host: np.ndarray | None, shap
     found = np.empty(shape)
     engine.get(coefficients, found.reshape(-1))
     return found
-
-
-def _peaks_of(over_first: np.ndarray, over_second: np.ndarray) -> list[np.ndarray]:
-    """Convert to the form of error_limit.py: the greatest absolute coefficient in each plane across an axis."""
-    return [over_second.max(axis=1), over_first.max(axis=1), over_first.max(axis=0)]
 
 
 def _three(shape: tuple[int, ...]) -> tuple[int, int, int]:

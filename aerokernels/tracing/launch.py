@@ -1,6 +1,6 @@
 """Launch a bundle on the engine of its plan, in chunks that fit the device's memory: upload, trace and download."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -25,8 +25,6 @@ RAY_BYTES = 6 * 8 + sum(width * np.dtype(kind).itemsize for width, kind in OUTPU
 CHUNK, LEAST_CHUNK = 1 << 21, 64  # speed only
 # Chunks that do not fit the free memory are made smaller by this factor.
 FEWER = 4  # speed only
-# Up to this many rays, fetching all arrays from a GPU together is faster than one after the other.
-FEW = 1 << 14  # speed only
 # Share of the device's memory that a chunk may take.
 MEMORY_SHARE = 0.25
 
@@ -38,13 +36,8 @@ def launch(
     until,
     wavelength: float,
     outputs: frozenset,
-    are_read: bool = False,
 ) -> dict[str, Any]:
-    """Trace each ray of a bundle once as its plan says; return per-ray arrays by name.
-
-    Where some rays are above the tolerance, "step_error" is among the arrays. `are_read` says that the caller reads all
-    arrays at once: those of few rays are then fetched together.
-    """
+    """Trace each ray once as its plan says; return per-ray arrays, "step_error" among them if rays are rejected."""
     if plan.backend == "reference":
         from .engines.reference.engine import trace
 
@@ -57,8 +50,6 @@ def launch(
         prepare_once(engine, field.samples)  # of a field without a plan of its own, as the coarser ones of a budget
         directions = rays.held("direction")[:1] if needs_none else rays.direction
         prepared = engine.prepare(field, plan, until, wavelength, outputs, directions)
-        if are_read and engine.is_gpu and rays.ray_count <= FEW and not engine.keeps(rays.ray_count * RAY_BYTES):
-            return _together(prepared, starts_of(rays), outputs)
         order = coherent_order(field, rays.position, rays.direction) if prepared.is_packed else None
         if order is None:
             return in_chunks(prepared, starts_of(rays), outputs)
@@ -80,15 +71,10 @@ def in_chunks(
     outputs: frozenset,
     then: Callable[[DeviceArray], None] | None = None,
 ) -> dict[str, Any]:
-    """Launch a kernel over rays, chunk by chunk; return per-ray arrays by name.
+    """Launch a kernel over rays, chunk by chunk; return per-ray arrays, on the device where the engine keeps them.
 
-    They stay on the device, as DeviceArrays, where the engine keeps them there.
-
-    Args:
-        prepared: The kernel.
-        starts: Its per-ray arguments (position, direction), each of shape (ray_count, 3).
-        outputs: Names of the arrays to fetch; the status always is, and "step_error" where rays are rejected.
-        then: Starts further work on the statuses if they stay on the device: it is called before they are waited for.
+    The status always is among them, and "step_error" where rays are rejected. `then` starts further work on the
+    statuses if they stay on the device.
     """
     engine, ray_count = prepared.engine, len(starts[0])
     if engine.keeps(ray_count * RAY_BYTES):
@@ -111,12 +97,7 @@ def in_chunks(
 
 
 class _Chunks:
-    """Rays that are traced chunk by chunk; attributes as the arguments of `in_chunks`.
-
-    Attributes:
-        arrays: The per-ray arrays by name, with the results so far.
-        has_all: Whether all rays are traced.
-    """
+    """Rays that are traced chunk by chunk; the arguments are those of `in_chunks`."""
 
     def __init__(self, prepared: Prepared, starts: tuple[np.ndarray, ...], outputs: frozenset):
         self.prepared, self.starts, self.outputs = prepared, starts, outputs
@@ -177,69 +158,28 @@ class Trials:
 
     def __call__(self, *asked: tuple[int, float, float]) -> list[dict[str, np.ndarray]]:
         """Return the outputs for each (number of samples, quadrature scale, trajectory scale), see TracePlan."""
-        repeated = RepeatedTrials(self, asked)
+        names, count = self.names, self.count
+        many = [self.prepared, *(self.prepared.again() for _ in asked[1:])]
         with stage("upload"):
-            reading = self.prepared.engine.fetched(repeated.arrays)
-            repeated.into(reading.buffers)
+            reading = self.prepared.engine.fetched([_empty(name, count) for _ in asked for name in names])
+            buffers = iter(reading.buffers)
+            results = [
+                self.prepared.allocate(count, without=names) | {name: next(buffers) for name in names} for _ in asked
+            ]
         with stage("kernel"):
-            repeated.launch()
+            for prepared, (samples, quadrature, trajectory), outputs in zip(many, asked, results, strict=True):
+                prepared.tune(
+                    sample_count=samples, quadrature_error_scale=quadrature, trajectory_error_scale=trajectory
+                )
+                prepared.launch(self.starts, outputs, count)
             reading.start()
-            return repeated.outputs(reading.taken())
+            arrays = iter(reading.taken())
+            return [{name: next(arrays) for name in names} for _ in asked]
 
 
 @cached_on("rays")
 def _put(rays: RayBundle, engine: Engine) -> list:
     return [engine.put(np.asarray(array)) for array in (rays.position, rays.direction)]
-
-
-class RepeatedTrials:
-    """Trace the rays of Trials for several numbers, any number of times.
-
-    Attributes:
-        arrays: The host arrays that receive the outputs, see Engine.fetched.
-    """
-
-    def __init__(self, trials: Trials, asked: Sequence[tuple[int, float, float]]):
-        """Take the numbers; `asked` as for a call of the trials."""
-        self.trials, self.asked = trials, asked
-        self.prepared = [trials.prepared, *(trials.prepared.again() for _ in asked[1:])]
-        self.arrays = [_empty(name, trials.count) for _ in asked for name in trials.names]
-        self.results: list[dict[str, Any]] = []
-
-    def into(self, made: Iterable[Any]) -> "RepeatedTrials":
-        """Let the outputs be written to buffers for the arrays."""
-        names, buffers, prepared = self.trials.names, iter(made), self.trials.prepared
-        self.results = [
-            prepared.allocate(self.trials.count, without=names) | {name: next(buffers) for name in names}
-            for _ in self.asked
-        ]
-        return self
-
-    def launch(self) -> None:
-        """Start to trace the rays for each of the numbers."""
-        for prepared, numbers, made in zip(self.prepared, self.asked, self.results, strict=True):
-            count, quadrature, trajectory = numbers
-            prepared.tune(sample_count=count, quadrature_error_scale=quadrature, trajectory_error_scale=trajectory)
-            prepared.launch(self.trials.starts, made, self.trials.count)
-
-    def outputs(self, arrays: Iterable[np.ndarray]) -> list[dict[str, np.ndarray]]:
-        """The outputs for each of the numbers, from the arrays with all of them."""
-        each = iter(arrays)
-        return [{name: next(each) for name in self.trials.names} for _ in self.asked]
-
-
-def _together(prepared: Prepared, starts: tuple[Numbers, ...], outputs: frozenset) -> dict[str, Any]:
-    """Launch few rays on a GPU and fetch all arrays together, waiting only at the end."""
-    engine, ray_count = prepared.engine, len(starts[0])
-    wanted = [name for name in OUTPUT_TYPES if name in outputs | prepared.computed]
-    with stage("upload"):
-        given = [engine.put(np.asarray(each)) for each in starts]
-        reading = engine.fetched([_empty(name, ray_count) for name in wanted])
-        results = prepared.allocate(ray_count, without=wanted) | dict(zip(wanted, reading.buffers, strict=True))
-    with stage("kernel"):
-        prepared.launch(given, results, ray_count)
-        reading.start()
-        return dict(zip(wanted, reading.taken(), strict=True))
 
 
 def _empty(name: str, ray_count: int) -> np.ndarray:

@@ -1,9 +1,6 @@
 """Cross straight lines with the box of a field: where each line enters and leaves it, and through which face.
 
-The box of a volume field has six faces, that of a planar field four (it has no ends in x), and that of an axisymmetric
-field is a cylinder: its side r = R and its two ends. A line p + t d touches the box over t_enter <= t <= t_leave. For a
-start inside the box there is no entry, and t_enter is 0.
-
+A volume's box has six faces, a planar field's four (it has no ends in x), and an axisymmetric field's is a cylinder.
 Bundles of which no ray meets the field are refused here, and lines that end on the field's body are found.
 """
 
@@ -28,15 +25,10 @@ BOXES = 2  # speed only
 
 @dataclass(frozen=True, eq=False)
 class BoxSpan:
-    """Where lines cross a box, forward of their starts.
+    """Where lines cross a box, forward of their starts: distances [m] and numbers of FACES, each of shape (n,).
 
-    Attributes:
-        enter: Distance to the entry [m], 0 for a start inside, shape (n,).
-        leave: Distance to the exit [m], less than `enter` for a line that misses the box, shape (n,).
-        entry_face: Number of the face of the entry in FACES, -1 for a start inside, shape (n,).
-        exit_face: Number of the face of the exit, -1 where the line never leaves, shape (n,).
-        face_behind: As `entry_face`, but for a start inside the face by which the line would enter if it began farther
-            back.
+    `enter` is 0 and `entry_face` -1 for a start inside, where `face_behind` is the face by which the line would enter;
+    `leave` is less than `enter` for a line that misses the box, and `exit_face` -1 where it never leaves.
     """
 
     enter: np.ndarray
@@ -112,10 +104,7 @@ def _span(position: np.ndarray, direction: np.ndarray, geometry: str, low: np.nd
 
 
 def slab_span(place: np.ndarray, rate: np.ndarray, low: float, high: float, tolerance: float = 0.0):
-    """Return where lines place + t rate enter and leave the slab from `low` to `high`; (inf, -inf) for a miss.
-
-    `tolerance` widens the slab on either side, for lines along the slab only.
-    """
+    """Where lines place + t rate enter and leave a slab, which is widened for lines along it; else (inf, -inf)."""
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         to_low, to_high = (low - place) / rate, (high - place) / rate
         first, last = np.minimum(to_low, to_high), np.maximum(to_low, to_high)
@@ -172,10 +161,7 @@ def span_of_box(p: np.ndarray, d: np.ndarray, low: np.ndarray, high: np.ndarray,
 
 
 def crossing_of_box(p: np.ndarray, d: np.ndarray, low: np.ndarray, high: np.ndarray, geometry: str):
-    """Return where rays enter and leave a box [m along them], and the cosine with the normal of the exit face.
-
-    Like `box_span`, for any box, given by its corners along the field's own axes: r and z, y and z, or x, y and z.
-    """
+    """Where rays enter and leave a box given by its corners along the field's axes [m], and the exit's cosine."""
     enter, leave, cosine = np.zeros(len(p)), np.full(len(p), np.inf), np.ones(len(p))
     for axis, first, last in _spans(p, d, low, high, geometry):
         if axis is None:
@@ -235,11 +221,10 @@ def check_meeting(field: IndexField, rays: RayBundle, what: str) -> None:
 
 
 def walls_along(field: IndexField, position: np.ndarray, direction: np.ndarray, end) -> tuple[np.ndarray, np.ndarray]:
-    """Where straight lines through a field begin: 0, or where one that starts in the body leaves it [m], shape (n,).
+    """Where straight lines through a field begin: 0, or where one leaves the body [m]; and which end on the body, (n,).
 
-    Also which of them end on the body, shape (n,): they enter it before they leave the field's box or reach `end` [m],
-    or they start in it and never leave it there. A line along x through planar air never leaves the field and is not
-    counted.
+    Those enter it before they leave the field's box or reach `end` [m], or never leave it there. A line along x through
+    planar air never leaves the field and is not counted.
     """
     assert field.body is not None
     span = box_span(field, position, direction)

@@ -1,16 +1,8 @@
-"""Make the plan of a trace from the caller's choices.
+"""Make the plan of a trace from the caller's choices; the backend is chosen in the order of engines/choice.py.
 
-All decisions about a trace are made in this file, but these:
-
-    bundle/run.py                whether a bundle is a map of two parameters, of which most rays are interpolated
-    leapfrog/sample_count.py     how many leapfrog samples a ray takes, by what pilot.py finds that they cost
-    pupil/job.py                 by which quadrature a pupil is answered, and whether a known plan is followed
-    launch.py                    in what order, and how many at a time, rays are moved
-    retrace.py                   which rays are traced again, and how
-
-"auto" takes leapfrog where a pilot of the rays shows that it is accurate enough and cheaper, and error control
-otherwise. Any other method is kept, however many rays there are. The backend is chosen in the fixed order of
-engines/choice.py.
+Decided elsewhere: what of a bundle is interpolated (bundle/run.py), how many leapfrog samples a ray takes
+(leapfrog/sample_count.py), a pupil's quadrature (pupil/job.py), the order and chunks of rays (launch.py), and which are
+traced again (retrace.py).
 """
 
 from collections.abc import Callable
@@ -38,11 +30,7 @@ STRAIGHT = "; along the undisturbed line, with the second-order correction of th
 
 
 def backend_for(field: IndexField, backend: str) -> str:
-    """Return the requested backend, or "reference" instead of "auto" for cells without an interpolant.
-
-    Raises:
-        ValueError: Another backend is requested for such a field.
-    """
+    """The requested backend, or "reference" instead of "auto" for cells without an interpolant; others refuse these."""
     if field.interpolation != "cells" or backend == "reference":
         return backend
     if backend != "auto":
@@ -54,11 +42,7 @@ def backend_for(field: IndexField, backend: str) -> str:
 
 
 def check_choices(field: IndexField, *, method, precision, tolerance, step) -> None:
-    """Check the caller's choices, before any ray is planned.
-
-    Raises:
-        ValueError: An unknown name or a number that makes no sense, with the remedy.
-    """
+    """Reject an unknown name or a number that makes no sense, before any ray is planned."""
     check_choice(method, "method", METHODS)
     if precision not in PRECISIONS:
         raise ValueError(f"precision {precision!r} is not known: choose 'float32' or 'float64'")
@@ -88,15 +72,9 @@ def plan_rays(
 ) -> TracePlan:
     """Return the plan of a bundle: leapfrog where that meets the tolerance; `pilot()` makes some of its rays.
 
-    `rays` is the whole bundle; None if the pilot rays already show its extent.
-    `like` is the plan of such rays through a field like this one; its number of samples is taken if the pilot confirms
-    it. `sure_count` is the number of rays that are traced in any case, where others may not be: it decides whether a
-    table pays. `is_once` tells that the plan has to pay for itself at the first trace.
-
-    The other arguments are those of `make_plan`.
-
-    Raises:
-        ValueError: As for `make_plan`.
+    `rays` is the whole bundle; None if the pilot rays already show its extent. `like` is the plan of such rays through
+    a field like this one. `sure_count` rays are traced in any case: it decides whether a table pays. With `is_once` the
+    plan has to pay for itself at the first trace.
     """
     if field.geometry == "planar" and choices["path_length"] is None:
         # The box has no end in x: a ray may fly much farther in it than across its other axes.
@@ -153,11 +131,7 @@ def make_plan(
     wavelength,
     directions,
 ) -> TracePlan:
-    """Fill in the choices left to "auto"; the others have passed `check_choices`.
-
-    Raises:
-        ValueError: A backend or device that is not available, or a number of steps that makes no sense.
-    """
+    """Fill in the choices left to "auto"; the others have passed `check_choices`."""
     backend = backend_for(field, backend)
     if method == "fixed" and max_steps is None and step < 1e-8 * box_size(field):
         raise ValueError(
@@ -220,10 +194,7 @@ LONG, ON_GPU = 2e7, 500.0
 def seen_in_mesh(
     field: IndexField, pilot: Callable[[], RayBundle], ray_count: int, until, wavelength: float, plan: TracePlan
 ) -> TracePlan:
-    """Return the plan of so many rays with the evaluations that some of them need in a mesh; warn if they take long.
-
-    The plan for any other field, for few rays, or without error control is returned as it is.
-    """
+    """The plan of many rays through a mesh with the evaluations that some of them need; warn if they take long."""
     if field.is_uniform or ray_count < MANY or plan.method != "adaptive" or plan.backend == "reference":
         return plan
     rays = pilot()

@@ -1,12 +1,8 @@
 """Trace again the rays whose own error estimate is above the tolerance, and report those that stay above it.
 
-Every method estimates the error of each ray's optical path. "fixed" and "paper" take the caller's steps, and their rays
-are not traced again. With every other method a ray above the tolerance is traced again under error control: first in
-the requested precision, if it was not traced so already, then in float64 with the tolerance times a power of
-RETRACE_SHARE. A ray that is above the tolerance even then gets the status TOLERANCE_NOT_MET.
-
-A ray whose steps are exhausted in float32 arrives here with an infinite error: rounding may have kept its steps short
-although float64 needs few of them. If float64 exhausts them too, its status is MAX_STEPS.
+First in the requested precision under error control, then in float64 with the tolerance times a power of RETRACE_SHARE;
+"fixed" and "paper" take the caller's steps. A ray whose steps are exhausted in float32 has an infinite error: rounding
+may have kept them short.
 """
 
 from collections.abc import Callable
@@ -42,16 +38,9 @@ class ToleranceWarning(RuntimeWarning):
 def retrace_rejected(
     field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelength: float, arrays: dict
 ) -> None:
-    """Trace again those rays whose "step_error" is above the tolerance; other rays are not copied from the device.
+    """Trace again those rays whose "step_error" is above the tolerance; others are not copied from the device.
 
-    Args:
-        field: The refractive index.
-        rays: The rays.
-        plan: How the rays were traced; its method controls its error.
-        until: The stop.
-        wavelength: Vacuum wavelength [m].
-        arrays: Per-ray results by name, NumPy arrays or DeviceArrays, "step_error" and "status" among them. They are
-            changed in place.
+    `arrays` are per-ray results by name, "step_error" and "status" among them, which are changed in place.
     """
     limit = error_limit(field, plan.tolerance * wavelength)
     rows = rows_where(arrays["status"], RayStatus.TOLERANCE_NOT_MET, arrays["step_error"], limit)
@@ -65,7 +54,7 @@ def retrace_rejected(
     def trace_again(chosen: np.ndarray, attempt: TracePlan) -> None:
         """Trace these rays of the part again; a ray that got worse, or was lost, keeps its previous results."""
         some = part if len(chosen) == len(rows) else part.part(chosen)
-        found = launch(field, some, attempt, until, wavelength, frozenset(arrays) - {"status"}, are_read=True)
+        found = launch(field, some, attempt, until, wavelength, frozenset(arrays) - {"status"})
         new_status, new_error = np.asarray(found["status"]), np.asarray(found["step_error"])
         flew_past = status[chosen] == RayStatus.STOP_NOT_REACHED
         is_worth_keeping = flew_past | (reached(status[chosen]) & np.isfinite(error[chosen]))
@@ -137,14 +126,7 @@ def _rejected(status: np.ndarray, error: np.ndarray, limit: float) -> np.ndarray
 def report_rejected(plan: TracePlan, count: int, ray_count: int, greatest: float | None, wavelength: float):
     """Warn of rays that are still above the tolerance, and return the plan with a sentence about them.
 
-    Without such rays the plan is returned unchanged, without a warning.
-
-    Args:
-        plan: The plan.
-        count: Number of rays with the status TOLERANCE_NOT_MET.
-        ray_count: Number of all rays.
-        greatest: The greatest error estimate of these rays [m]; None where it was not kept.
-        wavelength: Vacuum wavelength [m].
+    `greatest` is their greatest error estimate [m]; None where it was not kept.
     """
     if not count:
         return plan

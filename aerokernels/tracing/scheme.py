@@ -1,8 +1,7 @@
-"""The constants of the tracing scheme, in addition to the Runge-Kutta pair of tableau.py: one source for every backend.
+"""The constants of the tracing scheme besides the Runge-Kutta pair of tableau.py: one source for every backend.
 
-Warp imports them; OpenCL reads them from the header constants.h, which opencl/headers.py generates. There they are
-floats in the kernel's precision, except those that headers.py lists as double.
-Numbers that depend on the precision are mappings from its name.
+Warp imports them; OpenCL reads them from constants.h, which opencl/headers.py generates, in the kernel's precision but
+for those that it lists as double. Numbers that depend on the precision are mappings from its name.
 """
 
 # The length of a step.

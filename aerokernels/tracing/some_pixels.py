@@ -1,8 +1,7 @@
 """Errors of a map, such as a picture, from the rays of some of its pixels.
 
-Pixels of even rows and columns are traced again one by one, with how their rays change by each cause of an error
-(variants/). A pixel's error is the root mean square over the nearest of these pixels of what the changes make of the
-pixel's number, times FACTOR; between them it is interpolated.
+A pixel's error is FACTOR times the root mean square, over the nearest pixels that were traced again, of what the
+changes by each cause make of its number; between them it is interpolated.
 """
 
 from collections.abc import Callable
@@ -27,15 +26,10 @@ PixelNumber = Callable[[Rays], np.ndarray]
 
 
 class SomePixels:
-    """Some pixels of a map and the rays through them.
+    """Some pixels of a map, `rows` by `columns` (`place` is both of each), and the rays through them.
 
-    Attributes:
-        shape: Rows and columns of the map.
-        rows: Rows of the pixels, shape (m,).
-        columns: Their columns, shape (n,).
-        place: Row and column of each pixel, shape (m n, 2).
-        kept: The pixels all of whose rays arrived, in random order.
-        found: Their rays and the changes; None where no pixel has all of its rays.
+    `kept` are the pixels all of whose rays arrived, in random order; `found` their rays and the changes, if there are
+    any.
     """
 
     def __init__(self, shape: tuple[int, int], group: int):
@@ -66,10 +60,7 @@ class SomePixels:
     def errors(self, number: PixelNumber, stored: np.ndarray | None = None) -> dict[str, np.ndarray]:
         """Return the errors of a number by cause, shape (pixels, ...) of all pixels.
 
-        Args:
-            number: The number of the pixels that were kept.
-            stored: The whole map, which differs from the number by interpolation between the rays of its bundle; None
-                if it differs by more.
+        `stored` is the whole map where it differs from the number by interpolation between the rays of its bundle only.
         """
         assert self.found is not None
         base = self.found.base

@@ -1,24 +1,12 @@
-r"""Bound the length of a step at each place, so that nothing between its samples is missed.
+"""Bound the length of a step at each place, so that nothing between its samples is missed.
 
-The field is divided into blocks of some cells a side. In each the roughness is bounded by differences of the
-interpolant's coefficients: the fourth derivative G of the potential along the rays (for "cubic", whose third derivative
-jumps by h G at the nodes), or the kink K of its slope times the spacing (for "linear" and "monotone"). A step of length
-H errs in optical path by no more than about C H^5 G, so that over a path of length L
+With G the greatest fourth derivative of the potential and K the greatest kink of its slope times the spacing that a ray
+can meet within H ahead of a block of cells, over a path of length L
 
     H <= (SHARE budget / (C L G))^(1/4)       and, at kinks,      K / 12 <= KINK_SHARE budget / L
 
-where G and K are the greatest that a ray can meet within H ahead of the block: the maximum over the cone of directions
-about the coordinate axis that the ray runs along, or over all directions if it runs along none. H is increased step by
-step, and each block gets the greatest H for which this holds. Steps of up to STEP_LIMIT cells are taken in any case:
-four samples a step are then never further apart than a sample's support.
-
-With k_i = G_i^(1/4) along axis i, G along a direction u of a structure with one normal is (sum |u_i| k_i)^4.
-
-The field evaluations of a ray across the box under error control are predicted by
-
-    evaluations   OVERHEAD 3 int dl / (step bound there) + FIRST along the diagonal of the box
-
-with OVERHEAD and FIRST fitted to traces of five fields.
+Steps of up to STEP_LIMIT cells are taken in any case. With k_i = G_i^(1/4) along axis i, G along a direction u of a
+structure with one normal is (sum |u_i| k_i)^4.
 """
 
 import math
@@ -52,10 +40,7 @@ CONE_SINES = (0.02, 0.2)
 
 @dataclass(frozen=True)
 class Cone:
-    """A cone of directions about a coordinate axis, chosen by a ray's own first direction; axis None: all directions.
-
-    The cone of a ray, and so its steps, depend on this ray alone and not on the others of its bundle.
-    """
+    """A cone of directions about a coordinate axis, chosen by a ray's first direction; axis None: all directions."""
 
     axis: int | None
     sign: float
@@ -109,14 +94,7 @@ class StepBound:
 
 @cached_on("grid", 32)
 def step_bound(grid: UniformGrid, geometry: str, budget: float, cone: Cone) -> StepBound:
-    """Return the table of step bounds; zero where STEP_LIMIT applies. The last few are cached on the grid.
-
-    Args:
-        grid: The field's samples.
-        geometry: The field's geometry.
-        budget: OPD error allowed for a whole ray [m].
-        cone: Where the rays point.
-    """
+    """The table of step bounds for rays of a cone, by the OPD error allowed [m]; zero where STEP_LIMIT applies."""
     block, smooth, kink = roughness_along(grid, geometry, cone)
     way = _local(cone.axis_vector, geometry)
     extent = float(np.linalg.norm(grid.high - grid.low))
@@ -160,10 +138,7 @@ def roughness_along(grid: UniformGrid, geometry: str, cone: Cone) -> tuple[int, 
 
 @cached_on("grid")
 def roughness_of_blocks(grid: UniformGrid) -> tuple[int, list[np.ndarray], list[np.ndarray]]:
-    """Cells in a block, and each block's greatest |fourth derivative| [1/m4] and kink [1] along each axis; cached.
-
-    They are those of the potential over the ambient index, which is the contrast where that is small.
-    """
+    """Cells in a block, and in each the potential's greatest fourth derivative [1/m4] and kink [1] along each axis."""
     block = block_size(grid)
     fourth, second = [], []
     _ = grid.coefficients  # made once, not by each thread
@@ -271,12 +246,9 @@ PIECEWISE_SMOOTH_COST = {"linear": 2.0, "monotone": 3.0, "bilinear": 3.0}
 
 
 def predict_evaluations(field: IndexField, budget: float, directions: np.ndarray) -> float:
-    """Predict the field evaluations of a ray across the box under error control.
+    """Predict the field evaluations of a ray across the box under error control with so much OPD error allowed [m].
 
-    Args:
-        field: The refractive index.
-        budget: OPD error allowed for a ray [m].
-        directions: Unit vectors of the rays, shape (ray_count, 3).
+    OVERHEAD 3 int dl / (step bound there) + FIRST along the diagonal of the box, fitted to traces of five fields.
     """
     if not isinstance(field.samples, UniformGrid):
         return PIECEWISE_SMOOTH_COST["bilinear"] * box_size(field) / float(np.median(field.samples.mesh.cell_size))

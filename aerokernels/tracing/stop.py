@@ -1,10 +1,8 @@
 """Stops of a trace: a plane, or a length of path. None means that a ray ends where it leaves the field's box.
 
-A plane beyond a field is one behind which light has all of the field's box behind it. A planar field has no ends in x:
-light along the unit vector d crosses it in y and z, by p = |(d_y, d_z)| a metre. Its momentum along x is conserved, so
-that in y and z light moves as through a contrast m / p^2, which may turn it; for contrasts up to NEARLY_TRAPPED p^2
-that makes the way longer by less than the share ROOM (1 - p^2) that is added to it. Light nearer to the x axis may be
-guided along the field, and no plane is beyond it.
+A planar field has no ends in x: light along the unit vector d crosses it by p = |(d_y, d_z)| a metre, and moves in y
+and z as through a contrast m / p^2. For contrasts up to NEARLY_TRAPPED p^2 that makes the way longer by less than the
+share ROOM (1 - p^2); light nearer to the x axis may be guided along the field, and no plane is beyond it.
 """
 
 from dataclasses import dataclass
@@ -80,10 +78,7 @@ Box = tuple[np.ndarray, np.ndarray]  # lowest and highest corner [m], infinite a
 
 
 def ways_through(box: Box, start: np.ndarray, look: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return lengths [m] along unit vectors from points to the middle of a box and to beyond all of it, and p^2.
-
-    `start` and `look` have shape (.., 3), the results (..). Lengths are negative for what is behind the start.
-    """
+    """Lengths [m] along unit vectors from points (.., 3) to the middle of a box and to beyond it, and p^2."""
     ends = np.isfinite(box[1] - box[0])
     low, high = (np.where(ends, corner, 0.0) for corner in box)
     toward = np.where(ends, look, 0.0)
@@ -94,9 +89,7 @@ def ways_through(box: Box, start: np.ndarray, look: np.ndarray) -> tuple[np.ndar
 
 
 def way_beyond(box: Box, start: np.ndarray, reach: float, look: np.ndarray, contrast: float = 0.0) -> np.ndarray:
-    """Return the length [m] along unit vectors from points to where light is beyond a field's box, shape (..).
-
-    That holds for all light along a unit vector that starts within `reach` [m] of the point.
+    """The length [m] along unit vectors beyond which light from within `reach` [m] of a point is beyond the box.
 
     Raises:
         ValueError: A planar field of so great a contrast that light along a unit vector may never leave it.
@@ -116,10 +109,6 @@ def way_beyond(box: Box, start: np.ndarray, reach: float, look: np.ndarray, cont
 
 
 def plane_beyond(field: IndexField, pupil: Pupil, look: np.ndarray) -> Plane:
-    """Return the plane across a unit vector, beyond a field for all light of a pupil along it.
-
-    Raises:
-        ValueError: Light along the vector may never leave the field, see `way_beyond`.
-    """
+    """The plane across a unit vector, beyond a field for all light of a pupil along it; see `way_beyond`."""
     way = way_beyond(field.box, pupil.center, pupil.reach, look, greatest_contrast(field))
     return Plane(pupil.center + way * look, look)

@@ -1,8 +1,7 @@
 """The straight lines of undisturbed rays through a part of a field, from their entry to their end.
 
-Lever arms tell how an error of a ray's direction changes its optical path: where a ray meets its stop at an angle to
-the normal, the error is multiplied by the distance to the stop and by the tangent of that angle. Air that is left out
-of a trace must be judged by it as well, not by its own optical path alone (error_limit.py).
+Where a ray meets its stop at an angle to the normal, an error of its direction changes its optical path by the lever
+arm: the distance to the stop times the tangent of that angle.
 """
 
 from dataclasses import dataclass
@@ -26,14 +25,9 @@ CHUNK = 15 << 10  # speed only: larger arrays come as new pages
 
 @dataclass(frozen=True, eq=False)
 class Lines(Derived):
-    """The straight lines of undisturbed rays through the support of a field.
+    """Straight lines through the support: starts [m] and unit vectors (n, 3), and lengths and lever arms [m], (n,).
 
-    Attributes:
-        start: Where they begin [m], shape (line_count, 3).
-        direction: Unit vectors, shape (line_count, 3).
-        length: Lengths [m], shape (line_count,).
-        lever_arm: Lever arms [m]: distance from `start` to the stop, times the tangent of the angle with its normal.
-        tangent: That tangent; 0 where there is no stop.
+    `tangent` is that of the angle with the stop's normal; 0 where there is no stop.
     """
 
     start: np.ndarray
@@ -94,11 +88,10 @@ def outermost(vectors: np.ndarray) -> np.ndarray:
 def outermost_rays(
     geometry: str, position: np.ndarray, direction: np.ndarray, until, low: np.ndarray, high: np.ndarray
 ) -> np.ndarray:
-    """Rows of the rays that are outermost in position or in direction, and of those whose lines are so within a box.
+    """Rows of the rays outermost in position or direction, and of lines that begin or end so within a box.
 
-    The box is given by its corners [m, along the field's own axes]; a line ends at the stop if that is inside. Of the
-    lines that meet the box, those are returned that begin or end there outermost, by each local coordinate, and the
-    longest.
+    The box is given by its corners [m, along the field's own axes]; a line ends at the stop if that is inside. The
+    longest line is among them.
     """
 
     def find(part: slice | np.ndarray) -> np.ndarray:
@@ -140,11 +133,8 @@ def local_range(lines: Lines, geometry: str) -> np.ndarray:
 class LeverArms:
     """The greatest lengths over a bundle of undisturbed rays [m].
 
-    Attributes:
-        path_length: Path through the field's box, up to the stop if that lies in it.
-        reach: Distance from where a ray enters the box to its stop.
-        lever_arm: That distance times the tangent of the angle between the ray and the stop's normal, of rays that do
-            not graze the stop (LEAST_COSINE).
+    Through the field's box, up to a stop in it; from there to the stop (`reach`); and that times the tangent of the
+    angle with the stop's normal, of rays that do not graze it (LEAST_COSINE).
     """
 
     path_length: float
@@ -153,13 +143,7 @@ class LeverArms:
 
 
 def lever_arms_of(field: IndexField, rays: RayBundle, until) -> LeverArms | None:
-    """The lever arms of a bundle up to its stop; None where no ray meets the field's box before it.
-
-    Args:
-        field: The refractive index.
-        rays: The rays, undisturbed.
-        until: None (the end of the box), a Plane or an ArcLength.
-    """
+    """The lever arms of a bundle up to its stop; None where no ray meets the field's box before it."""
     low, high = (np.asarray(corner, dtype=float)[0 if field.geometry == "volume" else 1 :] for corner in field.box)
     return _lever_arms(rays, field.geometry, low, high, until)
 
@@ -187,17 +171,9 @@ def _lever_arms(rays: RayBundle, geometry: str, low: np.ndarray, high: np.ndarra
 
 
 def obliquity(direction: np.ndarray, until) -> np.ndarray:
-    """Return the vector o for which a displacement x of a ray changes its path length to the stop by x . o.
+    """Return the vectors o (n, 3) for which a displacement x of a ray changes its path length to the stop by x . o.
 
-    The vector is perpendicular to the ray. Its length is the tangent of the angle between the ray and the stop's
-    normal, at most the tangent for rays that graze the stop (LEAST_COSINE).
-
-    Args:
-        direction: Unit vectors, shape (n, 3).
-        until: The stop. Only a Plane can be oblique.
-
-    Returns:
-        Shape (n, 3).
+    They are across the rays, as long as the tangent of the angle with the normal of a Plane, the only oblique stop.
     """
     if not isinstance(until, Plane):
         return np.zeros_like(direction)

@@ -178,11 +178,7 @@ def _group_path(field: IndexField, rays: RayBundle, until, result: TraceResult) 
 
 
 def run_plan(field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelength: float, outputs: frozenset) -> dict:
-    """Trace rays as a plan says; return per-ray arrays by name, as NumPy arrays or DeviceArrays.
-
-    Rays whose own error estimate is above the tolerance are traced again. Where some stay above it, "step_error" is
-    among the arrays.
-    """
+    """Trace rays as a plan says, again where above the tolerance; "step_error" is there if some stay above it."""
     arrays = launch(field, rays, plan, until, wavelength, outputs)
     if not plan.controls_error or plan.backend == "reference" or "step_error" not in arrays:
         return arrays
@@ -204,12 +200,7 @@ def rerun(until, wavelength: float) -> Run:
 
 
 def check_outputs(outputs) -> frozenset:
-    """Return the set of output names.
-
-    Raises:
-        TypeError: `outputs` is not a name or a collection of names.
-        ValueError: An unknown name; the message lists those that exist.
-    """
+    """Return the set of output names; an unknown one is refused with a list of those that exist."""
     if outputs is None:
         return frozenset(RAY_OUTPUTS)
     if not isinstance(outputs, (str, list, tuple, set, frozenset)) or not all(isinstance(one, str) for one in outputs):

@@ -8,6 +8,13 @@
 #include "real.h"
 #include "warp_threads.h"
 
+// Number of a channel of a patch.
+#if CHANNELS == 1
+#define CHANNEL(patch, k) (patch)
+#else
+#define CHANNEL(patch, k) ((real *)&(patch))[k]
+#endif
+
 #if CHANNELS == 1
 typedef real channels;
 #define LOAD(at, patches) (patches)[at]

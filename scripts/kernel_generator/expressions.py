@@ -38,10 +38,10 @@ NAMED: dict[str, dict[str, str]] = {
 }
 OF_VECTOR = {"max": {"real3": "greatest", "double3": "greatest64"}}  # with one argument
 SCALARS = ("dot", "length")
-SAME = ("sqrt", "floor", "cross")
+SAME = ("sqrt", "floor", "cross", "sin", "cos")
 OPERATIONS = {"cw_mul": ast.Mult, "cw_div": ast.Div}
-# What a native function of Warp is in C, with the arguments' texts; it gives what the first array holds.
-NATIVES = {"entry": "{0}[{1}]"}
+# What a native function of Warp is in C, with the arguments' texts, and its type; "" for what the first array holds.
+NATIVES = {"entry": ("{0}[{1}]", ""), "in_patch": ("in_patch({0}, {1}, {2}, {3})", "channels")}
 
 
 class Expressions(State):
@@ -118,6 +118,10 @@ class Expressions(State):
         """Write a number of a vector."""
         kind = base(owner.type)
         known = self.names.values(node, self.mask)
+        if owner.type == "channels":
+            return Term(f"CHANNEL({owner.text}, {self.expr(node).text})", "real", POSTFIX)
+        if owner.type.endswith("]"):
+            return Term(f"{owner.text}[{self.expr(node).text}]", owner.type.split("[")[0], POSTFIX)
         if len(known) == 1:
             k = int(known[0][0])
             name = AXES[k] if width(owner.type) <= 4 else f"s{k:x}"
@@ -245,6 +249,8 @@ class Expressions(State):
         """Write a number, vector or struct of a type."""
         if kind in self.kinds.members:
             return Term(f"({kind}){{{', '.join(self.expr(each).text for each in node.args) or '0'}}}", kind, UNARY)
+        if kind.endswith("]"):
+            return Term("", kind)
         if width(kind) == 1:
             return self._scalar(node.args[0], kind)
         if not node.args:
@@ -265,6 +271,8 @@ class Expressions(State):
         known = self.constant(argument, kind) if kind in ("real", "double", "float") else None
         if known is not None:
             return known._replace(type=kind)
+        if kind == "uint" and isinstance(argument, ast.Constant):
+            return Term(f"{argument.value:#x}u" if argument.value > 9 else f"{argument.value}u", kind)
         value = self.expr(argument)
         return value if value.type == kind else Term(f"({kind}){value.within(UNARY)}", kind, UNARY)
 
@@ -300,7 +308,8 @@ class Expressions(State):
             if name not in NATIVES:
                 raise self.fail(node, "native function")
             values = [self.expr(each) for each in node.args]
-            return Term(NATIVES[name].format(*(value.text for value in values)), values[0].type[1:], POSTFIX)
+            text, kind = NATIVES[name]
+            return Term(text.format(*(value.text for value in values)), kind or values[0].type[1:], POSTFIX)
         if name == "advance":
             return self._advance(node)
         groups: dict[Any, list[tuple[Callable, int]]] = {}

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 from .source import RESERVED
 from .statements import Statements
 from .text import WIDTH, comment, filled, indented, wrapped
-from .types import GIVEN, POINTERS, base
+from .types import BEGINS, GIVEN, POINTERS, base
 
 # Functions that are called, not inlined, on a CPU, which halves the time to compile.
 APART = set(
@@ -76,8 +76,12 @@ class Function(Statements):
     def _head(self, kind: str) -> list[str]:
         parameters = [(each.arg, self.types[each.arg]) for each in self.source.tree.args.args]
         if self.is_kernel:
-            out = [f"__kernel void {self.name}(TRACED_ARGUMENTS)", "{"]
-            out += ["    const Arrays arrays = ARRAYS;"] if self.takes_arrays else []
+            if any(kind in GIVEN for _, kind in parameters):
+                out = [f"__kernel void {self.name}(TRACED_ARGUMENTS)", "{"]
+                out += ["    const Arrays arrays = ARRAYS;"] if self.takes_arrays else []
+            else:
+                rows = [row for each in parameters for row in _kernel_arguments(*each)]
+                out = [f"__kernel void {self.name}(", *(f"    {row}," for row in rows[:-1]), f"    {rows[-1]})", "{"]
             return out + [f"    const RayOutputs {n} = RAY_OUTPUTS;" for n, t in parameters if t == "RayOutputs"]
         declared = [_declaration(*each) for each in parameters]
         if self.takes_arrays:
@@ -88,6 +92,13 @@ class Function(Statements):
             return [one, "{"]
         *rows, last = filled(declared, 4)
         return [start, *rows, f"{last})", "{"]
+
+
+def _kernel_arguments(name: str, kind: str) -> list[str]:
+    if kind == "RayOutputs":
+        return ["RAY_OUTPUT_ARGUMENTS"]
+    constant = "" if kind.startswith("*") else "const "
+    return [f"{constant}{_declaration(name, kind)}", *([f"const int {BEGINS[name]}"] if name in BEGINS else [])]
 
 
 def _declaration(name: str, kind: str) -> str:

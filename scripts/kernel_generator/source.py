@@ -117,8 +117,9 @@ def is_device_function(value: Any) -> bool:
 
 
 def module_of(function: Callable) -> str:
-    """Return the last part of the name of a function's module."""
-    return function.__module__.rsplit(".", 1)[-1]
+    """Return the last part of the name of a function's module, or of its package if that is "kernels"."""
+    package, _, name = function.__module__.rpartition(".")
+    return package.rsplit(".", 1)[-1] if name == "kernels" else name
 
 
 class _Known(NamedTuple):

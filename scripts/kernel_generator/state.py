@@ -5,6 +5,8 @@ import re
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+import warp as wp
+
 from .scenes import Facet
 from .source import Names, Unsupported, is_static, module_of, parts_of
 from .types import ATOM, CHOICE, UNARY, Term, base, width
@@ -158,6 +160,9 @@ class State:
         if sign == "=" and not self.mask & there and home == self.here and at_once:
             self._declared[name, home] = there | self.mask
             self.types[name] = value.type or self.types[name]
+            if value.type.endswith("]"):
+                kind, size = value.type.split("[")
+                return f"{kind} {name}[{size};"
             const = "" if (name, home) in self._changed else "const "
             return f"{const}{self.types[name]} {name} = {value.text};"
         if self.mask & ~there:
@@ -199,6 +204,8 @@ class State:
         """Return a number, as type `kind`: real, double, float, or what it is."""
         if isinstance(value, bool):
             return Term(str(int(value)), "int")
+        if isinstance(value, wp.uint32):
+            return Term(f"{value.value:#x}u", "uint")
         if hasattr(value, "value"):  # of Warp's scalar types
             return self.number(value.value, kind)
         if isinstance(value, int) and kind is None:

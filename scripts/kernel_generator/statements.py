@@ -7,7 +7,7 @@ from .expressions import OPERATORS, Expressions
 from .source import last_name
 from .state import Block
 from .text import indented, joined
-from .types import Term, width
+from .types import BEGINS, Term, width
 
 
 class Statements(Expressions):
@@ -133,6 +133,8 @@ class Statements(Expressions):
         return [self._store(node.target, self.expr(node.value), sign)]
 
     def _do_Return(self, node: Any) -> list[str]:
+        if node.value is None:
+            return ["return;"]
         if not isinstance(node.value, ast.Tuple):
             value = self.expr(node.value)
             self.returns = value.type if self.returns == "void" else self.returns
@@ -203,11 +205,11 @@ class Statements(Expressions):
 
     def _bound(self, target: Any, value: Any) -> list[str]:
         """In a kernel, end the work-items beyond the launch's count: OpenCL rounds launches up."""
-        begins = any(isinstance(each, ast.Name) and each.id == "first_ray" for each in ast.walk(value))
+        begins = [each.id for each in ast.walk(value) if isinstance(each, ast.Name) and each.id in BEGINS]
         if not self.is_kernel or not begins or self._is_bounded:
             return []
         self._is_bounded = True
-        return [f"if ({target.id} >= ray_count) {{", "    return;", "}"]
+        return [f"if ({target.id} >= {BEGINS[begins[0]]}) {{", "    return;", "}"]
 
     def _store(self, target: Any, value: Term, sign: str = "=") -> str:
         """Assign to a variable, a member, or a number of an array or vector."""

@@ -28,6 +28,7 @@ class Translator:
         taken: Names that functions must not define.
         types: Types in C.
         texts: What is written, by module, in order: pairs of scenes and text.
+        places: The full name of each module.
         uses: The modules that each module uses.
         defined: Macros of numbers, by module.
         with_arrays: Functions that take struct Arrays because another of their name does.
@@ -40,6 +41,7 @@ class Translator:
         self.scenes, self.macros, self.taken, self.types = scenes, macros, taken, Types()
         self.precisions = scenes.where("real_is_double", 0), scenes.where("real_is_double", 1)
         self.texts: dict[str, list[tuple[int, str]]] = {}
+        self.places: dict[str, str] = {}
         self.uses: dict[str, set[str]] = {}
         self.defined: dict[str, dict[str, str]] = {}
         self.with_arrays: set[CodeType] = set(with_arrays)
@@ -118,6 +120,7 @@ class Translator:
     def _write(self, function: Function) -> Written:
         written, text = function.whole()
         self.texts.setdefault(function.module, []).append((function.names.full, text))
+        self.places[function.module] = function.names.functions[0][0].__module__
         return written
 
     def use_module(self, module: str, functions: list[Callable]) -> None:

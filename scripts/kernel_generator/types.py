@@ -12,6 +12,8 @@ from .scenes import Facet
 # Structs that kernels get by value and functions by pointer; their arrays are in struct Arrays.
 GIVEN = ("Field", "Bounds", "Control")
 POINTERS = (*GIVEN, "RayOutputs")
+# Arguments of kernels for the first of what a launch is over, and what comes behind them in C: one past the last.
+BEGINS = {f"first_{name}": f"{name}_count" for name in ("ray", "line", "place", "sum")}
 # How tightly operators bind; a term that binds less tightly than its place asks gets brackets.
 ATOM, POSTFIX, UNARY, PRODUCT, AND, OR, CHOICE = 16, 15, 14, 13, 5, 4, 3
 PICKS = {"real3": "pick", "real4": "pick4", "double3": "pick64", "double4": "pick4_64", "int3": "pick_int"}
@@ -51,7 +53,7 @@ class Types:
     def __init__(self) -> None:
         """Collect the types of layout.py."""
         self._plain: dict[Any, str] = {kind: name.replace("bool", "int") for name, kind in PLAIN.items()}
-        self._plain |= {wp.float32: "float", int: "int", float: "float", bool: "int"}
+        self._plain |= {wp.float32: "float", wp.int64: "long", int: "int", float: "float", bool: "int"}
         singles, doubles = TYPES["float32"], TYPES["float64"]
         self._real: dict[frozenset, str] = {frozenset((wp.float32, wp.float64)): "real"}
         for size in (2, 3, 4):
@@ -85,4 +87,6 @@ class Types:
     def _one(self, kind: Any) -> str:
         if kind in self._plain:
             return self._plain[kind]
+        if getattr(kind, "_length_", 0) > 4:
+            return f"{self._one(kind._wp_scalar_type_)}[{kind._length_}]"  # an array
         raise TypeError(f"type {kind!r}")

@@ -17,8 +17,7 @@ import numpy as np
 
 from aerokernels.hardware.export import export
 from aerokernels.hardware.frames import EchoFrame
-from aerokernels.hardware.store import EchoStore
-from aerokernels.hardware.store_file import StoreError
+from aerokernels.hardware.store import EchoStore, StoreError
 from aerokernels.jobs.recorded import RecordedEcho, recorded_echoes, recorded_labels
 from aerokernels.jobs.sweeps.records import CASES_FILE, DEFINITION_FILE, Records, read_definition
 

@@ -16,11 +16,11 @@ import numpy as np
 import pytest
 
 from aerokernels import Scene, compare_waveforms, estimate_range
-from aerokernels.hardware.echo_source import EchoSource
 from aerokernels.hardware.frames import EchoFrame, encode
 from aerokernels.hardware.port import PortError, open_port
+from aerokernels.hardware.pseudo_terminal import PseudoTerminal
 from aerokernels.hardware.recorder import Recorder, RecordingStatus
-from aerokernels.hardware.simulator import PseudoTerminal
+from aerokernels.hardware.simulator import EchoSource
 from aerokernels.hardware.store import EchoStore
 from aerokernels.lidar import fwhm_from_pulse_tau
 from aerokernels.lidar.parts import Setup
@@ -77,11 +77,12 @@ def test_an_interrupt_ends_a_recording_cleanly(tmp_path: Path):
     assert integrity(path) == "ok"
 
 
+@pytest.mark.slow
 def test_a_terminal_sees_how_it_goes(tmp_path: Path):
     """On a terminal: what is stored, the rate, the last peak, what was lost, and the state of the port."""
     link, ours, theirs = tmp_path / "port", *os.openpty()
     environment = {**os.environ, "TERM": "xterm", "COLUMNS": "160"}
-    with board(link, "--rate", 40, "--fault", "torn=0.1"):
+    with board(link, "--rate", 40):
         command = [sys.executable, "-m", "aerokernels", "record", "--port", link, "--store", tmp_path / "s.sqlite"]
         process = subprocess.Popen(
             [*map(str, command), "--count", "80"], stdout=theirs, stderr=theirs, stdin=theirs, env=environment
@@ -102,6 +103,7 @@ def test_a_terminal_sees_how_it_goes(tmp_path: Path):
     assert "done: stored 80" in text
 
 
+@pytest.mark.slow
 def test_a_killed_recorder_keeps_what_it_acknowledged_and_goes_on(tmp_path: Path):
     """SIGKILL while frames come in: what the recorder said it stored is there, the file whole, a restart goes on."""
     link, path = tmp_path / "port", tmp_path / "echoes.sqlite"

@@ -7,8 +7,7 @@ import pytest
 
 from aerokernels.hardware.frames import DamagedPiece, EchoFrame, decode, encode
 from aerokernels.hardware.preamble import ScopeCurve
-from aerokernels.hardware.store import EchoStore
-from aerokernels.hardware.store_file import DamagedStoreError, StoreError
+from aerokernels.hardware.store import DamagedStoreError, EchoStore, StoreError
 
 
 def received(sequence: int, device_time_us: int, value: int = 0) -> EchoFrame:

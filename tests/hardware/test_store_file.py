@@ -8,21 +8,12 @@ import numpy as np
 import pytest
 
 from aerokernels.hardware.frames import EchoFrame
-from aerokernels.hardware.store import EchoStore
-from aerokernels.hardware.store_file import StoreError
+from aerokernels.hardware.store import EchoStore, StoreError
 
 
 def add(store: EchoStore, *numbers: int) -> None:
     for number in numbers:
         assert store.add(EchoFrame(number, 1000 * number, 250, 1e-3, 0.0, np.arange(20) + number), number)
-
-
-def numbers_in(path: Path) -> list[int]:
-    with sqlite3.connect(path) as connection:
-        assert connection.execute("PRAGMA integrity_check").fetchone() == ("ok",)
-        found = [number for (number,) in connection.execute("SELECT sequence FROM echoes ORDER BY id")]
-    connection.close()
-    return found
 
 
 @pytest.mark.parametrize("read_only", [False, True])
@@ -44,10 +35,9 @@ def test_a_file_that_another_program_locks_is_said_to_be_that(tmp_path: Path, mo
 
 @pytest.mark.skipif(sys.platform == "win32", reason="an open file keeps its name there")
 @pytest.mark.parametrize("how", ["moved", "deleted", "replaced"])
-def test_a_file_that_loses_its_name_is_saved_under_another(tmp_path: Path, how: str):
+def test_a_file_that_loses_its_name_is_told(tmp_path: Path, how: str):
     """Before, both commits succeeded, and nobody could find their echoes afterwards."""
     path = tmp_path / "e.sqlite"
-    (tmp_path / "e-saved.sqlite").write_text("another file")
     with EchoStore(path) as store:
         store.begin_recording("p", "frames", {"mach": "3"})
         add(store, 0, 1)
@@ -60,14 +50,6 @@ def test_a_file_that_loses_its_name_is_saved_under_another(tmp_path: Path, how: 
         if how == "replaced":
             path.write_text("another file")
         add(store, 2)
-        with pytest.raises(StoreError, match=r"e\.sqlite: the file was moved.* are in .*e-saved-2\.sqlite: record"):
+        with pytest.raises(StoreError, match=r"e\.sqlite: the file was moved, replaced or deleted"):
             store.commit()
-    assert numbers_in(tmp_path / "e-saved-2.sqlite") == [0, 1, 2]
-    assert (tmp_path / "e-saved.sqlite").read_text() == "another file"
-    assert how != "moved" or numbers_in(tmp_path / "moved.sqlite") == [0, 1, 2]
     assert how != "replaced" or path.read_text() == "another file"
-    with EchoStore(tmp_path / "e-saved-2.sqlite") as store:  # it is a store like any other
-        store.begin_recording("p", "frames", {"mach": "3"})
-        add(store, 3)
-        store.commit()
-        assert store.echo_count == 4 and not store.gaps()

@@ -30,7 +30,7 @@ PICTURE = Picture(np.eye(8), np.arange(8.0), np.arange(8.0))
 
 
 @pytest.mark.parametrize("module", ["aerokernels", *(f"aerokernels.{name}" for name in (
-    "compare", "echo", "fldi", "flow", "imaging", "schlieren", "series", "waves", "zernike"))])  # fmt: skip
+    "benches", "compare", "fldi", "flow", "imaging", "lidar", "series", "waves", "zernike"))])  # fmt: skip
 def test_public_functions_check_their_arguments(module):
     """Expected: each function of a package's list is wrapped by `checked`, if it takes an argument."""
     package = import_module(module)

@@ -76,7 +76,7 @@ def test_the_error_of_a_single_echo_is_not_known(tmp_path: Path, runs):
     """Set-up: one echo per label. Expected: no error is claimed for its peak: null in the files, words in the table."""
     echoes = [RecordedEcho(LABELS[mach], TIME, pulse(TIME, peak)) for mach, peak in PEAKS.items()]
     found = compare_recording(write_store(tmp_path / "e.sqlite", echoes), runs)
-    assert all(math.isnan(one.peak_standard_error) and np.isnan(one.spread).all() for one in found.labels)
+    assert all(math.isnan(one.errors.peak) and np.isnan(one.recorded.spread).all() for one in found.labels)
     assert all(row[2].endswith("error not known") for row in peak_table(found)[2])
     assert all(row[3].endswith("spread not known") for row in peak_table(found)[2])
     assert all("error not known" in row[1] for row in error_table(found)[2])
@@ -106,8 +106,8 @@ def test_mean_spread_and_random_error_follow_the_noise(tmp_path: Path, runs):
     )
     for one, peak in zip(found.labels, PEAKS.values(), strict=True):
         assert one.recorded.count == 400
-        assert np.mean(one.spread) == pytest.approx(0.02, rel=0.02)
-        assert np.abs(one.mean - one.simulated).max() < 5.0 * 0.001
+        assert np.mean(one.recorded.spread) == pytest.approx(0.02, rel=0.02)
+        assert np.abs(one.recorded.mean - one.simulated).max() < 5.0 * 0.001
         slope = -2.0 * (TIME - ARRIVAL) / TAU**2 * pulse(TIME, peak)
         bound = 0.5 * C * 0.02 / np.linalg.norm(slope)
         errors = one.ranges["matched-filter"]

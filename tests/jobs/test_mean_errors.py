@@ -17,7 +17,6 @@ from .test_comparison import make_run
 from .test_record_faults import digitised
 
 DRAWS = 1000
-EVERY = np.ones(TIME.size, dtype=bool)
 
 
 @pytest.mark.parametrize("count", [2, 3, 20])
@@ -34,7 +33,7 @@ def test_errors_of_the_mean_hold_the_exact_values(count: int):
     for _ in range(DRAWS):
         volts = exact + 0.02 * random.standard_normal((count, TIME.size))
         recorded = average(RecordedEcho((), TIME, one) for one in volts)
-        errors = mean_errors(recorded, EVERY, TIME, exact, 1.0)
+        errors = mean_errors(recorded, exact, 1.0)
         at = int(np.flatnonzero(recorded.mean > 1.0)[0])
         late = (exact - recorded.mean)[at] / slope[at]  # of the edge's first sample
         best = (slope @ (exact - recorded.mean)) / (slope @ slope)  # the shift that fits best
@@ -54,7 +53,7 @@ def test_the_rounding_of_a_coarse_digitiser_is_in_the_errors(tmp_path: Path):
         path = digitised(tmp_path / f"{noise}.sqlite", bits=8, greatest=2.2, noise=noise)
         (one,) = compare_recording(path, [run]).labels
         assert one.recorded.step == pytest.approx(4.4 / 256, rel=1e-6)
-        assert abs(one.waveform.recorded_peak - 2.0) < 3.0 * one.peak_standard_error
+        assert abs(one.waveform.recorded_peak - 2.0) < 3.0 * one.errors.peak
         for method, found in one.ranges.items():
             if method != "constant-fraction":  # which reads long in noise
                 wrong = abs(found.systematic_error_m - found.simulated_error_m)

@@ -34,25 +34,11 @@ def test_an_echo_that_was_cut_short_does_not_decide_for_all(tmp_path: Path, leng
     rows = [pulse(TIME) + 0.02 * random.standard_normal(TIME.size) for _ in range(31)]
     rows[0] = rows[0][:length]
     (one,) = compare_recording(write(tmp_path / "e.sqlite", rows), [run]).labels
-    assert one.mean.size == TIME.size and one.recorded.resampled_count == 1 and one.waveform.same_pulse
+    assert one.recorded.mean.size == TIME.size and one.recorded.resampled_count == 1 and one.waveform.same_pulse
     for method, found in one.ranges.items():
         if length == 16:
             assert (found.ranged_count, found.missed_count) == (30, 1), method
         assert abs(found.systematic_error_m - found.simulated_error_m) < 0.01, method
-
-
-def test_echoes_that_repeat_the_one_before_are_said(tmp_path: Path):
-    """Set-up: an instrument without a count is read three times for each acquisition. 30 echoes are 10 of them.
-
-    Expected: a warning, because the error of the mean is that of 30. Echoes without noise are all alike: no warning.
-    """
-    random, run = np.random.default_rng(5), read_run(str(make_run(tmp_path / "run", 0, 2.0)))
-    rows = [pulse(TIME) + 0.02 * random.standard_normal(TIME.size) for _ in range(10)]
-    found = compare_recording(write(tmp_path / "e.sqlite", [row for row in rows for _ in range(3)]), [run])
-    (text,) = found.warnings
-    assert text.startswith("mach=0: 20 of 30 echoes repeat the one before in every sample")
-    assert not compare_recording(write(tmp_path / "f.sqlite", rows), [run]).warnings
-    assert not compare_recording(write(tmp_path / "g.sqlite", [pulse(TIME)] * 10), [run]).warnings
 
 
 def test_echoes_without_a_pulse_are_said_and_not_ranged(tmp_path: Path):

@@ -55,7 +55,7 @@ def test_a_coarse_digitiser_makes_no_other_pulse(tmp_path: Path, run, noise: flo
     path = digitised(tmp_path / "e.sqlite", bits=8, greatest=8.8, noise=noise, count=count)
     found = compare_recording(path, [run])
     assert found.labels[0].waveform.same_pulse and not found.warnings
-    mean, time, simulated = (getattr(found.labels[0], name) for name in ("mean", "time", "simulated"))
+    mean, time, simulated = found.labels[0].recorded.mean, found.labels[0].recorded.time, found.labels[0].simulated
     step = found.labels[0].recorded.step
     wider = np.interp(time, ARRIVAL + 1.2 * (time - ARRIVAL), simulated)
     assert compare_waveforms(time, mean, wider, rounding=0.5 * step).same_pulse is False

@@ -9,7 +9,7 @@ from aerokernels.commands.hardware import parse_labels
 from aerokernels.jobs.comparison import _reference
 from aerokernels.jobs.explain import explanation
 from aerokernels.jobs.pictures import PictureOptions
-from aerokernels.jobs.plots import flow_figure, save_flow_figure
+from aerokernels.jobs.plots import save_flow_figure
 
 MACH3 = Scene.load("wind-tunnel-mach3")
 
@@ -29,10 +29,8 @@ def test_explain_says_how_a_scene_goes(settings, told):
     assert "cells, axisymmetric" in found["flow mesh"] or "nodes" in found["flow mesh"]
 
 
-def test_a_figure_of_a_flow_shows_its_body(tmp_path):
+def test_a_figure_of_a_flow_has_a_known_format(tmp_path):
     density = MACH3.density_field()
-    figure = flow_figure(density, "a title")
-    assert figure._suptitle.get_text() == "a title" and figure.axes[0].patches  # the body, filled
     with pytest.raises(ValueError, match=r"'\.xyz' is not a picture format: use \.png"):
         save_flow_figure(density, tmp_path / "a.xyz")
 

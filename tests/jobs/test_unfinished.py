@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from aerokernels.hardware.echo_source import EchoSource
+from aerokernels.hardware.simulator import EchoSource
 from aerokernels.jobs import plots, run
 from aerokernels.jobs.explain import explanation
 from aerokernels.jobs.report import headline_rows, remark_rows

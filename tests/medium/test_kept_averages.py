@@ -72,7 +72,7 @@ def test_the_interpolant_keeps_every_average_of_a_smooth_flow(made, geometry):
     finer, told = field.mesh, of_parents(mesh, average)
     missed = np.abs(means(finer, field.samples.values) / 1e-4 - told)
     assert missed.max() < 1e-8
-    assert np.abs(field.samples.lacking).max() < 1e-8 * 1e-4
+    assert np.abs(field.samples.lacking_by_cell[1]).max() < 1e-8 * 1e-4
     before = IndexField.from_mesh(mesh, 1e-4 * average, ambient_index=1.0 + 1e-6)
     lacked = np.abs(means(mesh, before.samples.values) / 1e-4 - told).max()
     assert lacked > 1e-4 if mesh.parents is None else lacked < 1e-8
@@ -101,7 +101,7 @@ def test_a_shock_has_no_overshoot_and_what_it_lacks_is_told(geometry):
     """Set-up: averages of a step from 1 to 2 askew through uneven cells, which leaves by the rim.
 
     Expected: values from 1 to 2 with nothing beyond (a hundredth on the rim), cells that no shock touches kept, and
-    `lacking` what means of the interpolant miss, rms. A cell of 1.1 between 1 and 2 cannot be kept by values
+    `lacking_by_cell` what means of the interpolant miss, rms. A cell of 1.1 between 1 and 2 cannot be kept by values
     of that range: it may lack 0.25.
     """
     mesh = skewed(24, geometry)
@@ -115,7 +115,7 @@ def test_a_shock_has_no_overshoot_and_what_it_lacks_is_told(geometry):
     inside[field.mesh.cells[of, edge]] = inside[field.mesh.cells[of, (edge + 1) % 4]] = False
     assert values[inside].min() > 1.0 - 1e-12 and values[inside].max() < 2.0 + 1e-12
     missed = average - means(field.mesh, values)
-    told = field.samples.lacking / 1e-4
+    told = field.samples.lacking_by_cell[1] / 1e-4
     assert np.sqrt(np.mean(told**2)) > 0.999 * np.sqrt(np.mean(missed**2)) > 1e-3
     assert np.abs(missed[np.abs(fine) > 0.3]).max() < 1e-8 and np.abs(missed).max() < 0.25
 
@@ -194,7 +194,7 @@ def test_kept_values_do_not_depend_on_units(cut: bool, size: float):
             QuadMesh(length * mesh.vertices, mesh.cells, "planar"), density * average, interpolation=kind
         )
         values.append(field.samples.values / density)
-        lacks.append(field.samples.lacking / density)
+        lacks.append(field.samples.lacking_by_cell[1] / density)
     for found in values[1:]:
         np.testing.assert_allclose(found, values[0], rtol=2e-6)
     for found in lacks[1:]:

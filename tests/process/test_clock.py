@@ -5,7 +5,7 @@ import time
 import numpy as np
 
 from aerokernels import IndexField, RayBundle, trace
-from aerokernels.process.clock import STAGES, clocked, processor_clocked, stage
+from aerokernels.process.clock import STAGES, clocked, stage
 
 
 def test_a_stage_within_another_interrupts_it():
@@ -42,21 +42,3 @@ def test_a_trace_tells_its_stages_and_its_error_has_a_clock_of_its_own():
     assert 0.0 < sum(result.seconds[name] for name in ("plan", "upload", "compile", "kernel", "download")) <= total
     assert result.error["total"] > 0.0
     assert result.seconds["error"] > 0.0 and result.seconds["total"] == total
-
-
-def test_processor_time_is_that_of_stages_alone_each_moment_once():
-    """20 ms of work in a stage within a stage count once, those outside of stages not, nor what only waits."""
-
-    def work(seconds: float = 0.02) -> None:
-        begin = time.process_time()
-        while time.process_time() - begin < seconds:
-            pass
-
-    with processor_clocked() as seconds:
-        work()
-        with stage("plan"):
-            with stage("kernel"):
-                work()
-            time.sleep(0.02)
-    work()
-    assert 0.02 <= seconds[0] < 0.04

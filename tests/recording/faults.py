@@ -8,33 +8,21 @@ from random import Random
 import numpy as np
 
 from aerokernels.hardware.frames import encode
-from aerokernels.hardware.simulator import FaultPlan, PseudoTerminal
+from aerokernels.hardware.pseudo_terminal import PseudoTerminal
 from tests.draws import input_draws
 
-from .line import Outcome, RecorderProcess, counts, is_whole, made_frames, stored, wait_for_reader
-
-DAMAGE = {"torn": 0.0125, "flipped": 0.0125, "glued": 0.0125, "garbage": 0.0125}
+from .line import Outcome, RecorderProcess, counts, damaged_line, is_whole, made_frames, stored, wait_for_reader
 
 
 def damage(folder: Path, size: float) -> Outcome:
     """Send `size` frames, 5 % of them torn, flipped, glued or behind garbage; the whole ones must be stored."""
-    link, path, plan = folder / "port", folder / "echoes.sqlite", FaultPlan(DAMAGE, seed=1)
-    frames = made_frames(int(size))
-    good: dict[int, bytes] = {}
-    pieces = 0
-    wire, follows_glued = bytearray(), False
-    for frame in frames:
-        last = frame.sequence == len(frames) - 1
-        fault = None if last else plan.draw()
-        wire += plan.on_the_line(fault, encode(frame))
-        pieces += fault in DAMAGE
-        if fault in (None, "garbage") and not follows_glued:
-            good[frame.sequence] = frame.samples.tobytes()
-        follows_glued = fault == "glued"
+    link, path, frames = folder / "port", folder / "echoes.sqlite", made_frames(int(size))
+    wire, whole, pieces = damaged_line(frames, 0.0125, seed=1)
+    good = {number: frames[number].samples.tobytes() for number in whole}
     with PseudoTerminal(link) as terminal:
         recorder = RecorderProcess(link, path, "--count", len(good))
         wait_for_reader(recorder)
-        terminal.write(bytes(wire))
+        terminal.write(wire)
         said = recorder.wait(120.0)
     found, (rows, damaged, missing) = stored(path), counts(path)
     expected_missing = len(frames) - len(good) - min(good)

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from aerokernels.hardware.frames import EchoFrame
+from aerokernels.hardware.frames import DELIMITER, EchoFrame, encode
 
 
 @dataclass(frozen=True)
@@ -87,6 +87,31 @@ def made_frames(count: int, sample_count: int = 128, first: int = 0, period_us: 
         EchoFrame(k % 2**32, period_us * k, 250, 1e-3, 0.0, noise[k % len(noise)] ^ np.int16(k % 1021))
         for k in range(first, first + count)
     ]
+
+
+def damaged_line(frames: list[EchoFrame], rate: float, seed: int) -> tuple[bytes, list[int], int]:
+    """Bytes of frames of which `rate` each are torn, flipped, glued or behind garbage; the good ones; damaged ones."""
+    random, kinds = np.random.default_rng(seed), ("torn", "flipped", "glued", "garbage")
+    wire, good, piece_count, follows_glued = bytearray(), [], 0, False
+    for frame in frames:
+        place = int(random.random() / rate)
+        fault = kinds[place] if place < len(kinds) and not follows_glued and frame is not frames[-1] else None
+        sent = encode(frame)
+        if fault == "torn":
+            sent = sent[: random.integers(1, len(sent) - 1)] + DELIMITER
+        elif fault == "flipped":
+            k = random.integers(len(sent) - 1)
+            sent = sent[:k] + bytes([sent[k] ^ (1 if sent[k] != 1 else 2)]) + sent[k + 1 :]  # 0 would split the frame
+        elif fault == "glued":
+            sent = sent[:-1]
+        elif fault == "garbage":
+            wire += random.integers(1, 256, 50).astype(np.uint8).tobytes() + DELIMITER
+        wire += sent
+        piece_count += fault is not None
+        if fault in (None, "garbage") and not follows_glued:
+            good.append(frame.sequence)
+        follows_glued = fault == "glued"
+    return bytes(wire), good, piece_count
 
 
 def stored(path: Path) -> dict[int, bytes]:

@@ -300,7 +300,7 @@ def test_a_finished_store_is_opened_and_another_series_refused(tmp_path: Path):
     assert again.identical(first)
     assert {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*") if path.is_file()} == before
     again.to_netcdf(tmp_path / "s.nc")  # which has no attributes that are true or false
-    with pytest.raises(ValueError, match="it contains another series, remove was"):
+    with pytest.raises(ValueError, match="it contains another series, whose remove was"):
         optical_series(series, pupil, pixel_count=8, out=tmp_path / "s.zarr", remove=("piston",), method="linear")
     other = opened(Fourier.random(6), TIME[:2])  # of the same shape, times and surroundings
     with pytest.raises(ValueError, match="another series, whose first snapshot has other densities"):

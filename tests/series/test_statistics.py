@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 import xarray
 
-from aerokernels import Disc, flow, optical_series, statistics
+from aerokernels import Disc, statistics
 from aerokernels.series.modes import integral_length, welch
 from aerokernels.series.pupil_grid import PupilGrid, pupil_grid
 from aerokernels.series.uncertainty import mean_of
 
-from .fourier import CONSTANT, WAVELENGTH, Fourier
+from .fourier import WAVELENGTH
 
 GRID = pupil_grid(Disc(0.02), 16)
 WAVES = np.array([[150.0, 40.0], [-60.0, 210.0], [330.0, -120.0], [90.0, 90.0]])
@@ -150,34 +150,6 @@ def test_strehl_ratios_and_jitter():
             for one in opd[:50]]  # fmt: skip
     np.testing.assert_allclose(statistics(found.isel(time=slice(50))).boresight_x, np.mean(tilt, axis=0)[1], rtol=1e-9)
     assert float(result.jitter_x) > 0.0
-
-
-def test_the_linking_equation_beside_the_exact_variance():
-    """Set-up: isotropic waves of 250 rad/m through a path of 75 mm, 300 draws of phases.
-
-    Expected: the double integral is the closed form K^2 a^2 / 2 sum |2 sin(k S / 2) / k|^2, within 3 standard errors
-    and the trapezoid's 1 %, as is the rms of the maps. The linking equation takes the correlation to its first zero:
-    near it, not at it.
-    """
-    draw, count = np.random.default_rng(7), 300
-    origin, spacing, shape = (-0.01, -0.01, 0.0), 2.5e-3, (9, 9, 31)
-    wave = draw.normal(size=(40, 3))
-    wave *= 250.0 / np.linalg.norm(wave, axis=1)[:, None]
-    arrays = []
-    for _ in range(count):
-        arrays.append(Fourier(wave, draw.uniform(0, 2 * np.pi, 40), 1e-3).on_grid(origin, spacing, shape, 0.0))
-    options = {"geometry": "volume", "origin": origin, "spacing": [spacing] * 3, "ambient_density": 0.5}
-    series = flow.open_series(arrays, time_step=1e-5, **options)
-    maps = optical_series(series, Disc(8e-3), pixel_count=8, method="linear")
-    found = statistics(maps, series=series)
-    length = spacing * (shape[2] - 1)
-    factor = 2.0 * np.sin(0.5 * wave[:, 2] * length) / wave[:, 2]
-    exact = CONSTANT * 1e-3 * np.sqrt(0.5 * (factor**2).sum())
-    for name in ("opd_rms_path", "opd_rms_point"):
-        value, error = float(found[name]), float(found[f"{name}_error"])
-        assert abs(value - exact) < 3.0 * error + 0.02 * exact, name
-    assert float(found.opd_rms_linking) == pytest.approx(exact, rel=0.6)
-    assert float(found.opd_rms_linking_error) > 0.0
 
 
 def test_what_has_no_statistics_is_refused():

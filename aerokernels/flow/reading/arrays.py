@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
@@ -77,16 +77,8 @@ def _text(value: Any) -> str:
     return str(value) if isinstance(value, (str, int, float, np.number)) else ""
 
 
-def in_si_units(path, values: np.ndarray, name: str, stated: str, dimension: str) -> np.ndarray:
-    """Return values in SI, converted from the unit that the file states or that the array's name contains."""
-    unit = unit_of_array(path, name, stated, dimension)
-    if (unit.factor, unit.offset) == (1.0, 0.0):
-        return values
-    return np.asarray(values * unit.factor + unit.offset)
-
-
 def unit_of_array(path, name: str, stated: str, dimension: str) -> WrittenUnit:
-    """Return the unit of an array; arguments and errors as in `in_si_units`."""
+    """Return the unit of an array, which the file states or the array's name contains."""
     if is_no_unit(stated):
         stated = unit_in_name(name)  # brackets may contain any text: "x (axial)"
     try:
@@ -146,8 +138,6 @@ def ambient_attribute(path, stated, factor: float, values: np.ndarray) -> float 
     return ambient
 
 
-Own = TypeVar("Own")
-
 # In lower case, without blanks, punctuation and units.
 COLUMNS = {
     "x": ("x", "points0", "coordinatex", "centersx", "ccx", "xcoordinate", "posx", "positionx"),
@@ -156,13 +146,24 @@ COLUMNS = {
     "r": ("r", "radius"),
 }
 PLACE = {"x": 0, "y": 1, "z": 2, "r": 1}
-# Directions of the axis of symmetry of a flow over r and z (the optical frame, z points upstream), or over r and x.
-SYMMETRY = {"z": (0.0, 0.0, -1.0), "x": (1.0, 0.0, 0.0)}
+Direction = tuple[float, float, float]
 
 
-def axes_of(known: Mapping[str, Own]) -> tuple[tuple[str, ...], tuple[float, float, float] | None]:
-    """Return the coordinates of a flow in the order of its axes, and the axis of symmetry of one over r and z or x."""
+def coordinates_of(
+    names: Iterable[str], grouped: bool = False, named: Mapping[str, str] | None = None
+) -> tuple[dict[str, str], Direction | None]:
+    """Return the names of a flow's coordinates by axis, in the order of the axes, and its axis of symmetry.
+
+    `named` are those that a caller names. A flow over r and z, or r and x, is axisymmetric; None for others.
+    """
+    plain: dict[str, str] = {}
+    for name in sorted(names, key=lambda name: name.count("/")):  # an array at the root counts before those in groups
+        plain.setdefault(plain_name(name, grouped), name)
+        plain.setdefault(re.sub(r"[^a-z0-9]", "", name.lower()), name)
+    usual = {axis: next((plain[one] for one in own if one in plain), None) for axis, own in COLUMNS.items()}
+    known = {axis: name for axis, name in (usual | dict(named or {})).items() if name is not None}
     along = next((axis for axis in "zx" if axis in known), None)
-    if "r" in known and "y" not in known and along is not None:
-        return ("r", along), SYMMETRY[along]
-    return tuple(axis for axis in "xyz" if axis in known), None
+    if "r" not in known or "y" in known or along is None:
+        return {axis: known[axis] for axis in "xyz" if axis in known}, None
+    # In the optical frame z points upstream.
+    return {axis: known[axis] for axis in ("r", along)}, {"z": (0.0, 0.0, -1.0), "x": (1.0, 0.0, 0.0)}[along]

@@ -8,30 +8,35 @@ from typing import Any
 import numpy as np
 
 from aerokernels.flow.gas import GAMMA_AIR, GAS_CONSTANT_AIR
-from aerokernels.flow.reading.arrays import in_si_units, plain_name
+from aerokernels.flow.reading.arrays import plain_name, unit_of_array
 from aerokernels.flow.reading.dataset import Block, Dataset, ReadError, check_points
-from aerokernels.flow.reading.density import (
-    PRESSURE_NAMES,
-    TEMPERATURE_NAMES,
-    DensityChoice,
-    Reference,
-    scalar_array,
-    usual_name,
-)
+from aerokernels.flow.reading.density import PRESSURE_NAMES, TEMPERATURE_NAMES, DensityChoice, scalar_array, usual_name
 from aerokernels.inputs.checks import warn_caller
 from aerokernels.inputs.units import is_no_unit, unit_in_name
 
 
-def check_blocks(path, dataset: Dataset) -> None:
-    """Check that points have finite coordinates and that cells refer to existing points."""
-    if not dataset.blocks or not any(len(block.points) for block in dataset.blocks):
+def check_blocks(path, blocks: Sequence[Block]) -> None:
+    """Check that points have finite coordinates and that cells and faces refer to existing points."""
+    if not any(len(block.points) for block in blocks):
         raise ReadError(path, "it has no points", "give a file with a mesh and its arrays")
-    for block in dataset.blocks:
+    for block in blocks:
         check_points(path, block.points, block.name)
-        if block.shape is not None and math.prod(block.shape) != len(block.points):
-            raise ReadError(path, f"a grid of {block.shape} points has {len(block.points)}", "write it again")
-        if block.cells is not None:
-            _check_cells(path, block)
+        count, cells = len(block.points), block.cells
+        if block.shape is not None and math.prod(block.shape) != count:
+            raise ReadError(path, f"a grid of {block.shape} points has {count}", "write it again")
+        if cells is None:
+            continue
+        start, points = cells.start, cells.points
+        fits = len(start) == len(cells.types) + 1 and (not len(start) or (start[0] == 0 and start[-1] == len(points)))
+        if not fits or (np.diff(start) < 0).any():
+            fault = f"the cells of block {block.name!r} do not agree with their own counts"
+            raise ReadError(path, fault, "write it again")
+        if len(points) and not (0 <= points.min() and points.max() < count):
+            cell = int(np.searchsorted(start, int(np.argmax((points < 0) | (points >= count))), "right")) - 1
+            raise ReadError(path, f"cell {cell} has corners beyond the {count} points that there are", "write it again")
+        of_faces = np.empty(0) if cells.faces is None else cells.faces.points
+        if len(of_faces) and not (0 <= of_faces.min() and of_faces.max() < count):
+            raise ReadError(path, f"faces have corners beyond the {count} points that there are", "write it again")
 
 
 def check_repeated_blocks(path, blocks: Sequence[Block], densities: list[tuple[np.ndarray, str]]) -> None:
@@ -71,32 +76,12 @@ def _same_mesh(one: Block, other: Block) -> bool:
     return np.array_equal(one.cells.types, other.cells.types) and np.array_equal(one.points, other.points)
 
 
-def _check_cells(path, block: Block) -> None:
-    cells = block.cells
-    assert cells is not None
-    start, points = cells.start, cells.points
-    fits = len(start) == len(cells.types) + 1 and (not len(start) or (start[0] == 0 and start[-1] == len(points)))
-    if not fits or (np.diff(start) < 0).any():
-        raise ReadError(path, f"the cells of block {block.name!r} do not agree with their own counts", "write it again")
-    if len(points) and not (0 <= points.min() and points.max() < len(block.points)):
-        cell = int(np.searchsorted(start, int(np.argmax((points < 0) | (points >= len(block.points)))), "right")) - 1
-        raise ReadError(
-            path, f"cell {cell} has corners beyond the {len(block.points)} points that there are", "write it again"
-        )
-
-
-# Gas constants differ from that of air by up to 14 (hydrogen), scales of non-dimensional files by hundreds.
-APART = 30.0
 COLDEST = 4.0  # [K] helium is liquid below it
-GAUGE_SHARE = 0.01  # of pressures that are 0 or less, above which they are relative to an operating pressure
 # Total energies, of a volume or of a mass.
 ENERGY_NAMES = ("energy", "totalenergy", "energystagnationdensity", "energystagnation", "rhoe", "etot", "e")
-REMEDY = "if the file is non-dimensional, give its reference values (reference={{'{0}': ...}}, flow.file.reference_{0})"
 
 
-def said_of_units(
-    path: Any, dataset: Dataset, choice: DensityChoice, reference: Reference, densities: list[tuple[np.ndarray, str]]
-) -> str:
+def said_of_units(path: Any, dataset: Dataset, choice: DensityChoice, densities: list[tuple[np.ndarray, str]]) -> str:
     """Return a remark for the provenance, and warn, where numbers without a unit cannot be in SI; empty elsewhere.
 
     Where a file has a density beside pressure and temperature, p / (rho R T) is far from 1 in a non-dimensional one:
@@ -106,7 +91,7 @@ def said_of_units(
     """
     first = choice.density or choice.temperature
     assert first is not None
-    if reference.given - {"operating_pressure", "length"}:
+    if choice.reference.given - {"operating_pressure", "length"}:
         return ""
     if dataset.scaled:  # which is in the provenance already
         warn_caller(f"{path}: {dataset.scaled}; where they are in SI, say so by a reference of 1")
@@ -120,7 +105,10 @@ def said_of_units(
     if not fault:
         return ""
     unit, dimension = ("K", "temperature") if choice.density is None else ("kg/m3", "density")
-    remark = f"{first!r} was taken in {unit}, but {fault}: {REMEDY.format(dimension)}"
+    remark = (
+        f"{first!r} was taken in {unit}, but {fault}: if the file is non-dimensional, give its reference values "
+        f"(reference={{'{dimension}': ...}}, flow.file.reference_{dimension})"
+    )
     warn_caller(f"{path}: {remark}")
     return f"; {remark}"
 
@@ -135,7 +123,9 @@ def _not_in_si(path: Any, dataset: Dataset, choice: DensityChoice, densities: li
             own, place = scalar_array(path, block, name, where)
             if place != where:
                 return np.nan
-            own = in_si_units(path, own, name, dataset.units.get(name, ""), dimension) if dimension else own
+            if dimension:
+                unit = unit_of_array(path, name, dataset.units.get(name, ""), dimension)
+                own = own * unit.factor + unit.offset
             with np.errstate(all="ignore"):
                 parts.append(of(density, own))
         every = np.concatenate(parts)
@@ -155,14 +145,15 @@ def _not_in_si(path: Any, dataset: Dataset, choice: DensityChoice, densities: li
         ratio = median(pressure, "pressure", lambda density, own: own / (constant * density)) / median(
             temperature, "temperature", lambda _, own: own
         )
-        apart = 0.0 < ratio < 1.0 / APART or ratio > APART
+        # Gas constants differ from that of air by up to 14 (hydrogen), scales of non-dimensional files by hundreds.
+        apart = 0.0 < ratio < 1.0 / 30.0 or ratio > 30.0
         return f"{pressure!r} / (R {temperature!r}) is {ratio:.2g} times as much" if apart else ""
     if (beside := pressure or usual_name(path, dataset, ENERGY_NAMES)) in (None, choice.density):
         return ""
     assert beside is not None
     if pressure is not None:
-        share = 1.0 / constant  # a pressure of which more than GAUGE_SHARE is 0 or less is relative to another
-        half = median(beside, "pressure", lambda density, own: np.where((own <= 0.0).mean() > GAUGE_SHARE, np.nan,
+        share = 1.0 / constant  # a pressure of which more than a hundredth is 0 or less is relative to another
+        half = median(beside, "pressure", lambda density, own: np.where((own <= 0.0).mean() > 0.01, np.nan,
                                                                         share * own / density))  # fmt: skip
     else:  # an upper bound: of a mass or of a volume, whichever gives more, with the energy of the motion
         share = (GAMMA_AIR - 1.0) / constant

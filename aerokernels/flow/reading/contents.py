@@ -9,29 +9,17 @@ from aerokernels.flow.reading.dataset import Block, Dataset, ReadError, grid_of
 from aerokernels.flow.reading.formats import load
 from aerokernels.inputs.checks import check_path
 
-CELL_NAMES = {1: "points", 3: "lines", 5: "triangles", 7: "polygons", 9: "quadrilaterals", 10: "tetrahedra",
-              12: "hexahedra", 13: "prisms", 14: "pyramids", 42: "polyhedra"}  # fmt: skip
-
 
 @dataclass(frozen=True)
 class ArrayRange:
-    """An array of a file and its range.
-
-    Attributes:
-        name: Its name.
-        where: "cells" or "points".
-        components: 1 for scalars, 3 for vectors.
-        low: Least finite value; NaN if there is none.
-        high: Greatest finite value; NaN if there is none.
-        bad: Number of values that are not finite.
-    """
+    """An array of a file and its range."""
 
     name: str
-    where: str
-    components: int
-    low: float
+    where: str  # "cells" or "points"
+    components: int  # 1 for scalars, 3 for vectors
+    low: float  # least finite value; NaN if there is none
     high: float
-    bad: int
+    bad: int  # number of values that are not finite
 
 
 @dataclass(frozen=True)
@@ -78,7 +66,10 @@ def contents(path, *, time: float | str | None = None, **options: Any) -> Conten
     """
     path = check_path(path, "path")
     dataset = load(path, time, options)
-    points = np.concatenate([_ends(block.points) for block in dataset.blocks]) if dataset.blocks else np.empty((0, 3))
+    parts = [
+        np.concatenate(grid.edges()) if (grid := grid_of(block.points)) else block.points for block in dataset.blocks
+    ]
+    points = np.concatenate(parts) if parts else np.empty((0, 3))
     if not len(points):
         raise ReadError(path, "it has no points", "give a file with a mesh and its arrays")
     return Contents(
@@ -96,39 +87,31 @@ def contents(path, *, time: float | str | None = None, **options: Any) -> Conten
     )
 
 
-def _ends(points: np.ndarray) -> np.ndarray:
-    """Return points of the same extent."""
-    return points if (grid := grid_of(points)) is None else np.concatenate(grid.edges())
-
-
 def _zone(block: Block, number: int) -> str:
     name = block.name or f"zone {number + 1}"
     if block.shape is not None:
         return f"{name}: {' x '.join(map(str, block.shape))} points, structured"
     if block.cells is None:
         return f"{name}: {len(block.points)} points without cells"
+    called = {1: "points", 3: "lines", 5: "triangles", 7: "polygons", 9: "quadrilaterals", 10: "tetrahedra",
+              12: "hexahedra", 13: "prisms", 14: "pyramids", 42: "polyhedra"}  # fmt: skip
     kinds, counts = np.unique(block.cells.types, return_counts=True)
     described = ", ".join(
-        f"{n} {CELL_NAMES.get(int(kind), f'cells of type {kind}')}" for kind, n in zip(kinds, counts, strict=True)
+        f"{n} {called.get(int(kind), f'cells of type {kind}')}" for kind, n in zip(kinds, counts, strict=True)
     )
     return f"{name}: {described}, {len(block.points)} points"
 
 
 def _ranges(dataset: Dataset):
     for where in ("cell", "point"):
-        names: dict[str, None] = {}
-        for block in dataset.blocks:
-            names |= dict.fromkeys(block.arrays(where))
-        for name in names:
-            parts = []
-            for block in dataset.blocks:
-                arrays = block.arrays(where)
-                if name in arrays and np.issubdtype(np.asarray(arrays[name]).dtype, np.number):
-                    parts.append(np.asarray(arrays[name]))
+        held = [block.arrays(where) for block in dataset.blocks]
+        for name in dict.fromkeys(name for arrays in held for name in arrays):
+            parts = [np.asarray(arrays[name]) for arrays in held if name in arrays]
+            parts = [part for part in parts if np.issubdtype(part.dtype, np.number)]
             if not parts:
                 continue
-            width = parts[0].shape[1] if parts[0].ndim > 1 else 1
             flat = np.concatenate([part.ravel() for part in parts]).astype(np.float64)
             finite = flat[np.isfinite(flat)]
-            low, high = (float(finite.min()), float(finite.max())) if len(finite) else (float("nan"),) * 2
+            low, high = (float(finite.min()), float(finite.max())) if len(finite) else (np.nan, np.nan)
+            width = parts[0].shape[1] if parts[0].ndim > 1 else 1
             yield ArrayRange(name, f"{where}s", width, low, high, len(flat) - len(finite))

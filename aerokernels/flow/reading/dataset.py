@@ -15,7 +15,6 @@ from aerokernels.process.foreign_files import HDF5_MAGIC as HDF5_MAGIC
 
 DAMAGED = "the file is damaged: write it again"
 UNFINISHED = "the file is damaged or was not written to its end: write it again"
-LONGEST = 5000  # characters of an error message
 
 
 def whole_number(word: str) -> int | None:
@@ -29,9 +28,9 @@ class ReadError(ValueError):
     def __init__(self, path, fault: str, remedy: str):
         """Compose the message of file, fault and remedy."""
         words = f"{path}: {fault}"
-        if len(words) > LONGEST:  # names in a file may be of any length
-            words = f"{words[: LONGEST // 2]} ... {words[-LONGEST // 2 :]}"
-        super().__init__(" ".join(f"{words}: {remedy[:LONGEST]}".split()))
+        if len(words) > 5000:  # names in a file may be of any length
+            words = f"{words[:2500]} ... {words[-2500:]}"
+        super().__init__(" ".join(f"{words}: {remedy[:5000]}".split()))
 
     def __reduce__(self):
         """Pickle as the message, so that the error can travel between processes."""
@@ -46,11 +45,7 @@ class ReadError(ValueError):
 
 
 def chosen_time(path, times: Sequence[float], asked) -> float | None:
-    """Return the requested one of a file's ascending times; None if the file has no times and none was requested.
-
-    Raises:
-        ReadError: A time that the file does not contain.
-    """
+    """Return the requested one of a file's ascending times; None if the file has no times and none was requested."""
     if asked in (None, "latest", "first"):
         return (times[0] if asked == "first" else times[-1]) if times else None
     if not times:
@@ -108,11 +103,7 @@ def grid_of(points: Any) -> GridPoints | None:
 
 
 def check_points(path, points: np.ndarray, name: str = "") -> None:
-    """Check that coordinates are finite and below GREATEST_COORDINATE.
-
-    Raises:
-        ReadError: Other points: how many, and the first of them.
-    """
+    """Check that coordinates are finite and below GREATEST_COORDINATE."""
     if (grid := grid_of(points)) and all((np.abs(axis) < GREATEST_COORDINATE).all() for axis in grid.axes):
         return
     points = np.asarray(points)
@@ -138,38 +129,34 @@ FLAT = (TRIANGLE, QUAD, POLYGON)
 SOLID = (TETRAHEDRON, HEXAHEDRON, PRISM, PYRAMID, POLYHEDRON)
 
 
+def entries_of(begin: np.ndarray, width: np.ndarray) -> np.ndarray:
+    """Return the indices of runs of entries, one run after the other, from the first entry and the length of each."""
+    return np.arange(int(width.sum())) + np.repeat(begin - (np.cumsum(width) - width), width)
+
+
+def starts_of(width) -> np.ndarray:
+    """Return where each of consecutive runs begins, and where the last one ends, shape (run_count + 1,)."""
+    return np.concatenate([[0], np.cumsum(width, dtype=np.int64)])
+
+
 @dataclass(frozen=True, eq=False)
 class Faces:
-    """The faces of polyhedra: `points[start[f]:start[f + 1]]` go round face f, seen from outside its owner.
+    """The faces of polyhedra: `points[start[f]:start[f + 1]]` go round face f, seen from outside its owner."""
 
-    Attributes:
-        start: First entry of each face in `points`, shape (face_count + 1,).
-        points: Point indices, concatenated.
-        owner: The cell from which each face points outward, shape (face_count,).
-        neighbour: The cell on the other side of each inner face, shape (inner_count,): inner faces come first.
-    """
-
-    start: np.ndarray
-    points: np.ndarray
-    owner: np.ndarray
-    neighbour: np.ndarray
+    start: np.ndarray  # shape (face_count + 1,)
+    points: np.ndarray  # point indices, concatenated
+    owner: np.ndarray  # the cell from which each face points outward, shape (face_count,)
+    neighbour: np.ndarray  # the cell on the other side of each inner face, shape (inner_count,): inner faces come first
 
 
 @dataclass(frozen=True, eq=False)
 class Cells:
-    """Cells of an unstructured block: `points[start[c]:start[c + 1]]` are the corners of cell c.
+    """Cells of an unstructured block: `points[start[c]:start[c + 1]]` are the corners of cell c."""
 
-    Attributes:
-        types: VTK's number of each cell's type, shape (cell_count,).
-        start: First entry of each cell in `points`, shape (cell_count + 1,).
-        points: Point indices, concatenated; a polyhedron lists each of its corners once.
-        faces: Faces of all cells if some are polyhedra; otherwise None.
-    """
-
-    types: np.ndarray
-    start: np.ndarray
-    points: np.ndarray
-    faces: Faces | None = None
+    types: np.ndarray  # VTK's number of each cell's type, shape (cell_count,)
+    start: np.ndarray  # shape (cell_count + 1,)
+    points: np.ndarray  # point indices, concatenated; a polyhedron lists each of its corners once
+    faces: Faces | None = None  # faces of all cells if some are polyhedra
 
     def __len__(self) -> int:
         """Number of cells."""
@@ -182,28 +169,25 @@ class Cells:
         count, width = corners.shape
         return cls(np.full(count, kind, np.uint8), width * np.arange(count + 1, dtype=np.int64), corners.ravel())
 
+    @classmethod
+    def polygons(cls, width: np.ndarray, points: np.ndarray) -> "Cells":
+        """Return polygons from the number of corners of each, and their corners, concatenated."""
+        return cls(np.full(len(width), POLYGON, np.uint8), starts_of(width), points)
+
 
 @dataclass(frozen=True, eq=False)
 class Block:
     """One zone of a file: points with cells, a structured grid of points, or points alone.
 
-    Attributes:
-        points: Coordinates in the file's unit and axes, float64, shape (point_count, 3); or `GridPoints`, which the
-            stages after the reader make an array unless they keep the grid.
-        cells: The cells, or None for a structured block and for points alone.
-        shape: Points along (i, j, k) of a structured block, i fastest; None for other blocks.
-        point_data: Arrays by name, shape (point_count,) or (point_count, n).
-        cell_data: Arrays by name, shape (cell_count,) or (cell_count, n); structured cells with i fastest.
-        blank: Cells (or points, by its length) without flow, in overset and blanked grids; None if there are none.
-        name: The zone's name.
+    `points` may be `GridPoints`, which the stages after the reader make an array unless they keep the grid.
     """
 
-    points: np.ndarray
-    cells: Cells | None = None
-    shape: tuple[int, int, int] | None = None
-    point_data: dict[str, np.ndarray] = field(default_factory=dict)
-    cell_data: Mapping[str, np.ndarray] = field(default_factory=dict)
-    blank: np.ndarray | None = None
+    points: np.ndarray  # coordinates in the file's unit and axes, float64, shape (point_count, 3)
+    cells: Cells | None = None  # None for a structured block and for points alone
+    shape: tuple[int, int, int] | None = None  # points along (i, j, k) of a structured block, i fastest
+    point_data: dict[str, np.ndarray] = field(default_factory=dict)  # shape (point_count,) or (point_count, n)
+    cell_data: Mapping[str, np.ndarray] = field(default_factory=dict)  # shape (cell_count,) or (cell_count, n)
+    blank: np.ndarray | None = None  # cells (or points, by its length) without flow, in overset and blanked grids
     name: str = ""
 
     def arrays(self, where: str) -> Mapping[str, np.ndarray]:
@@ -220,35 +204,22 @@ class Block:
 
 @dataclass(frozen=True, eq=False)
 class Polygons:
-    """Faces in space: `points[start[f]:start[f + 1]]` go round face f.
+    """Faces in space: `points[start[f]:start[f + 1]]` go round face f."""
 
-    Attributes:
-        points: Their corners, one face after the other, shape (n, 3); the last corner may be repeated.
-        start: First entry of each face in `points`, shape (face_count + 1,).
-    """
-
-    points: np.ndarray
-    start: np.ndarray
-
-
-NO_EDGES = np.empty((0, 2, 3))
+    points: np.ndarray  # corners, one face after the other, shape (n, 3); the last corner may be repeated
+    start: np.ndarray  # shape (face_count + 1,)
 
 
 @dataclass(frozen=True, eq=False)
 class Patch:
-    """A named part of the boundary: edges in the plane of a two-dimensional flow, or faces of a volume.
+    """A named part of the boundary, in the file's unit and axes: edges of a plane flow, or faces of a volume.
 
-    Attributes:
-        name: The patch's name in the file.
-        kind: "wall" where the file marks it as a wall, else the file's own type.
-        edges: Both ends of each edge in the file's unit and axes, shape (edge_count, 2, 3); none for a volume.
-        polygons: The faces of a volume in the file's unit and axes.
-        values: Returns the values of an array, by its name, at each edge and in the cell behind it; None if unknown.
+    `values` returns the values of an array, by its name, at each edge and in the cell behind it; None if unknown.
     """
 
     name: str
-    kind: str
-    edges: np.ndarray = field(default_factory=lambda: NO_EDGES)
+    kind: str  # "wall" where the file marks it as a wall, else the file's own type
+    edges: np.ndarray = field(default_factory=lambda: np.empty((0, 2, 3)))  # both ends of each, (edge_count, 2, 3)
     polygons: Polygons | None = None
     values: Callable[[str], tuple[np.ndarray, np.ndarray] | None] | None = None
 
@@ -262,11 +233,7 @@ class Patch:
 
 
 def wall_patches(path, patches: Sequence[Patch], names=None) -> list[Patch]:
-    """Return the patches of the given names; None: those that the file marks as walls.
-
-    Raises:
-        ReadError: No patch of such a name.
-    """
+    """Return the patches of the given names; None: those that the file marks as walls."""
     if names is None:
         return [patch for patch in patches if patch.kind == "wall"]
     chosen = {names} if isinstance(names, str) else set(names)
@@ -279,41 +246,22 @@ def wall_patches(path, patches: Sequence[Patch], names=None) -> list[Patch]:
 
 @dataclass(frozen=True, eq=False)
 class Dataset:
-    """The contents of a file at one time.
-
-    Attributes:
-        blocks: The zones.
-        format: Name of the format.
-        geometry: "planar", "axisymmetric" or "volume" where the file states it; None where the points decide.
-        patches: Boundary patches.
-        times: Times for which the file or case has fields, ascending; empty for a file without times.
-        time: The time that was read, or None.
-        axis: Direction of the axis of symmetry in the file's axes, for an axisymmetric flow.
-        gas_constant: Gas constant where the file states it [J/(kg K)].
-        ambient: Density of the free stream in the file's unit, where the file states it.
-        units: Unit of each array by name, where the file states it.
-        length: Unit of the coordinates [m], where the file states it.
-        notes: Further remarks for the user, in whole sentences.
-        scaled: The one of the notes by which the file's numbers are hardly in SI; empty where nothing says so.
-        unsure: The one of the notes of which a caller is warned; empty where there is none.
-        grouped: Whether slashes in the names of arrays separate groups, as in HDF5.
-    """
+    """The contents of a file at one time; None where the file does not state something."""
 
     blocks: Sequence[Block]
     format: str
-    geometry: str | None = None
+    geometry: str | None = None  # "planar", "axisymmetric" or "volume"; None where the points decide
     patches: Sequence[Patch] = ()
-    times: Sequence[float] = ()
-    time: float | None = None
-    axis: tuple[float, float, float] | None = None
-    gas_constant: float | None = None
-    ambient: float | None = None
-    units: Mapping[str, str] = field(default_factory=dict)
-    length: float | None = None
-    notes: Sequence[str] = ()
-    scaled: str = ""
-    unsure: str = ""
-    grouped: bool = False
+    times: Sequence[float] = ()  # for which the file or case has fields, ascending
+    time: float | None = None  # that was read
+    axis: tuple[float, float, float] | None = None  # direction of the axis of symmetry in the file's axes
+    gas_constant: float | None = None  # [J/(kg K)]
+    units: Mapping[str, str] = field(default_factory=dict)  # of each array by name
+    length: float | None = None  # unit of the coordinates [m]
+    notes: Sequence[str] = ()  # further remarks for the user, in whole sentences
+    scaled: str = ""  # the one of the notes by which the file's numbers are hardly in SI
+    unsure: str = ""  # the one of the notes of which a caller is warned
+    grouped: bool = False  # whether slashes in the names of arrays separate groups, as in HDF5
 
     def array_names(self) -> list[str]:
         """Return the names of the arrays that all blocks have, in the order of the first block."""

@@ -5,12 +5,13 @@ non-dimensional files are multiplied by their references.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from aerokernels.flow.gas import GAS_CONSTANT_AIR, no_gas
-from aerokernels.flow.reading.arrays import in_si_units, known_names, plain_name, unit_of_array
+from aerokernels.flow.reading.arrays import known_names, plain_name, unit_of_array
 from aerokernels.flow.reading.dataset import FLAT, SOLID, Block, Dataset, ReadError
 from aerokernels.inputs.checks import check_positive
 from aerokernels.inputs.units import quantity
@@ -20,11 +21,6 @@ DENSITY_NAMES = ("rho", "density", "massdensity", "dens", "conservative1", "ro",
 # An absolute pressure comes first: beside one, "pressure" is relative to an operating pressure (as in Fluent's files).
 PRESSURE_NAMES = ("absolutepressure", "p", "pressure", "staticpressure", "pres", "press")
 TEMPERATURE_NAMES = ("temperature", "statictemperature", "t", "temp")
-# Masked places are NaN, and solids often have the density 0.
-NOT_FLOW = "where there is no flow, say so by an array iblank that is 0 there; elsewhere repair the file"
-GAUGE = "if the pressure is relative to an operating pressure, give it: reference = {operating_pressure = ...}; "
-REMEDIES = {"not finite": NOT_FLOW, "not positive": NOT_FLOW}
-REFERENCES = ("density", "pressure", "temperature", "length", "operating_pressure")
 
 
 @dataclass(frozen=True)
@@ -54,8 +50,9 @@ class Reference:
             return given or cls()
         if not isinstance(given, Mapping):
             given = {"density": given}
-        if unknown := set(given) - set(REFERENCES):
-            raise ValueError(f"reference: {sorted(unknown)[0]!r} is not known: choose of {', '.join(REFERENCES)}")
+        known = [name for name in cls.__annotations__ if name != "given"]
+        if unknown := set(given) - set(known):
+            raise ValueError(f"reference: {sorted(unknown)[0]!r} is not known: choose of {', '.join(known)}")
         values = {
             name: check_positive(quantity(value, name.removeprefix("operating_")), f"reference {name}")
             for name, value in given.items()
@@ -67,52 +64,113 @@ class Reference:
 class DensityChoice:
     """The arrays that the density comes from: its own, or without one those of pressure and temperature."""
 
+    path: object
+    units: Mapping[str, str]  # of the file's arrays by name
+    reference: Reference  # which replaces the file's own unit of a quantity
     density: str | None = None
     pressure: str | None = None
     temperature: str | None = None
     gas_constant: float = GAS_CONSTANT_AIR  # [J/(kg K)]
 
     @property
-    def names(self) -> tuple[str, ...]:
-        """The arrays that are needed."""
-        return tuple(name for name in (self.density, self.pressure, self.temperature) if name is not None)
+    def names(self) -> dict[str, str]:
+        """The arrays that are needed, by dimension."""
+        every = {name: getattr(self, name) for name in ("density", "pressure", "temperature")}
+        return {dimension: name for dimension, name in every.items() if name is not None}
 
-    def described(self, reference: Reference) -> str:
+    def described(self) -> str:
         """Describe the choice, for the provenance."""
         if self.density is not None:
             return f"density from {self.density!r}"
-        more = f" + {reference.operating_pressure:.6g} Pa" if reference.operating_pressure else ""
+        more = self.reference.operating_pressure
+        added = f" + {more:.6g} Pa" if more else ""
         constant = f"R = {self.gas_constant:.6g} J/(kg K)"
-        return f"density from {self.pressure!r}{more} and {self.temperature!r} with {constant}"
+        return f"density from {self.pressure!r}{added} and {self.temperature!r} with {constant}"
+
+    def densities(self, arrays: Mapping[str, np.ndarray]) -> np.ndarray:
+        """Return the density [kg/m3] from the values of the arrays by dimension; overflows are rejected later."""
+        with np.errstate(all="ignore"):
+            values = {dimension: self._in_si(dimension, own) for dimension, own in arrays.items()}
+            if self.density is not None:
+                return values["density"]
+            pressure = values["pressure"] + self.reference.operating_pressure
+            return np.asarray(pressure / (self.gas_constant * values["temperature"]))
+
+    def _in_si(self, dimension: str, values: np.ndarray) -> np.ndarray:
+        """Return values in SI; densities that need no change keep the file's float32, which takes half the memory."""
+        name = self.names[dimension]
+        unit = unit_of_array(self.path, name, self.units.get(name, ""), dimension)
+        if dimension in self.reference.given:
+            return np.asarray(values, np.float64) * getattr(self.reference, dimension)
+        if (unit.factor, unit.offset) == (1.0, 0.0):
+            return values if dimension == "density" else np.asarray(values, np.float64)
+        return np.asarray(np.asarray(values, np.float64) * unit.factor + unit.offset)
+
+    def of_block(self, block: Block) -> tuple[np.ndarray, str]:
+        """Return the density [kg/m3] of a block, and whether it belongs to its "cell"s or its "point"s."""
+        found: dict[str, np.ndarray] = {}
+        places: list[str] = []
+        for dimension, name in self.names.items():
+            found[dimension], place = scalar_array(self.path, block, name, *places)
+            places.append(place)
+        if len(set(places)) > 1:
+            both = " and ".join(self.names.values())
+            raise ReadError(self.path, f"{both} are given at different places", "give both in cells")
+        values, where = self.densities(found), places[0]
+        self._refuse_no_gas(block, values, where)
+        return values, where
+
+    def _refuse_no_gas(self, block: Block, values: np.ndarray, where: str) -> None:
+        blank = block.blank if block.blank is not None and len(block.blank) == len(values) else None
+        beside = beside_the_flow(block) if where == "cell" else None
+        if beside is not None:
+            blank = beside if blank is None else blank | beside
+        if not (wrong := no_gas(values, blank)):
+            return
+        fault, count, first = wrong
+        place = f"{where} {first}" + (f" of block {block.name!r}" if block.name else "")
+        remedy = "repair the file, or give the reference of non-dimensional data"
+        if fault in ("not finite", "not positive"):  # masked places are NaN, and solids often have the density 0
+            remedy = "where there is no flow, say so by an array iblank that is 0 there; elsewhere repair the file"
+        if fault == "not positive" and self.pressure is not None:
+            gauge = "if the pressure is relative to an operating pressure, give it: "
+            remedy = f"{gauge}reference = {{operating_pressure = ...}}; {remedy}"
+        raise ReadError(
+            self.path,
+            f"{count} of {len(values)} densities from {' and '.join(self.names.values())} are {fault}, the first is "
+            f"{float(values[first])!r} kg/m3 in {place}",
+            remedy,
+        )
 
 
-def choose_density(path, dataset: Dataset, given, gas_constant: float | None) -> DensityChoice:
+def choose_density(path, dataset: Dataset, given, gas_constant: float | None, reference: Reference) -> DensityChoice:
     """Choose the arrays that the density comes from, by their usual names or as a caller names them.
 
     `given` and `gas_constant` are the options of `read`; None takes the file's own gas constant, or air's.
     """
     names = dataset.array_names()
     own = dataset.gas_constant or GAS_CONSTANT_AIR if gas_constant is None else gas_constant
-    check_positive(own, "gas_constant")
+    choice = DensityChoice(path, dataset.units, reference, gas_constant=check_positive(own, "gas_constant"))
     listed = ", ".join(names) if names else "none"
     held = dict.fromkeys(name for block in dataset.blocks for name in (*block.point_data, *block.cell_data))
     if some := [name for name in held if name not in names]:
         listed += f"; in some zones only: {', '.join(some)}"
     if isinstance(given, str):
-        return DensityChoice(found_name(path, given, names, listed, dataset.grouped))
+        return replace(choice, density=found_name(path, given, names, listed, dataset.grouped))
     if isinstance(given, Mapping):
         if not {"pressure", "temperature"} <= set(given) <= {"pressure", "temperature", "gas_constant"}:
             raise ValueError(
                 f"density: give an array's name, or a mapping of 'pressure' and 'temperature', got {given!r}"
             )
         constant = check_positive(float(given.get("gas_constant", own)), "gas_constant")
-        keys = ("pressure", "temperature")
-        pair = [found_name(path, given[key], names, listed, dataset.grouped) for key in keys]
-        return DensityChoice(None, pair[0], pair[1], constant)
+        pair: dict[str, Any] = {
+            key: found_name(path, given[key], names, listed, dataset.grouped) for key in ("pressure", "temperature")
+        }
+        return replace(choice, **pair, gas_constant=constant)
     if given is not None:
         raise TypeError(f"density must be an array's name or a mapping, got {type(given).__name__}")
     if (density := usual_name(path, dataset, DENSITY_NAMES)) is not None:
-        return DensityChoice(density)
+        return replace(choice, density=density)
     pressure, temperature = (usual_name(path, dataset, known) for known in (PRESSURE_NAMES, TEMPERATURE_NAMES))
     if pressure is None or temperature is None:
         raise ReadError(
@@ -120,7 +178,7 @@ def choose_density(path, dataset: Dataset, given, gas_constant: float | None) ->
             f"no array is known for the density, nor for pressure and temperature (there are: {listed})",
             "name it: density = 'NAME', or density = {pressure = 'NAME', temperature = 'NAME'}",
         )
-    return DensityChoice(None, pressure, temperature, float(own))
+    return replace(choice, pressure=pressure, temperature=temperature)
 
 
 def usual_name(path, dataset: Dataset, known: Sequence[str]) -> str | None:
@@ -147,95 +205,18 @@ def _is_time(dataset: Dataset, name: str) -> bool:
     return len({value for part in parts if part.size for value in (part.min(), part.max())}) < 2
 
 
-def block_density(
-    path, block: Block, choice: DensityChoice, reference: Reference, units: Mapping[str, str]
-) -> tuple[np.ndarray, str]:
-    """Return the density [kg/m3] of a block, and whether it belongs to its "cell"s or its "point"s.
-
-    References replace the file's own unit of that quantity; `units` has those units by name.
-    """
-    if choice.density is not None:
-        values, where = scalar_array(path, block, choice.density)
-        found = {choice.density: values}
-    else:
-        assert choice.pressure is not None and choice.temperature is not None
-        pressure, where = scalar_array(path, block, choice.pressure)
-        temperature, other = scalar_array(path, block, choice.temperature, where)
-        if where != other:
-            raise ReadError(
-                path, f"{choice.pressure} and {choice.temperature} are given at different places", "give both in cells"
-            )
-        found = {choice.pressure: pressure, choice.temperature: temperature}
-    found = {name: in_si(path, name, values, choice, reference, units) for name, values in found.items()}
-    values = density_of(found, choice)
-    _refuse_no_gas(path, block, choice, values, where)
-    return values, where
-
-
-def in_si(
-    path, name: str, values: np.ndarray, choice: DensityChoice, reference: Reference, units: Mapping[str, str]
-) -> np.ndarray:
-    """Return values of one of the arrays that the density comes from, in SI; overflows are rejected later.
-
-    Densities that need no change keep the file's float32, which takes half of the memory.
-    """
-    dimension = {choice.density: "density", choice.pressure: "pressure", choice.temperature: "temperature"}[name]
-    unit = unit_of_array(path, name, units.get(name, ""), dimension)
-    if dimension == "density" and dimension not in reference.given and (unit.factor, unit.offset) == (1.0, 0.0):
-        return values
-    values = np.asarray(values, np.float64)
-    with np.errstate(all="ignore"):
-        if dimension in reference.given:
-            found = np.asarray(values * getattr(reference, dimension))
-        else:
-            found = in_si_units(path, values, name, units.get(name, ""), dimension)
-        return found + reference.operating_pressure if dimension == "pressure" else found
-
-
-def density_of(found: Mapping[str, np.ndarray], choice: DensityChoice) -> np.ndarray:
-    """Return the density [kg/m3] from the arrays that it comes from, by name, in SI."""
-    if choice.density is not None:
-        return found[choice.density]
-    assert choice.pressure is not None and choice.temperature is not None
-    with np.errstate(all="ignore"):
-        return np.asarray(found[choice.pressure] / (choice.gas_constant * found[choice.temperature]))
-
-
-def scalar_array(path, block: Block, name: str, where: str | None = None) -> tuple[np.ndarray, str]:
-    """Return a scalar array of a block, and whether it belongs to "cell"s or "point"s; `where` is searched first."""
-    order = ("cell", "point") if where is None else (where, "cell", "point")
-    for place in order:
-        arrays = block.arrays(place)
-        if name in arrays:
-            values = np.asarray(arrays[name])
-            count = block.cell_count if place == "cell" else len(block.points)
-            if values.shape not in ((count,), (count, 1)):
-                raise ReadError(
-                    path, f"array {name!r} has shape {values.shape} for {count} {place}s", "name a scalar array"
-                )
-            if values.dtype == np.float16:
-                raise ReadError(
-                    path, f"array {name!r} is float16, which has three digits", "write it as float32 or more"
-                )
-            return values.reshape(-1) if values.dtype == np.float32 else values.reshape(-1).astype(np.float64), place
-    raise ReadError(path, f"block {block.name!r} has no array {name!r}", "name an array that all blocks have")
-
-
-def _refuse_no_gas(path, block: Block, choice: DensityChoice, values: np.ndarray, where: str) -> None:
-    blank = block.blank if block.blank is not None and len(block.blank) == len(values) else None
-    beside = beside_the_flow(block) if where == "cell" else None
-    if beside is not None:
-        blank = beside if blank is None else blank | beside
-    if wrong := no_gas(values, blank):
-        fault, count, first = wrong
-        place = f"{where} {first}" + (f" of block {block.name!r}" if block.name else "")
-        gauge = GAUGE if fault == "not positive" and choice.pressure is not None else ""
-        raise ReadError(
-            path,
-            f"{count} of {len(values)} densities from {' and '.join(choice.names)} are {fault}, the first is "
-            f"{float(values[first])!r} kg/m3 in {place}",
-            gauge + REMEDIES.get(fault, "repair the file, or give the reference of non-dimensional data"),
-        )
+def scalar_array(path, block: Block, name: str, *first: str) -> tuple[np.ndarray, str]:
+    """Return a scalar array of a block, and whether it belongs to "cell"s or "point"s; `first` is searched first."""
+    place = next((place for place in (*first, "cell", "point") if name in block.arrays(place)), None)
+    if place is None:
+        raise ReadError(path, f"block {block.name!r} has no array {name!r}", "name an array that all blocks have")
+    values = np.asarray(block.arrays(place)[name])
+    count = block.cell_count if place == "cell" else len(block.points)
+    if values.shape not in ((count,), (count, 1)):
+        raise ReadError(path, f"array {name!r} has shape {values.shape} for {count} {place}s", "name a scalar array")
+    if values.dtype == np.float16:
+        raise ReadError(path, f"array {name!r} is float16, which has three digits", "write it as float32 or more")
+    return values.reshape(-1) if values.dtype == np.float32 else values.reshape(-1).astype(np.float64), place
 
 
 def beside_the_flow(block: Block) -> np.ndarray | None:

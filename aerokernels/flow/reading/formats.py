@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from aerokernels.flow.reading.dataset import DAMAGED, HDF5_MAGIC, Dataset, ReadError, chosen_time
-from aerokernels.flow.reading.readers.vtk_collections import LISTED, SUFFIXES
+from aerokernels.flow.reading.readers.vtk_files import LISTED, LISTS
 from aerokernels.process import fragile
 from aerokernels.process.foreign_files import FileFault
 
@@ -38,7 +38,7 @@ class Format:
 
 FORMATS = (
     Format("OpenFOAM case", (".foam", ".openfoam"), "foam_case"),
-    Format("VTK", (*LISTED, *SUFFIXES), "vtk_files", True, "vtk"),
+    Format("VTK", (*LISTED, *LISTS), "vtk_files", True, "vtk"),
     Format("CGNS", (".cgns",), "cgns", True, "vtk"),
     Format("EnSight", (".case", ".encas"), "solver_files", True, "vtk"),
     Format("Fluent", (".cas", ".cas.h5"), "solver_files", True, "vtk"),
@@ -64,20 +64,18 @@ FOREIGN = {
     (".npy",): ("an array without coordinates", "save them with it: numpy.savez(path, x=..., y=..., rho=...)"),
     (".gz", ".zip", ".tar", ".tgz", ".bz2", ".xz", ".7z"): ("compressed", "unpack it"),
 }
-LFS = b"version https://git-lfs.github.com/spec/"
-_BY_NAME = {entry.name: entry for entry in FORMATS}
-SU2_MAGIC = (535532).to_bytes(4, "little"), (535532).to_bytes(4, "big")
 
 
 def format_of(path: Path, options: Mapping[str, Any]) -> Format:
     """Return the format of a path; `options` as in `load`."""
+    by_name = {entry.name: entry for entry in FORMATS}
     if not os.path.exists(path):  # which, unlike Path.exists, accepts a name of any length
         raise ReadError(path, "there is no such file or folder", "give the path of a flow file or case")
     from aerokernels.flow.reading.readers.foam_case import is_case, may_be_case
 
     if may_be_case(path):
         if is_case(path):
-            return _BY_NAME["OpenFOAM case"]
+            return by_name["OpenFOAM case"]
         raise ReadError(path, "the folder is not an OpenFOAM case", "give a case, or one of the files in the folder")
     if not path.is_file():
         raise ReadError(path, "it is neither a file nor a folder", "give the path of a flow file or case")
@@ -88,41 +86,37 @@ def format_of(path: Path, options: Mapping[str, Any]) -> Format:
         raise ReadError(path, f"it cannot be read ({fault.strerror})", "see to its permissions, or copy it") from None
     if not head:
         raise ReadError(path, "the file is empty", "write it again")
-    if head.startswith(LFS):
+    if head.startswith(b"version https://git-lfs.github.com/spec/"):
         raise ReadError(path, "it is not the file itself, but a pointer of Git LFS", "fetch the file by `git lfs pull`")
     for ends, (what, remedy) in FOREIGN.items():
         if path.name.lower().endswith(ends) and options.get("solution") is None:
             raise ReadError(path, f"it is {what}, which is not read", remedy)
     suffix = path.suffix.lower()
     if head.startswith((b"#!TDV", b"#!TDE")):
-        return _BY_NAME["Tecplot binary"]
-    if head[:4] in SU2_MAGIC:
-        return _BY_NAME["SU2"]
+        return by_name["Tecplot binary"]
+    if int.from_bytes(head[:4], "little") == 535532 or int.from_bytes(head[:4], "big") == 535532:
+        return by_name["SU2"]
     if head.startswith(HDF5_MAGIC) and b"VTKHDF" in head:
-        return _BY_NAME["VTK"]
+        return by_name["VTK"]
     if options.get("mesh") is not None and suffix in (".csv", ".dat"):
-        return _BY_NAME["SU2"]  # a restart whose mesh is in another folder
+        return by_name["SU2"]  # a restart whose mesh is in another folder
     if suffix in (".dat", ".plt", ".tec", ".tp"):
         if suffix == ".plt" and b"\0" in head:
-            return _BY_NAME["Tecplot binary"]
-        return _BY_NAME["Tecplot ASCII"]
-    if suffix == ".csv" and _su2_mesh_beside(path, head):
-        return _BY_NAME["SU2"]
+            return by_name["Tecplot binary"]
+        return by_name["Tecplot ASCII"]
+    # A restart of SU2 names a PointID in its first line, and its mesh is in the same folder.
+    named = b"pointid" in head.split(b"\n", 1)[0].lower().replace(b"_", b"")
+    if suffix == ".csv" and named and any(path.parent.glob("*.su2")):
+        return by_name["SU2"]
     for entry in FORMATS:
         if path.name.lower().endswith(entry.suffixes):
             return entry
     if head.startswith(HDF5_MAGIC):
-        return _BY_NAME["CGNS" if b"CGNS" in head else "HDF5"]
+        return by_name["CGNS" if b"CGNS" in head else "HDF5"]
     if "solution" in options:  # programs give Plot3D grids any suffix
-        return _BY_NAME["Plot3D"]
+        return by_name["Plot3D"]
     known = ", ".join(sorted({end for entry in FORMATS for end in entry.suffixes} | {".dat"}))
     raise ReadError(path, f"no format is known for the name's end {suffix!r}", f"known are OpenFOAM cases and {known}")
-
-
-def _su2_mesh_beside(path: Path, head: bytes) -> bool:
-    """Return whether a CSV file is an SU2 restart: its header names a PointID, and a mesh is in the same folder."""
-    first = head.split(b"\n", 1)[0].lower()
-    return b"pointid" in first.replace(b"_", b"") and any(path.parent.glob("*.su2"))
 
 
 def load(path: Path, time, options: Mapping[str, Any]) -> Dataset:
@@ -155,7 +149,7 @@ def read_here(module: str, path: Path, time, options: Mapping[str, Any]) -> Data
     except MemoryError:
         raise ReadError(path, "it announces more data than fits in memory", DAMAGED) from None
     except Exception as fault:  # libraries raise any error for a damaged file, such as TokenError for a NumPy header
-        what = f"it cannot be read ({type(fault).__name__}: {fault})"
+        what = f"it cannot be read ({type(fault).__name__}: {str(fault)[:200]})"
         raise ReadError(path, what, DAMAGED) from fault
 
 
@@ -192,12 +186,7 @@ def times_in(path: Path, options: Mapping[str, Any]) -> Sequence[float] | None:
 
 
 def checked_time(time) -> float | str | None:
-    """Return a requested time in the form that readers take: "latest", "first", None or a number [s].
-
-    Raises:
-        TypeError: Neither a text nor a number.
-        ValueError: A text that is none of these, or a number that is not finite.
-    """
+    """Return a requested time in the form that readers take: "latest", "first", None or a number [s]."""
     if time is None or (isinstance(time, str) and time in ("latest", "first")):
         return time
     if isinstance(time, bool) or not isinstance(time, (str, int, float, np.integer, np.floating)):

@@ -10,13 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from aerokernels.flow.reading.arrays import plain_name
-from aerokernels.flow.reading.dataset import Block, Dataset, ReadError
+from aerokernels.flow.reading.dataset import Dataset, ReadError
 from aerokernels.flow.reading.density import found_name, scalar_array
 from aerokernels.flow.species import SPECIES_NAMES, Composition, molar_mass
-
-SUM_TOLERANCE = 1e-3  # deviation of solvers' fractions from a sum of 1, and below 0
-BASES = ("mass", "mole")
-BESIDE_THE_FORMULA = ("", "y", "mass", "massfraction", "massfractionof", "mf")
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +44,11 @@ def choose_fractions(path, dataset: Dataset, densities, given) -> Fractions | No
     basis, arrays = species_arrays(path, dataset.array_names(), given, dataset.grouped)
     blocks = []
     for block, (_, where) in zip(dataset.blocks, densities, strict=True):
-        shares = np.stack([_share(path, block, name, where) for name in arrays.values()])
+        found = {name: scalar_array(path, block, name, where) for name in arrays.values()}
+        if other := [(name, place) for name, (_, place) in found.items() if place != where]:
+            fault = f"{other[0][0]} is given at {other[0][1]}s, the density at {where}s"
+            raise ReadError(path, fault, "give both in the same places")
+        shares = np.stack([own for own, _ in found.values()])
         blocks.append(mass_fractions(path, shares, where, arrays, basis, block.blank))
     return Fractions(tuple(arrays), blocks, mixture_in_words(basis, arrays))
 
@@ -65,7 +65,7 @@ def species_arrays(path, names: list[str], given, grouped: bool = False) -> tupl
     listed = ", ".join(names) or "none"
     if isinstance(given, Mapping):
         basis = given.get("basis", basis)
-        if basis not in BASES:
+        if basis not in ("mass", "mole"):
             raise ValueError(f"species: the basis of fractions is 'mass' or 'mole', got {basis!r}")
         stated = {name: array for name, array in given.items() if name != "basis"}
         for name, array in stated.items():
@@ -78,7 +78,14 @@ def species_arrays(path, names: list[str], given, grouped: bool = False) -> tupl
         found = {}
         for name in SPECIES_NAMES if given is True else given:
             molar_mass(name)
-            own = next((plain[key] for word in BESIDE_THE_FORMULA if (key := word + name.lower()) in plain), None)
+            own = next(
+                (
+                    plain[key]
+                    for word in ("", "y", "mass", "massfraction", "massfractionof", "mf")
+                    if (key := word + name.lower()) in plain
+                ),
+                None,
+            )
             if own is not None:
                 found[name] = own
             elif given is not True:
@@ -90,13 +97,6 @@ def species_arrays(path, names: list[str], given, grouped: bool = False) -> tupl
         raise ReadError(path, f"no array is called by a species of {', '.join(SPECIES_NAMES)} (there are: {listed})",
                         'name them: species = {N2 = "NAME", ...}')  # fmt: skip
     return basis, found
-
-
-def _share(path, block: Block, name: str, where: str) -> np.ndarray:
-    values, place = scalar_array(path, block, name, where)
-    if place != where:
-        raise ReadError(path, f"{name} is given at {place}s, the density at {where}s", "give both in the same places")
-    return values
 
 
 def mass_fractions(
@@ -112,7 +112,8 @@ def mass_fractions(
     blank = np.asarray(blank, bool)
     total = shares.sum(axis=0)
     with np.errstate(invalid="ignore"):
-        bad = ~((shares >= -SUM_TOLERANCE).all(axis=0) & (np.abs(total - 1.0) <= SUM_TOLERANCE)) & ~blank
+        # Solvers' fractions deviate by a thousandth from a sum of 1, and below 0.
+        bad = ~((shares >= -1e-3).all(axis=0) & (np.abs(total - 1.0) <= 1e-3)) & ~blank
     if bad.any():
         first = int(np.argmax(bad))
         own = ", ".join(f"{name} {float(share):.6g}" for name, share in zip(names, shares[:, first], strict=True))

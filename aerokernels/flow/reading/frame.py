@@ -21,10 +21,6 @@ from aerokernels.flow.reading.dataset import Dataset, ReadError
 from aerokernels.inputs.checks import warn_caller
 from aerokernels.inputs.units import quantity
 
-AXES = {"x": 0, "y": 1, "z": 2}
-FLAT_SHARE = 1e-6  # of the greatest extent: a thinner set of points is a plane
-SOME_POINTS = 10_000  # sample of a large file's points that may show that it is not a plane
-
 
 @dataclass(frozen=True)
 class Frame:
@@ -95,11 +91,7 @@ class Frame:
     def axes(self, flat_along: np.ndarray | None = None) -> np.ndarray:
         """Return unit vectors x, y, z of the optical frame in the file's axes, as rows, shape (3, 3).
 
-        Args:
-            flat_along: Normal of the plane of a two-dimensional file; None for a volume.
-
-        Raises:
-            ValueError: An axis out of the plane.
+        `flat_along` is the normal of the plane of a two-dimensional file; None for a volume.
         """
         look, up = self.look, None if self.up is None else direction(self.up, "up")
         if flat_along is not None:
@@ -143,11 +135,12 @@ def direction(value, name: str) -> np.ndarray:
     """Return a unit vector from "+x", "-y", "z" or three numbers."""
     if isinstance(value, str):
         sign, axis = (-1.0, value[1:]) if value[:1] == "-" else (1.0, value.removeprefix("+"))
-        if axis.strip().lower() not in AXES:
+        number = "xyz".find(axis.strip().lower() or "?")
+        if number < 0 or len(axis.strip()) != 1:
             raise ValueError(
                 f"frame: {name} {value!r} is not an axis: give one of +x, -x, +y, -y, +z, -z, or three numbers"
             )
-        return sign * np.eye(3)[AXES[axis.strip().lower()]]
+        return sign * np.eye(3)[number]
     told = f"frame: {name} must be an axis such as '-x' or three numbers, got {value!r}"
     try:
         vector = np.asarray(value, dtype=np.float64)
@@ -160,32 +153,27 @@ def direction(value, name: str) -> np.ndarray:
 
 def plane_normal(points: np.ndarray) -> np.ndarray | None:
     """Return the normal of the plane that contains all points, or None where they fill a volume."""
-    if len(points) > 2 * SOME_POINTS and _fill_a_volume(points[:: len(points) // SOME_POINTS]):
-        return None
+
+    def normal_and_depth(points: np.ndarray) -> tuple[np.ndarray, float]:
+        centred = points - points.mean(axis=0)
+        normal = np.linalg.eigh(centred.T @ centred / len(points))[1][:, 0]
+        return normal, float(np.ptp(centred @ normal))
+
+    if len(points) > 20_000:  # a sample may show that they are so far from any plane that more cannot make them flat
+        some = points[:: len(points) // 10_000]
+        if normal_and_depth(some)[1] > 0.01 * np.ptp(some, axis=0).max():
+            return None
     extent = np.ptp(points, axis=0)
-    if extent.min() <= FLAT_SHARE * extent.max():
+    if extent.min() <= 1e-6 * extent.max():  # a thinner set of points is a plane
         return np.asarray(np.eye(3)[int(np.argmin(extent))])
-    centred = points - points.mean(axis=0)
-    normal = np.linalg.eigh(centred.T @ centred / len(points))[1][:, 0]
-    if np.ptp(centred @ normal) > FLAT_SHARE * extent.max():  # the eigenvalue is lost in rounding
+    normal, depth = normal_and_depth(points)
+    if depth > 1e-6 * extent.max():  # the eigenvalue is lost in rounding
         return None
     return np.asarray(normal * np.sign(normal[int(np.argmax(np.abs(normal)))]))
 
 
-def _fill_a_volume(points: np.ndarray) -> bool:
-    """Return whether points are so far from any plane that further points cannot make them flat."""
-    centred = points - points.mean(axis=0)
-    normal = np.linalg.eigh(centred.T @ centred)[1][:, 0]
-    return bool(np.ptp(centred @ normal) > 0.01 * np.ptp(points, axis=0).max())
-
-
 def _unit(vector: np.ndarray) -> np.ndarray:
     return np.asarray(vector / np.linalg.norm(vector))
-
-
-VECTORS = ("u", "velocity", "velocityvector", "umean", "momentum", "rhou")
-COMPONENTS = ("velocity{}", "{}velocity", "vel{}", "momentum{}", "{}momentum", "u{}", "v{}")  # of x, y and z
-STEADY = 0.3  # of the mean speed: a mean velocity below it has no direction, as in a closed room
 
 
 def direction_note(reading, axes: np.ndarray) -> list[str]:
@@ -223,20 +211,22 @@ def _mean_velocity(dataset: Dataset) -> tuple[str, np.ndarray] | None:
                 total += own.sum(axis=0)
                 speed += float(np.linalg.norm(own, axis=1).sum())
         size = float(np.linalg.norm(total))
-    return (called, total / size) if called and STEADY * speed < size < np.inf else None
+    # A mean velocity far below the mean speed has no direction, as in a closed room.
+    return (called, total / size) if called and 0.3 * speed < size < np.inf else None
 
 
 def _velocity(arrays: Mapping[str, np.ndarray]) -> tuple[str, np.ndarray] | None:
     """Return a velocity or momentum, shape (n, 3), and its name: a vector, or two or three components."""
     names = {plain_name(name): name for name in reversed([*arrays])}
     try:
-        for name in (names[one] for one in VECTORS if one in names):
-            values = np.asarray(arrays[name])
+        for one in ("u", "velocity", "velocityvector", "umean", "momentum", "rhou"):
+            values: np.ndarray = np.asarray(arrays[names[one]]) if one in names else np.empty(0)
             if values.ndim == 2 and values.shape[1] in (2, 3) and values.dtype.kind == "f":
-                return name, np.pad(values.astype(np.float64), ((0, 0), (0, 3 - values.shape[1])))
+                return names[one], np.pad(values.astype(np.float64), ((0, 0), (0, 3 - values.shape[1])))
     except ReadError:  # a damaged field that the density does not need
         return None
-    for plain in [tuple(map(form.format, "xyz")) for form in COMPONENTS] + [("u", "v", "w"), ("rhou", "rhov", "rhow")]:
+    forms = ("velocity{}", "{}velocity", "vel{}", "momentum{}", "{}momentum", "u{}", "v{}")
+    for plain in [tuple(map(form.format, "xyz")) for form in forms] + [("u", "v", "w"), ("rhou", "rhov", "rhow")]:
         parts = [np.asarray(arrays[names[one]]) if one in names else np.empty(0) for one in plain]
         if parts[0].ndim == 1 and len(parts[0]) == len(parts[1]) > 0 and all(own.dtype.kind == "f" for own in parts):
             last = parts[2] if parts[2].shape == parts[0].shape else np.zeros(len(parts[0]))

@@ -1,4 +1,4 @@
-"""`flow.read` and `flow.Reader`: read a CFD file or case as a density field."""
+"""`flow.read` and `flow.Reader`: read a CFD file or case, or data in memory, as a density field."""
 
 import os
 from collections.abc import Mapping, Sequence
@@ -10,10 +10,11 @@ import numpy as np
 
 from aerokernels.flow.density_field import DensityField
 from aerokernels.flow.gas import check_density
+from aerokernels.flow.reading.arrays import ambient_attribute, stated_unit, unit_of_array
 from aerokernels.flow.reading.checks import check_blocks, check_repeated_blocks, said_of_units, with_blanks
 from aerokernels.flow.reading.dataset import DAMAGED, Dataset, ReadError, grid_of, wall_patches, with_all_points
-from aerokernels.flow.reading.density import DensityChoice, Reference, block_density, choose_density
-from aerokernels.flow.reading.formats import FORMAT_OPTIONS, load
+from aerokernels.flow.reading.density import DensityChoice, Reference, choose_density
+from aerokernels.flow.reading.formats import FORMAT_OPTIONS, checked_time, load
 from aerokernels.flow.reading.fractions import Fractions, choose_fractions
 from aerokernels.flow.reading.frame import Frame, direction_note, plane_normal
 from aerokernels.flow.reading.planes.one_cell_thick import flattened, wedge
@@ -25,9 +26,6 @@ from aerokernels.medium import Body
 
 if TYPE_CHECKING:
     from aerokernels.flow.reading.volumes.resampling import Resampling
-
-GEOMETRIES = ("planar", "axisymmetric", "volume")
-SI_UNITS = {"density": "kg/m3", "pressure": "Pa", "temperature": "K"}
 
 
 class ReadOptions(TypedDict, total=False):
@@ -52,12 +50,7 @@ class ReadOptions(TypedDict, total=False):
 
 
 def checked_options(options: ReadOptions, taker: str, *, without: Sequence[str] = ()) -> ReadOptions:
-    """Return options in their own types: a `Frame`, a `Reference`, metres; those left out as None.
-
-    Raises:
-        TypeError: An unknown option, or a value of another kind.
-        ValueError: A value that an option cannot have.
-    """
+    """Return options in their own types: a `Frame`, a `Reference`, metres; those left out as None."""
     known = [name for name in ReadOptions.__annotations__ if name not in without]
     if unknown := sorted(set(options) - set(known)):
         raise TypeError(f"{taker} has no argument {unknown[0]!r}: it takes {', '.join(known)}")
@@ -66,7 +59,7 @@ def checked_options(options: ReadOptions, taker: str, *, without: Sequence[str] 
     if values["length_unit"] is not None or "length" in values["reference"].given:
         values["length_unit"] = unit_of_length(values["length_unit"]) * values["reference"].length
     if values["geometry"] is not None:
-        check_choice(values["geometry"], "geometry", GEOMETRIES)
+        check_choice(values["geometry"], "geometry", ("planar", "axisymmetric", "volume"))
     if values["ambient_density"] is not None:
         check_density(values["ambient_density"], "ambient_density")
     return cast(ReadOptions, values)
@@ -92,16 +85,6 @@ class Reading:
     def frame(self) -> Frame:
         """The optical frame in the file's axes."""
         return cast(Frame, self.options["frame"])
-
-    @property
-    def reference(self) -> Reference:
-        """Reference values of non-dimensional data."""
-        return cast(Reference, self.options["reference"])
-
-    @property
-    def ambient(self) -> float | None:
-        """The density around the field [kg/m3] that the caller or the file states, or None."""
-        return self.options["ambient_density"] or self.dataset.ambient
 
     def moved(self, points: np.ndarray) -> np.ndarray:
         """Return points of the file, shape (n, 3), in the optical frame [m]."""
@@ -190,8 +173,16 @@ class Reader:
 
     def __call__(self, path, **more: Unpack[ReadOptions]) -> DensityField:
         """Read a file or case; `more` overrides the stored options. Errors as in `flow.read`."""
+        if not isinstance(path, (str, os.PathLike)):
+            raise TypeError(
+                f"path must be the path of a flow file or case, got {type(path).__name__}: for arrays there are "
+                "DensityField.from_xarray and DensityField.from_pyvista"
+            )
+        options = checked_options({**self.options, **more}, "flow.read")
+        of_format = {name: value for name, value in options.items() if name in FORMAT_OPTIONS}
         try:
-            return self._field(path, {**self.options, **more})
+            dataset = load(Path(path), options["time"], of_format)
+            return field_of(reading_of(Path(path), dataset, options), self)
         except (ArithmeticError, LookupError) as fault:
             # Readers check counts and indices; an error that still occurs here means that the file is damaged.
             what = f"no field can be made of it ({type(fault).__name__}: {fault})"
@@ -199,16 +190,6 @@ class Reader:
         except MemoryError:
             remedy = "give a greater spacing or a smaller region"
             raise ReadError(path, "it takes more memory than there is", remedy) from None
-
-    def _field(self, path, asked: ReadOptions) -> DensityField:
-        if not isinstance(path, (str, os.PathLike)):
-            raise TypeError(
-                f"path must be the path of a flow file or case, got {type(path).__name__}: for arrays there are "
-                "DensityField.from_xarray and DensityField.from_pyvista"
-            )
-        path, options = Path(path), checked_options(asked, "flow.read")
-        of_format = {name: value for name, value in options.items() if name in FORMAT_OPTIONS}
-        return field_of(reading_of(path, load(path, options["time"], of_format), options), self)
 
 
 def reading_of(path, dataset: Dataset, options: ReadOptions) -> Reading:
@@ -219,18 +200,18 @@ def reading_of(path, dataset: Dataset, options: ReadOptions) -> Reading:
     if dataset.unsure:
         warn_caller(f"{path}: {dataset.unsure}")
     scale = cast("float | None", options["length_unit"]) or dataset.length or 1.0
-    check_blocks(path, dataset)
+    check_blocks(path, dataset.blocks)
     dataset = with_blanks(dataset)
     solid = len(dataset.blocks) == 1 and grid_of(dataset.blocks[0].points) is not None
     if not solid:
         dataset = with_all_points(dataset)
     if flat and not solid and dataset.geometry is None and geometry != "volume":
         dataset = flattened(dataset, frame.look) or dataset
-    choice = choose_density(path, dataset, options["density"], options["gas_constant"])
+    choice = choose_density(path, dataset, options["density"], options["gas_constant"], reference)
     if reference.operating_pressure and choice.pressure is None:
         fault = f"an operating pressure is given, but the density is {choice.density!r}"
         raise ReadError(path, fault, "leave it out, or name the arrays of pressure and temperature")
-    densities = [block_density(path, block, choice, reference, dataset.units) for block in dataset.blocks]
+    densities = [choice.of_block(block) for block in dataset.blocks]
     check_repeated_blocks(path, dataset.blocks, densities)
     normal = None
     kind = dataset.geometry or geometry
@@ -250,11 +231,11 @@ def reading_of(path, dataset: Dataset, options: ReadOptions) -> Reading:
     if kind == "volume" and geometry is None:
         _refuse_wedge(path, dataset)
     fractions = choose_fractions(path, dataset, densities, options["species"])
-    said = choice.described(reference) + (f"; {fractions.said}" if fractions is not None else "")
+    said = choice.described() + (f"; {fractions.said}" if fractions is not None else "")
     if options["length_unit"] is None and scale != 1.0:
         said += f"; coordinates in units of {scale:g} m, which the file states"
-    said += _without_units(dataset, choice, options)
-    said += said_of_units(path, dataset, choice, reference, densities)
+    said += _without_units(dataset, choice, options["length_unit"] is not None)
+    said += said_of_units(path, dataset, choice, densities)
     return Reading(path, dataset, options, densities, kind, normal, scale, said, choice, fractions)
 
 
@@ -274,16 +255,15 @@ def _refuse_wedge(path, dataset: Dataset) -> None:
         )
 
 
-def _without_units(dataset: Dataset, choice: DensityChoice, options: ReadOptions) -> str:
+def _without_units(dataset: Dataset, choice: DensityChoice, has_length: bool) -> str:
     """Say which numbers are taken in SI although neither the file nor the caller states their unit."""
+    units = {"density": "kg/m3", "pressure": "Pa", "temperature": "K"}
     taken = [
-        f"{name!r} in {SI_UNITS[dimension]}"
-        for dimension in SI_UNITS
-        if (name := getattr(choice, dimension)) is not None
-        and not (dimension in cast(Reference, options["reference"]).given or unit_in_name(name))
-        and is_no_unit(dataset.units.get(name, ""))
+        f"{name!r} in {units[dimension]}"
+        for dimension, name in choice.names.items()
+        if not (dimension in choice.reference.given or unit_in_name(name)) and is_no_unit(dataset.units.get(name, ""))
     ]
-    if options["length_unit"] is None and dataset.length is None:
+    if not has_length and dataset.length is None:
         taken.append("coordinates in m")
     return f"; no unit is stated, taken: {', '.join(taken)}" if taken else ""
 
@@ -314,7 +294,7 @@ def _plane_field(reading: Reading) -> DensityField:
     if fractions is not None:
         partial, density = density[:, 1:].T, density[:, 0]
         composition = fractions.composition(partial, partial[:, front_of(at)].mean(axis=1))
-    ambient = reading.ambient or float(np.median(density[front_of(at)]))
+    ambient = reading.options["ambient_density"] or float(np.median(density[front_of(at)]))
     direction = direction_note(reading, plane.axes)
     said = [*reading.opening(), plane_in_words(plane, reading.frame, mesh), *direction,
             f"ambient {ambient:.6g} kg/m3", *([remark] if remark else []), *dataset.notes]  # fmt: skip
@@ -341,11 +321,7 @@ def _body(reading: Reading, plane: Plane, mesh) -> Body | None:
 
 
 def unit_of_length(unit: str | float | None) -> float:
-    """Return a unit of length [m] given as its name, as a quantity such as "2.5 mm", or in metres.
-
-    Raises:
-        ValueError: Not a length, or a length that is not positive.
-    """
+    """Return a unit of length [m] given as its name, as a quantity such as "2.5 mm", or in metres."""
     if unit is None:
         return 1.0
     if isinstance(unit, str) and (written := written_unit(unit)) and written.exponents == EXPONENTS["length"]:
@@ -374,3 +350,40 @@ def far_field(flow: DensityField, resampling: "Resampling | None" = None) -> np.
         places = flow.mesh.cell_centroid if isinstance(flow, CellDensity) else flow.mesh.vertices
         return flow.density[front_of(places)]
     return None
+
+
+def from_xarray(array, **options: Unpack[ReadOptions]) -> DensityField:
+    """Return a density field from an xarray data set or array; options as in `flow.read`.
+
+    Coordinates are x, y, z (volume), two of them (planar), or r, z (axisymmetric), in the unit that their attribute
+    `units` names. An array is the density itself. Its attribute `ambient_density` is the density around the field: a
+    number of kg/m3, or a text with a unit, as in "1.2e-3 g/cm3".
+    """
+    from aerokernels.flow.reading.readers.netcdf import labelled_dataset
+
+    if not hasattr(array, "dims"):
+        raise TypeError(f"from_xarray takes an xarray DataArray or Dataset, got {type(array).__name__}")
+    asked = checked_options(options, "from_xarray", without=("spacing", "region", "walls", *FORMAT_OPTIONS))
+    attributes = dict(array.attrs)
+    if hasattr(array, "to_dataset") and hasattr(array, "values") and not hasattr(array, "data_vars"):
+        name = array.name or "density"
+        array, asked["density"] = array.to_dataset(name=name), asked["density"] or name
+    if asked["ambient_density"] is None and attributes.get("ambient_density") is not None:
+        held = next((array[name] for name in (asked["density"], "density", "rho") if name in array), None)
+        stated = stated_unit(held.attrs) if held is not None else ""
+        unit = unit_of_array("xarray data", "density", stated, "density").factor
+        values = np.asarray(held.values) if held is not None else np.empty(0)
+        asked["ambient_density"] = ambient_attribute("xarray data", attributes["ambient_density"], unit, values)
+    dataset = labelled_dataset("xarray data", array, None, checked_time(asked["time"]))
+    return field_of(reading_of("xarray data", dataset, asked))
+
+
+def from_pyvista(dataset, **options: Unpack[ReadOptions]) -> DensityField:
+    """Return a density field from a pyvista (or VTK) grid or multi-block set; options as in `flow.read`."""
+    from aerokernels.flow.reading.readers.vtk_files import vtk_dataset
+
+    if not hasattr(dataset, "GetClassName"):
+        raise TypeError(f"from_pyvista takes a data set of pyvista or VTK, got {type(dataset).__name__}")
+    asked = checked_options(options, "from_pyvista", without=("time", "walls", *FORMAT_OPTIONS))
+    found = vtk_dataset(f"{dataset.GetClassName()} given", dataset, "VTK data set")
+    return field_of(reading_of("pyvista data", found, asked))

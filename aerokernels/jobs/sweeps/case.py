@@ -22,7 +22,6 @@ from aerokernels.jobs.run_files import RunResult
 from aerokernels.jobs.store import to_json
 from aerokernels.medium import IndexField
 from aerokernels.prepare import Prepared, prepare_field, view_extent, view_radius
-from aerokernels.process.clock import processor_clocked
 from aerokernels.process.opened import OPENED
 from aerokernels.scene import Scene
 
@@ -32,19 +31,12 @@ _INDEX_KEYS = ("wavelength", "relation", "gladstone_dale")  # keys of [flow] tha
 
 @dataclass(frozen=True)
 class Case:
-    """A case as it is sent to a worker.
+    """A case as it is sent to a worker."""
 
-    Attributes:
-        number: The case's number in the sweep.
-        scene: The case's scene.
-        group: Key of the index field that cases share.
-        widest: Scenes of the group, one of which has the widest view; which one depends on the place of the flow's
-            front.
-    """
-
-    number: int
-    scene: Scene
-    group: str
+    number: int  # the case's number in the sweep
+    scene: Scene  # the case's scene
+    group: str  # key of the index field that cases share
+    # scenes of the group, one of which has the widest view; which one depends on the place of the flow's front
     widest: tuple[Scene, ...]
 
 
@@ -116,11 +108,7 @@ class Stages:
         return made
 
     def run(self, case: Case) -> RunResult:
-        """Compute a case.
-
-        Raises:
-            ValueError: The scene cannot be computed.
-        """
+        """Compute a case."""
         result = run_stages(case.scene, partial(self._prepared, case), partial(self._strehl, case), with_views=False)
         self.made["echo"] += 1
         return result
@@ -146,9 +134,7 @@ def compute(case: Case) -> dict[str, Any]:
     """Compute a case; return {"summary": ...}, or {"error": ...} if it cannot be computed, as plain JSON types."""
     begin = time.process_time()
     try:
-        with processor_clocked() as tracing:
-            summary = dict(OPENED.once("stages of cases", Stages).run(case).summary)
-        summary["tracing_processor_seconds"] = tracing[0]
+        summary = dict(OPENED.once("stages of cases", Stages).run(case).summary)
         summary["processor_seconds"] = time.process_time() - begin
         return to_json({"summary": summary, "version": __version__})
     except Exception as fault:  # any error is recorded, so that the other cases go on

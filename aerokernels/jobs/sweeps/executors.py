@@ -1,9 +1,7 @@
 """Compute the cases of a sweep on worker processes of this machine, on any `concurrent.futures.Executor`, or on Dask.
 
-A worker process of this machine takes cases of the same index field as long as there are any. One that dies is
-replaced, and its case is started again; a case at which two workers died has failed. Dask moves the cases of a dead
-worker to another; a case at which several workers died has failed. Losing the executor ends the sweep; cases not
-computed by then have not failed and are computed when the sweep is resumed.
+A worker process takes cases of the same index field as long as there are any. Losing the executor ends the sweep;
+cases not computed by then have not failed and are computed when the sweep is resumed.
 """
 
 import contextlib
@@ -49,32 +47,25 @@ def outcomes(
 ) -> Generator[Any, None, None]:
     """Yield None once the workers are there, then the number and the outcome of each case when it is finished.
 
-    Args:
-        cases: The cases, ordered by group.
-        executor: "local", "dask", or an Executor.
-        workers: Worker processes of this machine; None: one for each GPU, or, without GPUs, for each core.
-        scheduler: Address of a running Dask scheduler, a Dask client or a cluster.
-        devices: The devices that the cases name.
-
-    Raises:
-        ImportError: Dask is not installed.
-        ValueError: No scheduler answers at that address, or its workers have another version of aerokernels.
-        RuntimeError: No worker starts, or the executor is lost.
+    Arguments as for `sweep`; `scheduler` may also be a Dask client or a cluster, and `devices` are those that the
+    cases name. A RuntimeError says that no worker starts, or that the executor is lost.
     """
     if not cases:
         yield None
         return
     with contextlib.ExitStack() as ending:
         if executor == "local":
-            environments = worker_environments(workers, len(cases), devices)
-            processes = ending.enter_context(_processes(environments))
-            yield None
-            yield from _on_processes(cases, processes)
+            yield from _on_processes(cases, worker_environments(workers, len(cases), devices))
         elif executor == "dask":
             environments = worker_environments(workers, len(cases), devices) if scheduler is None else []
             client = ending.enter_context(_dask_client(scheduler, environments))
             yield None
-            yield from _on_executor(cases, client.get_executor(pure=False), lambda: _check_client(client))
+
+            def check() -> None:
+                if client.status not in ("running", "connecting"):
+                    raise RuntimeError(LOST)
+
+            yield from _on_executor(cases, client.get_executor(pure=False), check)
         else:
             yield None
             yield from _on_executor(cases, executor, lambda: None)
@@ -124,11 +115,7 @@ class _Process:
     def _start(self) -> None:
         self._pool = ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn"))
         with _inherited(self.environment):
-            self._ready = self._pool.submit(_prepare)
-
-    def wait(self) -> None:
-        """Wait until it is ready; raises BrokenExecutor if it died."""
-        self._ready.result()
+            self.ready = self._pool.submit(_prepare)
 
     def submit(self, case: "Case") -> "Future[dict[str, Any]]":
         """Start to compute a case; on a new process if this one died."""
@@ -142,29 +129,10 @@ class _Process:
     def end(self) -> None:
         """End the process, whatever it does."""
         with contextlib.suppress(BrokenExecutor, CancelledError, ProcessLookupError):
-            number = self._ready.result()
+            number = self.ready.result()
             self._pool.submit(int)  # raises BrokenExecutor if the process is gone, whose number may be another's
             os.kill(number, signal.SIGTERM)
         self._pool.shutdown(cancel_futures=True)
-
-
-@contextlib.contextmanager
-def _processes(environments: Sequence[Mapping[str, str]]) -> Iterator[list[_Process]]:
-    """Yield worker processes, one for each environment.
-
-    Raises:
-        RuntimeError: They die as they start.
-    """
-    with contextlib.ExitStack() as ending:
-        processes = [_Process(environment) for environment in environments]
-        for process in processes:
-            ending.callback(process.end)
-        try:
-            for process in processes:
-                process.wait()
-        except BrokenExecutor:
-            raise RuntimeError("worker processes die as they start: check the free memory") from None
-        yield processes
 
 
 def _prepare() -> int:
@@ -211,63 +179,49 @@ def _inherited(environment: Mapping[str, str]) -> Iterator[None]:
                 os.environ[name] = value
 
 
-def _on_processes(cases: Sequence["Case"], processes: Sequence[_Process]) -> Outcomes:
-    queue, deaths = _Queue(cases), Counter[int]()
+def _on_processes(cases: Sequence["Case"], environments: Sequence[Mapping[str, str]]) -> Generator[Any, None, None]:
+    """Compute cases by worker processes, one for each environment; yields as `outcomes` does."""
+    waiting: dict[str, deque[Case]] = {}
+    for case in cases:
+        waiting.setdefault(case.group, deque()).append(case)
+    deaths = Counter[int]()
     running: dict[Future, tuple[_Process, Case]] = {}
 
-    def start(process: _Process, group: str | None) -> None:
-        case = queue.take(group)
-        if case is not None:
+    def start(process: _Process, group: str) -> None:
+        """Give a process the next case of a group, or, if it has none, of the one with the most cases."""
+        queue = waiting.get(group) or max(waiting.values(), key=len)
+        if queue:
+            case = queue.popleft()
             running[process.submit(case)] = process, case
 
-    for process in processes:
-        start(process, None)
-    while running:
-        done, _ = wait(running, return_when=FIRST_COMPLETED)
-        for future in done:
-            process, case = running.pop(future)
-            outcome = None
-            try:
-                outcome = future.result()
-            except BrokenExecutor:
-                deaths[case.number] += 1
-                if deaths[case.number] < ATTEMPTS:
-                    queue.put_back(case)
-                else:
-                    outcome = {"error": f"its worker process died, {ATTEMPTS} times: check the free memory"}
-            start(process, case.group)
-            if outcome is not None:
-                yield case.number, outcome
-
-
-class _Queue:
-    """Waiting cases, by group."""
-
-    def __init__(self, cases: Sequence["Case"]):
-        """Sort the cases by group."""
-        self._groups: dict[str, deque[Case]] = {}
-        self._users: Counter[str] = Counter()
-        for case in cases:
-            self._groups.setdefault(case.group, deque()).append(case)
-
-    def take(self, group: str | None) -> "Case | None":
-        """Take the next case of a group, or, if it has none, of the group with the most cases per worker."""
-        if not self._groups:
-            return None
-        if group not in self._groups:
-            if group is not None:
-                self._users[group] -= 1
-            group = max(self._groups, key=lambda name: len(self._groups[name]) / (1 + max(self._users[name], 0)))
-            self._users[group] += 1
-        assert group is not None
-        case = self._groups[group].popleft()
-        if not self._groups[group]:
-            del self._groups[group]
-        return case
-
-    def put_back(self, case: "Case") -> None:
-        """Return a case to the front of its group, to be computed again."""
-        self._groups.setdefault(case.group, deque()).appendleft(case)
+    with contextlib.ExitStack() as ending:
+        processes = [_Process(environment) for environment in environments]
+        for process in processes:
+            ending.callback(process.end)
+        try:
+            for process in processes:
+                process.ready.result()
+        except BrokenExecutor:
+            raise RuntimeError("worker processes die as they start: check the free memory") from None
+        yield None
+        for process in processes:
+            start(process, "")
+        while running:
+            done, _ = wait(running, return_when=FIRST_COMPLETED)
+            for future in done:
+                process, case = running.pop(future)
+                outcome = None
+                try:
+                    outcome = future.result()
+                except BrokenExecutor:
+                    deaths[case.number] += 1
+                    if deaths[case.number] < ATTEMPTS:
+                        waiting[case.group].appendleft(case)
+                    else:
+                        outcome = {"error": f"its worker process died, {ATTEMPTS} times: check the free memory"}
+                start(process, case.group)
+                if outcome is not None:
+                    yield case.number, outcome
 
 
 @contextlib.contextmanager
@@ -308,50 +262,24 @@ def _dask_client(scheduler: Any, environments: Sequence[Mapping[str, str]]) -> I
                 client.wait_for_workers(1, timeout=START_WITHIN)
             except TimeoutError:
                 raise RuntimeError(f"no Dask worker started within {START_WITHIN:g} s on this machine") from None
-        if scheduler is not None:
-            _check_versions(client)
+        others = set(client.run(_installed_version).values()) - {__version__}
+        if others:
+            raise ValueError(
+                f"scheduler {client.scheduler.address}: its workers have aerokernels {', '.join(sorted(others))}, this "
+                f"is {__version__}: install the same version there"
+            )
         yield client
 
 
-def _worker_version() -> str:
-    from aerokernels import __version__
-
+def _installed_version() -> str:
     return __version__
-
-
-def _check_versions(client: Any) -> None:
-    place = f"scheduler {client.scheduler.address if client.scheduler else client}"
-    try:
-        versions = client.run(_worker_version)
-    except Exception as fault:
-        raise ValueError(
-            f"{place}: its workers cannot import aerokernels ({type(fault).__name__}: {fault}): install the same "
-            "version there"
-        ) from None
-    for worker, version in versions.items():
-        if version != __version__:
-            raise ValueError(
-                f"{place}: worker {worker} has aerokernels {version}, this is {__version__}: install the same version "
-                "there"
-            )
-
-
-def _check_client(client: Any) -> None:
-    """Raise a RuntimeError if a Dask client has lost its scheduler."""
-    if client.status not in ("running", "connecting"):
-        raise RuntimeError(LOST)
 
 
 def worker_environments(workers: int | None, case_count: int, devices: set[str | None]) -> list[dict[str, str]]:
     """Return the variables to add to the environment of each worker process of this machine.
 
-    Args:
-        workers: Number of workers; None: one per GPU, or, without GPUs, one per core up to eight.
-        case_count: Number of cases, which limits the number of workers.
-        devices: The devices that the cases name; if any case names one, no GPUs are assigned.
-
-    Returns:
-        One mapping per worker, which assigns it a GPU, in rotation, and its share of the cores.
+    They assign it a GPU, in rotation, unless a case names a device, and its share of the cores. By default there is a
+    worker for each GPU, or, without GPUs, for each core up to eight.
     """
     gpus = visible_gpus() if devices <= {None} else []
     cores = core_count()

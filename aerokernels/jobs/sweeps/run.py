@@ -21,6 +21,7 @@ from aerokernels.jobs.sweeps.records import (
     Records,
     check_same,
     read_definition,
+    sweep_dataset,
     write_definition,
 )
 from aerokernels.scene import Scene, warn_of_unused
@@ -43,8 +44,6 @@ def sweep(
     scheduler: str | None = None,
     settings: Mapping[str, Any] | None = None,
     zip: bool = False,
-    sample: str | int | None = None,
-    seed: int = 0,
     retry_failed: bool = False,
     progress: Progress | None = None,
 ) -> "xarray.Dataset":
@@ -61,15 +60,12 @@ def sweep(
         scheduler: Address of a running Dask scheduler, "tcp://host:8786", whose workers are used.
         settings: Changes to the scene for all cases, by dotted key.
         zip: Whether the keys take their values in parallel, instead of in every combination.
-        sample: "lhs:N": N cases of a Latin hypercube between the two numbers given for each key.
-        seed: Seed of the Latin hypercube.
         retry_failed: Whether cases that failed before are computed again.
         progress: Called with a description of the progress and the share of finished cases.
 
     Returns:
-        One dataset: the numbers of summary.json with a dimension per key, or the dimension "case" for `zip` and
-        `sample`; coordinates are the keys, in SI units. A failed case has NaN, `failed` is true, and `failures` holds
-        the reason.
+        One dataset: the numbers of summary.json with a dimension per key, or the dimension "case" for `zip`;
+        coordinates are the keys, in SI units. A failed case has NaN, `failed` is true, and `failures` holds the reason.
 
     Raises:
         TypeError: An argument of the wrong kind.
@@ -80,7 +76,7 @@ def sweep(
     check_options(executor, workers, scheduler)
     if hasattr(executor, "nthreads") or hasattr(executor, "scheduler_address"):  # a client or a cluster of Dask
         executor, scheduler = "dask", executor
-    definition = define(scene, vary, settings=settings, together=zip, sample=sample, seed=seed)
+    definition = define(scene, vary, settings=settings, together=zip)
     with contextlib.ExitStack() as ending:
         folder = (
             check_path(out, "out") if out is not None else Path(ending.enter_context(tempfile.TemporaryDirectory()))
@@ -121,24 +117,26 @@ def run_sweep(
     Raises:
         ValueError: See `sweep`; nothing is written then.
     """
+    from aerokernels.jobs.sweeps.case import make_cases
+    from aerokernels.jobs.sweeps.executors import outcomes
+    from aerokernels.jobs.sweeps.report import sweep_report
+
     progress = progress or (lambda text, share: None)
     with only_writer(folder):
         described = definition.described()
         scenes, faults = checked_scenes(definition)
-        warn_of_unused(next(scene for scene in scenes if scene is not None), "run")
-        devices = _check_devices(scenes)
-        from aerokernels.jobs.sweeps.case import make_cases
-        from aerokernels.jobs.sweeps.executors import outcomes
-
-        cases = make_cases(scenes)
+        good = [scene for scene in scenes if scene is not None]
+        warn_of_unused(good[0], "run")
+        devices = _check_devices(good)
         found = read_definition(folder)
         if found is not None:
             check_same(folder, found, described)
         records = Records(folder)
-        finished = set(records.done)
-        if retry_failed:
-            finished = {number for number, record in records.done.items() if "error" not in record}
-        waiting = [case for case in cases if case.number not in finished]
+        waiting = [
+            case
+            for case in make_cases(scenes)
+            if case.number not in records.done or (retry_failed and "error" in records.done[case.number])
+        ]
         computed = outcomes(waiting, executor, workers, scheduler, devices)
         with contextlib.closing(computed):
             next(computed)  # starts the executor, whose errors must come before anything is written
@@ -151,33 +149,46 @@ def run_sweep(
                 for number, text in faults.items():
                     records.add(number, {"error": text})
                 _collect(computed, records, definition.case_count, progress)
-            progress("writing the dataset", 1.0)
-            _write(definition, described, scenes, records, folder, executor)
+        progress("writing the dataset", 1.0)
+        provenance = {
+            "created": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
+            "machine": f"{platform.node()}, {platform.machine()}, Python {platform.python_version()}",
+            "executor": executor if isinstance(executor, str) else type(executor).__name__,
+        }
+        dataset = sweep_dataset(definition, described, good[0], records.done, provenance)
+        replace_result(folder / DATASET_FILE, dataset)
+        write_text(folder / REPORT_FILE, sweep_report(dataset, definition))
+
+
+def _check_devices(scenes: Iterable[Scene]) -> set[str | None]:
+    """Reject a backend or device that is not available, before any case is computed; return the devices named."""
+    from aerokernels.tracing.engines.choice import choose_backend
+
+    asked = {(scene.trace.backend, scene.trace.device) for scene in scenes}
+    for backend, device in sorted(asked, key=str):
+        try:
+            choose_backend(backend, device)
+        except ValueError as fault:
+            raise ValueError(f"trace.backend = {backend!r}, trace.device = {device!r}: {fault}") from None
+    return {device for _, device in asked}
 
 
 def _collect(computed: Iterator, records: Records, total: int, progress: Progress) -> None:
     """Store each case when it is finished, and report the progress."""
     begin, before = time.monotonic(), len(records.done)
-    progress(_progress_text(records, total, None), before / total)
+
+    def report() -> None:
+        done, failed = len(records.done), sum("error" in record for record in records.done.values())
+        text = f"{done} of {total} cases" + (f", {failed} failed" if failed else "")
+        if before < done < total:
+            left = (time.monotonic() - begin) / (done - before) * (total - done)
+            text += f", about {datetime.timedelta(seconds=round(left))} left"
+        progress(text, done / total)
+
+    report()
     for number, outcome in computed:
         if records.add(number, outcome):
-            each = (time.monotonic() - begin) / (len(records.done) - before)
-            progress(_progress_text(records, total, each * (total - len(records.done))), len(records.done) / total)
-
-
-def _progress_text(records: Records, total: int, left: float | None) -> str:
-    failed = sum("error" in record for record in records.done.values())
-    text = f"{len(records.done)} of {total} cases" + (f", {failed} failed" if failed else "")
-    if left is None or len(records.done) == total:
-        return text
-    return f"{text}, about {_duration(left)} left"
-
-
-def _duration(seconds: float) -> str:
-    for size, unit in ((86400.0, "d"), (3600.0, "h"), (60.0, "min")):
-        if seconds >= 2.0 * size:
-            return f"{seconds / size:.0f} {unit}"
-    return f"{seconds:.0f} s"
+            report()
 
 
 def check_options(executor: Any, workers: int | None, scheduler: Any) -> None:
@@ -202,38 +213,3 @@ def check_options(executor: Any, workers: int | None, scheduler: Any) -> None:
         raise ValueError("workers are started on this machine, and a scheduler has its own: give one of the two")
     if workers is not None and (as_whole(workers) or 0) < 1:
         raise ValueError(f"workers = {workers}: give a whole number of at least 1, or leave it out")
-
-
-def _check_devices(scenes: list[Scene | None]) -> set[str | None]:
-    """Reject a backend or device that is not available, before any case is computed; return the devices named."""
-    from aerokernels.tracing.engines.choice import choose_backend
-
-    asked = {(scene.trace.backend, scene.trace.device) for scene in scenes if scene is not None}
-    for backend, device in sorted(asked, key=str):
-        try:
-            choose_backend(backend, device)
-        except ValueError as fault:
-            raise ValueError(f"trace.backend = {backend!r}, trace.device = {device!r}: {fault}") from None
-    return {device for _, device in asked}
-
-
-def _write(
-    definition: Definition,
-    described: Mapping[str, Any],
-    scenes: list[Scene | None],
-    records: Records,
-    folder: Path,
-    executor: Any,
-) -> None:
-    now = datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
-    provenance = {
-        "created": now,
-        "machine": f"{platform.node()}, {platform.machine()}, Python {platform.python_version()}",
-        "executor": executor if isinstance(executor, str) else type(executor).__name__,
-    }
-    from aerokernels.jobs.sweeps.dataset import sweep_dataset
-    from aerokernels.jobs.sweeps.report import sweep_report
-
-    dataset = sweep_dataset(definition, described, scenes, records.done, provenance)
-    replace_result(folder / DATASET_FILE, dataset)
-    write_text(folder / REPORT_FILE, sweep_report(dataset, definition))

@@ -32,7 +32,6 @@ from typing import Any
 import numpy as np
 
 from aerokernels.derived import Derived, cached_on
-from aerokernels.display.shown import shown
 from aerokernels.medium.averages.vertex_values import (
     linear_values_and_smooth,
     of_parents,
@@ -236,71 +235,3 @@ def _extremes(rows, low, high, empty) -> tuple[np.ndarray, np.ndarray]:
     least[some] = np.minimum.reduceat(low[rows.indices], begin[some])
     greatest[some] = np.maximum.reduceat(high[rows.indices], begin[some])
     return least, greatest
-
-
-@shown
-@dataclass(frozen=True)
-class AveragesLacking:
-    """Deficits of an interpolant from averages over cells, as fractions of the range R of the averages.
-
-    With a the average over a cell of area A and m the interpolant's mean over it (in an axisymmetric mesh over its
-    volume), a row's deficit is | sum A (a - m) | / (R sum A), the mean over the lines along it.
-
-    Attributes:
-        rows_max: Greatest deficit or excess of a row or column of cells; None where the flow's mesh is not structured.
-        rows_rms: Root mean square over the rows and columns, weighted by area; None as above.
-        row_path: Greatest error of the optical path along a whole row [m]; None as above.
-        cells_max: Greatest deficit or excess of a cell.
-        cells_rms: Root mean square over the cells, weighted by area.
-    """
-
-    rows_max: float | None
-    rows_rms: float | None
-    row_path: float | None
-    cells_max: float
-    cells_rms: float
-
-    @property
-    def keeps_rows(self) -> bool:
-        """Whether there are rows and columns, and all their deficits are below a millionth of the range."""
-        return self.rows_max is not None and self.rows_max < 1e-6
-
-    def in_words(self) -> str:
-        """Return the numbers in words, as the object of a sentence with "lacks"."""
-        cells = f"of single cells {100.0 * self.cells_rms:.2g} % rms, {100.0 * self.cells_max:.2g} % at most"
-        if self.rows_max is None or self.rows_rms is None or self.row_path is None:
-            return f"{cells}, of the range of densities"
-        if self.keeps_rows:
-            return f"nothing of rows and columns of cells (below {max(self.rows_max, 1e-15):.0e} of the range); {cells}"
-        return (
-            f"of a row or column of cells {100.0 * self.rows_max:.2g} % of the range of densities at most "
-            f"({100.0 * self.rows_rms:.2g} % rms), an optical path of {1e6 * self.row_path:.2g} µm; {cells}"
-        )
-
-
-def averages_lacking(mesh: QuadMesh, average: np.ndarray, values: np.ndarray) -> AveragesLacking:
-    """Return the deficits of bilinear values on a mesh; arguments as for `cell_deficits`.
-
-    Where its cells were cut in four, the rows are those of the cells before the cut.
-    """
-    lacks = of_parents(mesh, cell_deficits(mesh, average, values))
-    area = mesh.cell_area if mesh.parents is None else np.bincount(mesh.parents, mesh.cell_area)
-    scale = float(np.ptp(average)) or 1.0  # equal averages have no range, and no deficit
-    whole = area > 0.0  # `parents` may leave out numbers
-    lacks, area = np.where(whole, lacks, 0.0), np.where(whole, area, 0.0)
-    cells_max = float(np.abs(lacks).max()) / scale
-    cells_rms = float(np.sqrt(np.sum(area * lacks**2) / area.sum())) / scale
-    flow_mesh = mesh if mesh.parents is None else mesh.whole
-    if flow_mesh is None or flow_mesh.shape is None:
-        return AveragesLacking(None, None, None, cells_max, cells_rms)
-    shape = flow_mesh.shape[0] - 1, flow_mesh.shape[1] - 1
-    middle = 0.5 * (flow_mesh.corners + np.roll(flow_mesh.corners, -1, axis=1))  # of sides
-    sizes, means, paths = [], [], []
-    for axis in (0, 1):  # along axis 1 cells are joined across their sides 0 and 2
-        width = np.linalg.norm(middle[:, 3 - axis] - middle[:, 1 - axis], axis=1)
-        sizes.append(area.reshape(shape).sum(axis=axis))
-        means.append(np.abs((area * lacks).reshape(shape).sum(axis=axis)) / sizes[-1])
-        paths.append(means[-1] * width.reshape(shape).sum(axis=axis))
-    size, mean = np.concatenate(sizes), np.concatenate(means)
-    rms = float(np.sqrt(np.sum(size * mean**2) / size.sum())) / scale
-    return AveragesLacking(float(mean.max()) / scale, rms, float(np.concatenate(paths).max()), cells_max, cells_rms)

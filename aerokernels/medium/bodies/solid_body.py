@@ -209,11 +209,6 @@ class SolidBody(Derived):
         distance = np.linalg.norm(points - self.nearest_wall(points), axis=1)
         return np.where(self.contains(points), -distance, distance)
 
-    def section(self) -> np.ndarray:
-        """Return the lines in which the surface crosses x = 0, as ends (y, z) of segments [m], shape (n, 2, 2)."""
-        pieces = [np.stack([line, np.roll(line, -1, axis=0)], axis=1) for line in self.outlines()]
-        return np.concatenate([np.empty((0, 2, 2)), *pieces])
-
     def outlines(self) -> list[np.ndarray]:
         """Return the closed lines in which the surface crosses x = 0, each as corners (y, z) [m], shape (n, 2)."""
         return outlines(self.vertices, self.triangles)

@@ -1,16 +1,7 @@
 """Traced lines on lattices of parameters, each twice as fine as the last, in blocks of four by four cells.
 
-Of a fine lattice only few lines are traced. The results of all of them are in one list, and a lattice has the row of
-each of its nodes in that list.
-
-Between nodes the results are bicubic Hermite patches on blocks of four by four cells. On a cell of side 1, with u in
-[0, 1] and v = 1 - u,
-
-    f(u) = (1 + 2 u) v^2 f0 + u v^2 f0' + u^2 (3 - 2 u) f1 - u^2 v f1'
-
-has an error of f''''/384, like a cubic spline, but its slopes use only two nodes to each side, so that a rough place
-affects only its neighbourhood. A slope is the derivative of the quartic through five nodes: those centred on its own
-node where they exist, otherwise the nearest five of the block.
+Between nodes the results are bicubic Hermite patches with an error of f''''/384, like a cubic spline; but a slope, of
+the quartic through five nodes of its neighbourhood, keeps a rough place local.
 """
 
 from dataclasses import dataclass
@@ -32,15 +23,7 @@ def no_lines() -> Traced:
 
 @dataclass(eq=False)
 class Lattice:
-    """Lines with parameters on a lattice, of which some have been traced.
-
-    Attributes:
-        low: Parameters of the first node, shape (2,).
-        step: Parameters from node to node, shape (2,).
-        blocks: Blocks along each axis.
-        lines: The traced lines of this lattice and of the others of its family.
-        row: Row of each node in `lines`, 0 where it was not traced, shape (nu, nv).
-    """
+    """Lines with parameters `low` + node times `step`; `row` is that of each in `lines`, 0 where it was not traced."""
 
     low: np.ndarray
     step: np.ndarray
@@ -126,10 +109,9 @@ class Lattice:
         return patches(np.where(usable[..., None], values, 0.0), usable)
 
     def surplus(self, blocks: np.ndarray, made: np.ndarray, finer_one: "Lattice", scale: np.ndarray) -> np.ndarray:
-        """Hierarchical surplus: residuals of patches of blocks (n, 2) at the nodes of half the step, shape (n, 9, 9).
+        """Residuals of patches of blocks (n, 2) at the nodes of half the step, greatest over `scale`, (n, 9, 9).
 
-        Each is the greatest over the channels in units of `scale`; infinite where a node is not OK, 0 where it was not
-        traced.
+        Infinite where a node is not OK, 0 where it was not traced.
         """
         rows, channels = finer_one.row[self._finer_nodes(blocks)], made.shape[-1]
         miss = np.abs(finer(made) - finer_one.lines.values[rows, :channels]) / scale[:channels]
@@ -137,14 +119,7 @@ class Lattice:
         return np.asarray(np.where(rows > 0, miss, 0.0))
 
     def spread(self, blocks: np.ndarray, surplus: np.ndarray, finer_one: "Lattice", quarters: np.ndarray) -> np.ndarray:
-        """Greatest surplus at the nodes of blocks (m, 2) of the lattice of half the step, and at two nodes beyond.
-
-        Args:
-            blocks: Blocks of this lattice, shape (n, 2).
-            surplus: Their surplus, shape (n, 9, 9).
-            finer_one: The lattice of half the step.
-            quarters: Its blocks.
-        """
+        """Greatest surplus of blocks (n, 2) at the nodes of quarters (m, 2), of half the step, and two nodes beyond."""
         table = np.zeros(finer_one.row.shape)
         np.maximum.at(table, self._finer_nodes(blocks), np.where(np.isfinite(surplus), surplus, 0.0))
         half = NODES // 2 + BESIDE
@@ -167,10 +142,7 @@ FINER = 2 * CELLS + 1
 
 
 def slope_matrix(has_low: bool, has_high: bool) -> np.ndarray:
-    """The matrix from the values at nodes -2 to 6 of a line through a block to the slopes at nodes 0 to 4 [per cell].
-
-    `has_low` and `has_high` say whether the nodes beyond the ends of the block may be used.
-    """
+    """The matrix from values at nodes -2 to 6 to slopes at 0 to 4 [per cell]; nodes beyond 0 to 4 may be unused."""
     first, last = (0 if has_low else BESIDE), (WINDOW if has_high else WINDOW - BESIDE) - 5
     matrix = np.zeros((NODES, WINDOW))
     for node in range(NODES):
@@ -204,15 +176,10 @@ FINER_VALUES, FINER_SLOPES = _finer_matrices()
 
 
 def patches(window: np.ndarray, usable: np.ndarray) -> np.ndarray:
-    """Values and slopes at the nodes of blocks.
+    """Value, slopes along both axes and mixed slope [per cell] at the nodes of blocks, shape (n, 5, 5, 4, channels).
 
-    Args:
-        window: Values at the nodes of each block and two beyond, shape (n, 9, 9, channels); nodes that are not usable
-            may hold anything but NaN.
-        usable: Which nodes may be used, shape (n, 9, 9); those of a block itself always are.
-
-    Returns:
-        Value, slopes along both axes and mixed slope [per cell], shape (n, 5, 5, 4, channels).
+    `window` (n, 9, 9, channels) reaches two nodes beyond each block; those that are not `usable` may be anything but
+    NaN.
     """
     inner = slice(BESIDE, BESIDE + NODES)
     made = np.empty((len(window), NODES, NODES, 4, window.shape[-1]))

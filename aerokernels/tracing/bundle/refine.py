@@ -1,20 +1,8 @@
-r"""Choose the lines of a family that are traced, so that interpolation between them meets the tolerance.
+"""Choose the lines of a family that are traced, so that interpolation between them meets the tolerance.
 
-Starting from a coarse lattice, each block of four by four cells is examined. A block is not interpolated if some of its
-lines do not arrive, or pass through other faces than the rest. It is divided into four quarters
-
-    where the field may hold structure between its lines (tubes.py),
-    where the error predicted from its parent's residuals exceeds the limit, or
-    where its patches disagree with additional check lines that are traced for this purpose: in a quarter of its cells,
-    and then in all of them where the residual is not far below the limit, or where its parent has none, as at an edge
-    of the lines that arrive.
-
-With S the greatest residual of a block's patches at the nodes of a quarter and two nodes beyond, and S' that of the
-block's parent, the prediction is
-
-    error of a quarter  ~  SAFETY S / min(S' / S, ORDER)
-
-A block is divided as long as tracing the additional lines costs less than tracing its rays one by one.
+A block of four by four cells of a lattice is divided where lines pass other faces, where the field may hold structure
+between them (tubes.py), or where check lines disagree; and while that costs less than tracing its rays one by one. With
+S the greatest residual of a block near a quarter and S' its parent's, the error there is SAFETY S / min(S'/S, ORDER).
 """
 
 from dataclasses import dataclass, field, replace
@@ -56,12 +44,7 @@ COST, WORTH = 18.0, 0.8
 
 @dataclass(frozen=True, eq=False)
 class Limits:
-    """Error limits of patches.
-
-    Attributes:
-        error: Limit of the OPD error [m].
-        scale: Limit of each channel, shape (8,).
-    """
+    """Limits of patches: of the OPD error [m], and of the error of each channel, shape (8,)."""
 
     error: float
     scale: np.ndarray
@@ -79,17 +62,7 @@ class _Level:
 
 @dataclass(eq=False)
 class Refinement:
-    """The adaptive refinement described in the module's docstring.
-
-    Attributes:
-        family: The lines.
-        classes: Classes of lines by the faces through which they enter and leave the box.
-        tracer: Traces rays.
-        tubes: Bounds the structure of the field between lines; None where no bound is known.
-        clearance: Finds the blocks that stay clear of the body; None without a body.
-        limits: Error limits of patches.
-        channels: Number of channels needed.
-    """
+    """The adaptive refinement; without a known bound there are no `tubes`, without a body no `clearance`."""
 
     family: Family
     classes: FaceClasses
@@ -103,12 +76,7 @@ class Refinement:
     refused: dict[str, float] = field(default_factory=dict)
 
     def run(self, counted: np.ndarray, share: float) -> BundleTable | None:
-        """Return the table of patches; None where no block can be interpolated.
-
-        Args:
-            counted: Parameters of some rays, shape (n, 2).
-            share: Number of rays that each of them represents.
-        """
+        """The table of patches, or None, from parameters of some rays (n, 2), each of which represents `share` rays."""
         level = self._first(counted)
         accepted: list[tuple[Lattice, np.ndarray, np.ndarray]] = []
         number = 0

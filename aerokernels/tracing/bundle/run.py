@@ -42,17 +42,7 @@ Run = Callable[[IndexField, RayBundle, TracePlan, Any, float, frozenset], dict[s
 
 @dataclass(frozen=True, eq=False)
 class BundleRequest:
-    """A request to trace a bundle.
-
-    Attributes:
-        field: The refractive index.
-        rays: The rays.
-        until: Where the rays end.
-        wavelength: Vacuum wavelength [m].
-        outputs: Names of the requested per-ray arrays.
-        choices: The other arguments of `planning.make_plan`.
-        run: Traces rays one by one.
-    """
+    """A request to trace a bundle; `choices` are the other arguments of `make_plan`, `run` traces rays singly."""
 
     field: IndexField
     rays: RayBundle

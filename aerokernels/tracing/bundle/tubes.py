@@ -1,15 +1,11 @@
-r"""Bound the structure between the traced lines of a block from the field itself, so that none is missed.
+"""Bound the structure between the traced lines of a block from the field itself, so that none is missed.
 
 The error of a line integral of the contrast m, interpolated between lines a distance s apart, is at most
 
     E <= K / 384 int s^4 (|d4 m / du^4| + |d4 m / dv^4|) dl + int (kinks) / 8 dl
 
-with the greatest derivatives within the tube around the block's lines. Where s is below RESOLVED cells, a sampled field
-holds nothing that the lines do not show, and the residuals of refine.py are relied on instead.
-
-The greatest derivatives are tabulated for blocks of a few cells, and for blocks two, four ... times as wide: each table
-covers everything within one block's width of any place. Tubes near the field's body are found by sphere tracing along
-their centre lines, in steps as long as a table of distances allows (J. C. Hart, The Visual Computer 12 (1996) 527).
+with the greatest derivatives in the tube around them, tabulated for blocks of 1, 2, 4 ... widths. Tubes near a body are
+found by sphere tracing (J. C. Hart, The Visual Computer 12 (1996) 527).
 """
 
 from dataclasses import dataclass
@@ -39,14 +35,9 @@ OF_KINK = 1.0 / 8.0
 
 @dataclass(frozen=True, eq=False)
 class Roughness:
-    """Greatest roughness within a block's width of any place of a field, for a series of widths.
+    """Greatest roughness within a block's width of any place, for blocks of `size` [m], twice that, and so on.
 
-    Attributes:
-        low: Corner of the first block along the local axes [m].
-        size: Widths of the narrowest blocks [m], shape (d,).
-        cell: Widths of cells [m], shape (d,).
-        levels: For each level the greatest fourth root of the fourth derivative along each axis [1/m] and kink [1],
-            shape (*blocks, 2 d).
+    A level has the greatest fourth root of the fourth derivative along each axis [1/m], and kink [1], (*blocks, 2 d).
     """
 
     low: np.ndarray
@@ -73,15 +64,7 @@ class Roughness:
 
 @dataclass(frozen=True, eq=False)
 class Tubes:
-    """The tubes around blocks of a family's lines.
-
-    Attributes:
-        field: The refractive index.
-        family: The lines.
-        until: Where the rays end.
-        roughness: Roughness of the field.
-        counts_direction: Whether directions are requested.
-    """
+    """The tubes around blocks of a family's lines up to their stop, and whether directions are requested."""
 
     field: IndexField
     family: Family
@@ -98,11 +81,8 @@ class Tubes:
     def missed(self, middle: np.ndarray, half: np.ndarray, step: np.ndarray, bent: np.ndarray) -> np.ndarray:
         """Bound the interpolation error of blocks [m of OPD; directions are converted to a path], shape (n,).
 
-        Args:
-            middle: Parameters of the blocks' middles, shape (n, 2).
-            half: Half their width in parameters, shape (2,).
-            step: Distance between lines in parameters, shape (2,).
-            bent: Greatest displacement of the lines [m], shape (n,).
+        Blocks have a middle (n, 2), half a width and a distance of lines (2,) in parameters; lines are `bent` by up to
+        [m].
         """
         position, direction = self.family.rays(middle)
         corners = [self.family.rays(middle + half * sign) for sign in np.array([(-1, -1), (-1, 1), (1, -1), (1, 1)])]
@@ -216,13 +196,7 @@ ROOM = 0.5
 
 @dataclass(frozen=True, eq=False)
 class Distances:
-    """A table of distances from a body along the local axes.
-
-    Attributes:
-        low: First place of the table [m], shape (d,).
-        step: Distance of places [m], shape (d,).
-        table: Distance to the body [m], negative inside, of d axes.
-    """
+    """A table of distances from a body [m], negative inside, at places low + index * step along the local axes [m]."""
 
     low: np.ndarray
     step: np.ndarray
@@ -267,13 +241,7 @@ class Clearance:
     until: object
 
     def of_blocks(self, middle: np.ndarray, half: np.ndarray, bent: float) -> np.ndarray:
-        """Which blocks stay clear, shape (n,).
-
-        Args:
-            middle: Parameters of their middles, shape (n, 2).
-            half: Half their width in parameters, shape (2,).
-            bent: Greatest displacement of the lines [m].
-        """
+        """Which blocks stay clear, (n,), by middles (n, 2) and half widths (2,) in parameters, and the bending [m]."""
         distances = distances_of(self.field)
         position, direction = self.family.rays(middle)
         end = undisturbed_length(self.field, position, direction, self.until)

@@ -22,7 +22,7 @@ FRAME_SIZE, FAMILY_SIZE = 41, 26
 
 
 def frame_of(table: BundleTable) -> np.ndarray:
-    """The kernels' array `frame`, shape (41,); kernels/include/bundle_family.h has the order."""
+    """The kernels' array `frame`, shape (41,)."""
     until, field = table.classes.until, table.classes.field
     is_plane = isinstance(until, Plane)
     low, high = field.box

@@ -31,7 +31,7 @@ GRID_TABLES = ("roughness", "potential by blocks", "potential peaks")
 # The kernels without options of a scene, by the file of OpenCL C in which they are built together.
 PROGRAMS = {
     "pupil": ("launch_pupil", "sum_rays", "reduce_sums"),
-    "grid_tables": ("spline_lines", "column_maxima", "block_maxima"),
+    "grid_tables": ("spline_lines", "column_maxima", "block_maxima", "round_coefficients"),
 }
 # Per-ray outputs of the tracing kernels, in their order: how many numbers per ray, and their type.
 OUTPUT_TYPES = {member.name: (member.parts[1], member.number_type()) for member in STRUCTS["RayOutputs"]}
@@ -125,25 +125,6 @@ class Engine(ABC):
     def another(self, kernel: Any) -> Any:
         """Return the same kernel for launches with other arguments: neither then sets those of the other again."""
         return kernel
-
-    def renew(self, field: IndexField, precision: str, on_host: np.ndarray | None) -> None:
-        """Make again what `prepare` has made from a grid's coefficients, whose memory on the device has changed.
-
-        `on_host` is that memory, on a CPU.
-        """
-        if precision == "float64":
-            return  # the structs refer to the coefficients themselves
-        coefficients = _field_arrays(field, self, precision, False)["coefficients"]
-        if on_host is None:
-            count = math.prod(field.samples.coefficient_shape)
-            self.round_into(field.samples.held(self.grid_key), coefficients, count, precision)
-        else:
-            self.wait()
-            self.put_into(coefficients, on_host.astype(REAL_TYPES[precision]))
-
-    @abstractmethod
-    def round_into(self, coefficients: Any, rounded: Any, count: int, precision: str) -> None:
-        """Start to round a grid's coefficients, a buffer of float64, into a buffer of this precision."""
 
     def keeps(self, size: float) -> bool:
         """Return whether results of `size` bytes, and the rays, stay on the device until they are read."""
@@ -291,8 +272,9 @@ class Engine(ABC):
         if not self.is_gpu:
             return None
         count = math.prod(field.samples.coefficient_shape)
-        rounded = self.empty(count, kind=REAL_TYPES[precision])
-        self.round_into(held, rounded, count, precision)
+        rounded = self.empty(count, kind=np.float32)
+        kernel = self.kernels(["round_coefficients"])["round_coefficients"]
+        self.launch(kernel, [held], [rounded], count)
         return rounded
 
 

@@ -186,6 +186,13 @@ STRUCTS: dict[str, tuple[Value, ...]] = {
         Value("piece", "int", "the piece of the surface through which it first leaves the body"),
         Value("odd", "bool", "whether it crosses the surface an odd number of times"),
     ),
+    # A line through the box of a bundle, see deliver_bundle.py.
+    "BoxCrossing": (
+        Value("enter", "double", "distance at which it enters the box [m]"),
+        Value("leave", "double"),
+        Value("entry_face", "int", "-1 if it never enters"),
+        Value("exit_face", "int"),
+    ),
     # The outputs for each ray; arrays that are not requested have one row.
     "RayOutputs": (
         Value("position", "double3*"),

@@ -1,7 +1,6 @@
 """Bound the structure that a bundle's rays miss between leapfrog samples, and find how many samples suffice."""
 
 import math
-from copy import copy
 
 import numpy as np
 
@@ -60,9 +59,8 @@ class MissedStructure:
     ):
         """Compute the lines through the field's support of rays that show the extent of the bundle there.
 
-        `limit` is the error allowed to them [m]. If these are the `pilot`, they show where all rays begin and end, as
-        those of a pupil do. With `leaves_steepest` `steepness` need not hold for a few rays that are much steeper than
-        the others.
+        If these are the `pilot`, they show where all rays begin and end. `limit` is the error allowed to them [m]. With
+        `leaves_steepest` `steepness` need not hold for a few rays that are much steeper than the others.
         """
         self.field, self.limit = field, limit
         low, high = support_box(field, limit, lever_arms)
@@ -75,13 +73,6 @@ class MissedStructure:
         if leaves_steepest and rays.ray_count > SPREAD_RAYS:
             self.steepness = _of_nearly_all(rays.direction, self.steepness)
 
-    def of_values(self, field: IndexField, limit: float) -> "MissedStructure":
-        """The structure that the same rays, in the same support, may miss in a field on the same nodes, for a limit."""
-        other = copy(self)
-        other.field, other.limit, other._errors = field, limit, {}
-        other.ends = disturbed_ends(field, self.lines, limit) if len(self.lines.length) else b""
-        return other
-
     def sampled(self, count: int) -> Sampling:
         """How so many samples are distributed along the rays."""
         is_fine = path_exceeds(self.field, self.limit / FINE_SHARE)
@@ -92,13 +83,7 @@ class MissedStructure:
         return math.sqrt(0.5 * limit * self.length)
 
     def least_count(self, count: int, is_worth_it, cost_again) -> int:
-        """The number of samples, at least `count`, with the least cost including that of rays that are traced again.
-
-        Args:
-            count: The least number.
-            is_worth_it: Whether a number of samples costs less than error control.
-            cost_again: Predicts the cost of a ray that is traced again, in samples.
-        """
+        """The number of samples, at least `count`, with the least cost, including `cost_again()` for rejected rays."""
         best, best_cost = 0, math.inf
         before = 0, math.inf
         while is_worth_it(count) and count < best_cost:
@@ -162,26 +147,17 @@ class MissedStructure:
     def sufficient(self, count: int) -> int:
         """This number of samples, or a few more, that miss no structure; 0 where they would.
 
-        The rule's own bound is taken if a few more samples suffice for it: they cost less than computing a sharper one.
+        The rule's own bound is taken if a few more samples suffice: they cost less than a sharper bound.
         """
         if not len(self.lines.length):
             return count
         allowed = NEGLIGIBLE * self.limit
-        by_rule = self._by_rule(count)
+        by_rule = greatest_error(self.field, self.sampled(count), self.lines, by_rule=True, show_ends=self.show_ends)
         if by_rule <= allowed:
             return count
         most = multiple_of_three(A_FEW_MORE[self.field.geometry] * count)
         more = multiple_of_three(count * (1.02 * by_rule / allowed) ** 0.25)  # it falls with the fourth power
         return more if more <= most else self.enough(count, most)
-
-    def is_enough(self, count: int, by_rule: bool = False) -> bool:
-        """Whether this number of samples misses no structure, by the rule or, unless `by_rule`, the sharper bound."""
-        allowed = NEGLIGIBLE * self.limit
-        return self._by_rule(count) <= allowed or (not by_rule and self._greatest(count) <= allowed)
-
-    def _by_rule(self, count: int) -> float:
-        """The greatest error [m] by the rule's own bound, which is greater than `_greatest` but faster to compute."""
-        return greatest_error(self.field, self.sampled(count), self.lines, by_rule=True, show_ends=self.show_ends)
 
     def sampling(self, count: int) -> Sampling | None:
         """How this many samples are distributed along the rays; None where they miss no structure."""

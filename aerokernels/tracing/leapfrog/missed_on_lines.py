@@ -30,14 +30,10 @@ ENDS_SHARE = 0.02
 
 @dataclass(frozen=True, eq=False)
 class Layers:
-    """Layers of blocks across an axis that all lines run along.
+    """Layers of blocks across an axis that all lines run along, `thickness` [m].
 
-    Attributes:
-        axis: The axis.
-        lever_arms: Greatest lever arm of any line from its entry into each layer [m], along that axis.
-        beside: The other axes, and along each the number of adjacent blocks that a ray may meet in a layer.
-        thickness: Thickness of a layer [m].
-        least: The least component of a line's direction along the axis.
+    With the greatest lever arm of a line from its entry into each layer [m], the number of adjacent blocks `beside` it
+    that a ray may meet there by the other axes, and the least component of a line's direction along the axis.
     """
 
     axis: int
@@ -49,13 +45,9 @@ class Layers:
 
 @dataclass(frozen=True, eq=False)
 class BlockPath:
-    """Where lines pass the blocks of a grid.
+    """The blocks that lines pass, with one more to each side, the greatest length and lever arm [m], and their layers.
 
-    Attributes:
-        part: The blocks that the lines pass, with one more to each side.
-        longest: Length of the longest line [m].
-        lever_arm: The greatest lever arm [m].
-        layers: Layers of blocks for each axis that all lines run along, the one that they run along most first.
+    There are layers for each axis that all lines run along, the one that they run along most first.
     """
 
     part: tuple[slice, ...]
@@ -68,11 +60,6 @@ def disturbed_ends(field: IndexField, lines: Lines, limit: float) -> bytes:
     """Blocks around those in which lines begin or end in disturbed air, as packed bits; empty if there are none.
 
     For a volume, of which all blocks are examined at once, the answer is EVERYWHERE instead: bundles then share tables.
-
-    Args:
-        field: A field on a cubic uniform grid.
-        lines: The rays' straight lines through the support of the field.
-        limit: The OPD error allowed to them [m].
     """
     grid = field.samples
     assert isinstance(grid, UniformGrid)
@@ -120,13 +107,8 @@ def greatest_error(
 ) -> float:
     """Bound the path error of any ray by structure between its samples [m].
 
-    Args:
-        field: A field on a cubic uniform grid.
-        sampling: How its rays are sampled.
-        lines: Their straight lines through the support of the field.
-        by_rule: See `missed_in_blocks`.
-        allowed: A bound above this is refined: the change of the missed structure across the rays is computed.
-        show_ends: Whether rays begin and end where the lines do; otherwise anywhere between the outermost of these.
+    A bound above `allowed` is refined by the change of the missed structure across the rays, unless `by_rule`. Rays
+    begin and end where the lines do or, without `show_ends`, anywhere between the outermost of these.
     """
     grid = field.samples
     assert isinstance(grid, UniformGrid)
@@ -219,15 +201,7 @@ DEFLECTED = 0.5
 
 @cached_on("lines", 2)
 def path_of(lines: Lines, geometry: str, low: np.ndarray, size: np.ndarray, shape: tuple[int, ...]) -> BlockPath:
-    """The path of lines through the blocks of a grid.
-
-    Args:
-        lines: The lines.
-        geometry: The geometry of their field.
-        low: The lowest corner of the grid [m].
-        size: The size of a block [m].
-        shape: Number of blocks along each axis.
-    """
+    """The path of lines through a grid's blocks: their size [m], numbers along the axes, and lowest corner [m]."""
     local = local_range(lines, geometry)
     # One block more to each side, for the deflection of rays and for rays between those of `lines`.
     first = np.clip(np.floor((local[0] - low) / size).astype(int) - 1, 0, np.array(shape) - 1)

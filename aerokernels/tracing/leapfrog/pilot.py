@@ -45,21 +45,9 @@ def greatest_bend(trials: Trials, count: int) -> float:
 
 
 def level_pair(trials: Trials, count: int) -> tuple["Level", "Level", float]:
-    """The pilot with `count` samples and with three times as many, and the `greatest_bend` of the latter.
-
-    The estimates of the latter are those of bending, so that two launches suffice.
-    """
-    return pair_of(trials(*pair_numbers(count)), count)
-
-
-def pair_numbers(count: int) -> tuple[tuple[int, float, float], ...]:
-    """What `Trials` are asked for `pair_of`."""
-    return (count, 1.0, 0.0), (3 * count, 0.0, 1.0)
-
-
-def pair_of(made: list[dict[str, np.ndarray]], count: int) -> tuple["Level", "Level", float]:
-    """The result of `level_pair` from the outputs of trials of `pair_numbers`."""
-    level, finest = Level(made[0], count), Level(made[1], 3 * count)
+    """The pilot with `count` and three times as many samples, and the latter's `greatest_bend`, in two launches."""
+    first, second = trials((count, 1.0, 0.0), (3 * count, 0.0, 1.0))
+    level, finest = Level(first, count), Level(second, 3 * count)
     return level, finest, finest.difference
 
 
@@ -106,15 +94,7 @@ APART, SCATTERED = 2.0, 4.0  # speed only
 
 
 def pays_once(field: IndexField, ray_count: int, evaluations: Callable[[], float], backend: str, device: str) -> bool:
-    """Whether the plan of a bundle that is traced once takes less time than leapfrog saves.
-
-    Args:
-        field: The refractive index.
-        ray_count: Number of rays.
-        evaluations: Predicts the field evaluations of a ray under error control.
-        backend: Where they are traced.
-        device: Its device.
-    """
+    """Whether the plan of a bundle that is traced once takes less time than leapfrog saves over error control."""
     grid = field.samples
     if backend == "reference" or not isinstance(grid, UniformGrid) or ray_count < LEAST_RAYS:
         return False
@@ -124,15 +104,7 @@ def pays_once(field: IndexField, ray_count: int, evaluations: Callable[[], float
 
 @dataclass(frozen=True, eq=False)
 class SampleCost:
-    """The cost of samples of a bundle.
-
-    Attributes:
-        field: A field on a uniform grid.
-        pilot: Some of the rays.
-        plan: Their backend and device.
-        limit: The OPD error allowed to a ray [m].
-        length: Length of the longest ray through the field's support [m].
-    """
+    """The cost of samples, by the OPD error allowed to a ray and the length of the longest in the support [m]."""
 
     field: IndexField
     pilot: RayBundle

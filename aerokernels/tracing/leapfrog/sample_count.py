@@ -1,10 +1,8 @@
 """Choose the number of leapfrog samples of a bundle of nearly straight rays (engines/warp/kernels/leapfrog.py).
 
-A pilot of some of the rays is traced with N and 3 N samples and, where these differ too much, with 9 N: the differences
-give the order of convergence and the least N that meets the tolerance. The pilot is traced with this N too and compared
-with the finest trace. Each ray's own error estimate, which costs nothing, is scaled so that it covers the pilot's
-errors with a margin for the other rays. Rays whose estimate is above the tolerance nevertheless are traced again
-(retrace.py).
+A pilot of some rays is traced with N, 3 N and perhaps 9 N samples: the differences give the order of convergence and
+the least N that meets the tolerance. Each ray's own estimate is scaled to cover the pilot's errors with a margin; rays
+above the tolerance nevertheless are traced again (retrace.py).
 """
 
 import math
@@ -27,9 +25,9 @@ from ..error_limit import error_limit, support_box
 from ..launch import Trials
 from ..plan import TracePlan
 from ..stop import ArcLength
-from ..straight_lines import LeverArms, lever_arms_of, outermost, outermost_rays
+from ..straight_lines import lever_arms_of, outermost, outermost_rays
 from .between_samples import MARGIN, SPREAD_RAYS, MissedStructure, multiple_of_three
-from .pilot import LEAST_RAYS, Level, SampleCost, error_scales, greatest_bend, level_pair, levels_of
+from .pilot import LEAST_RAYS, SampleCost, error_scales, greatest_bend, level_pair, levels_of
 
 # Greatest distance of samples in cells. Structure between the samples is bounded from the field as well.
 WIDEST = 7.0
@@ -65,11 +63,7 @@ def may_be_leapfrog(field: IndexField, ray_count: int, until) -> bool:
 
 
 def spread_of(geometry: str, rays: RayBundle, until, low: np.ndarray, high: np.ndarray) -> RayBundle:
-    """Return more of the rays, including those that are outermost in position, in direction and in a part of the field.
-
-    The part is given by its corners [m, along the field's own axes]. Rays on a GPU are not copied to find those that
-    are outermost in it.
-    """
+    """More of the rays, including those outermost in position, in direction and within a part of the field [m]."""
     return rays if rays.ray_count <= SPREAD_RAYS else _some_of(rays, geometry, until, low, high)
 
 
@@ -92,16 +86,7 @@ def _is_beam(rays: RayBundle) -> bool:
 
 @dataclass(frozen=True)
 class _Fit:
-    """A number of leapfrog samples that meets the tolerance.
-
-    Attributes:
-        count: Samples of each ray.
-        scales: Scales of a ray's error estimate, quadrature and trajectory.
-        worst: The pilot's greatest error [m].
-        sampling: The distance of the samples, where structure between them counts.
-        searched: The number of samples that a search found, here or for a field like this one.
-        steepest: Greatest absolute components of the unit vectors for which `sampling`, or its absence, holds.
-    """
+    """A number of leapfrog samples that meets the tolerance (see TracePlan), and the pilot's greatest error [m]."""
 
     count: int
     scales: tuple[float, float]
@@ -123,15 +108,8 @@ def fit_leapfrog(
 ) -> TracePlan | None:
     """Return the plan with the number of leapfrog samples that meets its tolerance; None if error control is cheaper.
 
-    Args:
-        field: A field for which `may_be_leapfrog` is true.
-        pilot: Some of the rays.
-        plan: Backend, device, precision and tolerance; method "leapfrog".
-        until: The stop.
-        wavelength: Vacuum wavelength [m].
-        rays: The whole bundle; None if the pilot shows its extent.
-        like: A plan of such rays through a field like this one; its number is taken where the pilot confirms it.
-        ray_count: Least number of rays that will take these samples.
+    `rays` are None if the pilot shows their extent. The number of the plan `like` is taken where the pilot confirms it.
+    `ray_count` is the least number of rays that will take these samples.
     """
     plan = replace(plan, lever_arms=lever_arms_of(field, pilot, until))
     part = support_box(field, error_limit(field, plan.tolerance * wavelength), plan.lever_arms)
@@ -144,7 +122,11 @@ def fit_leapfrog(
         return None
     cubes = _with_cubes(*given, fit) if _may_take_cubes(field, plan, ray_count * fit.count) else None
     fit = cubes or fit
-    reason = leapfrog_reason(fit.count, pilot.ray_count, fit.worst / wavelength)
+    reason = (
+        f"method leapfrog: {fit.count} leapfrog samples a ray, bending included; a pilot of {pilot.ray_count} rays has "
+        f"an error of {fit.worst / wavelength:.1g} waves; rays whose own error estimate is above the tolerance are "
+        "traced again"
+    )
     if cubes is not None:
         reason += "; each evaluates a cubic polynomial of 2 x 2 x 2 cells, which is accurate enough for the tolerance"
     if fit.sampling is not None:
@@ -179,14 +161,6 @@ def _with_cubes(field, pilot, plan, until, wavelength: float, some: RayBundle, f
     return _Fitting(field, pilot, plan, until, wavelength, some).with_cubes(fit)
 
 
-def leapfrog_reason(count: int, pilot_count: int, worst: float) -> str:
-    """Describe the choice of so many samples, given the greatest error of so many pilot rays [waves]."""
-    return (
-        f"method leapfrog: {count} leapfrog samples a ray, bending included; a pilot of {pilot_count} rays has an "
-        f"error of {worst:.1g} waves; rays whose own error estimate is above the tolerance are traced again"
-    )
-
-
 def _may_take_cubes(field: IndexField, plan: TracePlan, samples: int) -> bool:
     """Whether polynomials of cubes can be made for a field, and pay for so many samples."""
     grid, engine = field.samples, engine_of(plan.backend, plan.device)
@@ -199,10 +173,7 @@ def _may_take_cubes(field: IndexField, plan: TracePlan, samples: int) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class _Fitting:
-    """The search for the number of leapfrog samples of a bundle.
-
-    Attributes are the arguments of `fit_leapfrog`, and `some` of the rays that show the extent of the bundle.
-    """
+    """The search for the number of leapfrog samples of a bundle; `some` of the rays show its extent."""
 
     field: IndexField
     pilot: RayBundle
@@ -264,8 +235,11 @@ class _Fitting:
         if not count:
             return None
         trials = self._trials(replace(self.plan, sample_count=count))
-        judged = judged_pair(level_pair(trials, count), self.limit)
-        return None if judged is None else _Fit(count, *judged, None, searched, self.structure.steepness)
+        level, finest, bends = level_pair(trials, count)
+        worst = level.error(finest)
+        if not (level.is_fit and finest.is_fit and worst <= self.limit / MARGIN):
+            return None
+        return _Fit(count, error_scales(level, worst, bends), worst, None, searched, self.structure.steepness)
 
     def with_cubes(self, fit: _Fit) -> _Fit | None:
         """At least as many samples of polynomials of cubes; None where the tolerance needs the spline."""
@@ -314,25 +288,9 @@ class _Fitting:
         return SampleCost(self.field, self.pilot, self.plan, self.limit, self.structure.length)
 
     def _least_samples(self) -> int:
-        return least_samples(self.field, self.pilot, self.limit, self.plan.lever_arms)
-
-
-def judged_pair(pair: tuple[Level, Level, float], limit: float) -> tuple[tuple[float, float], float] | None:
-    """Scales of a ray's error estimate and the greatest error [m] of a pilot, from the result of `level_pair`.
-
-    None if its rays are unfit for leapfrog, or not accurate beside the limit [m].
-    """
-    level, finest, bends = pair
-    worst = level.error(finest)
-    if not (level.is_fit and finest.is_fit and worst <= limit / MARGIN):
-        return None
-    return error_scales(level, worst, bends), worst
-
-
-def least_samples(field: IndexField, pilot: RayBundle, limit: float, lever_arms: LeverArms | None) -> int:
-    """The number of samples that are WIDEST cells apart on the longest path of the rays through the field's support."""
-    low, high = support_box(field, limit, lever_arms)
-    return multiple_of_three(max(LEAST_SAMPLES, _greatest_cells(field, pilot, low, high) / WIDEST))
+        """Samples that are WIDEST cells apart on the longest path of the rays through the field's support."""
+        low, high = support_box(self.field, self.limit, self.plan.lever_arms)
+        return multiple_of_three(max(LEAST_SAMPLES, _greatest_cells(self.field, self.pilot, low, high) / WIDEST))
 
 
 def _greatest_cells(field: IndexField, pilot: RayBundle, low: np.ndarray, high: np.ndarray) -> float:

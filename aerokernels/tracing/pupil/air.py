@@ -31,16 +31,16 @@ class TruncationWarning(UserWarning):
 
 @dataclass(frozen=True, eq=False)
 class PupilAir:
-    """What a pupil's rays miss.
+    """What a pupil's rays miss, by shares of its weight.
 
     Attributes:
-        share: Share of the pupil's weight that loses more than the tolerance by cuts through the field's source.
-        lost_rms: Root mean square over the pupil, about the mean, of the OPD that its rays lose so [m].
+        share: Lose more than the tolerance by cuts through the field's source.
+        lost_rms: Rms over the pupil, about the mean, of the OPD that is lost so [m].
         place: The face by which most of these rays leave the field's box, in words.
         is_outside: Whether the pupil's centre is outside the field, which is usually a mistake.
         rays: The sample of the pupil's rays.
-        past: Share of the pupil's weight whose rays pass beside the field's box, while others meet it.
-        ends: A sentence on the disturbed ends of the flow that its rays cross, or empty, see cuts.py.
+        past: Pass beside the field's box, while others meet it.
+        ends: A sentence on the disturbed ends of the flow, or empty, see cuts.py.
     """
 
     share: float
@@ -83,11 +83,7 @@ class PupilAir:
         return (*self.misses, self.ends) if self.ends else self.misses
 
     def check(self, allowed: bool) -> None:
-        """Reject a pupil that loses too much, or that mostly looks past the box, unless that is allowed.
-
-        Raises:
-            ValueError: It does, and that is not allowed; the message has the share, the face and the remedies.
-        """
+        """Reject a pupil that loses too much, or that mostly looks past the box, unless that is allowed."""
         if allowed:
             return
         move = MOVE_IT if self.is_outside else ""
@@ -115,8 +111,6 @@ def pupil_air(
     field: IndexField, pupil: Pupil, look: np.ndarray, tolerance: float, rays: RayBundle | None = None
 ) -> PupilAir:
     """Find what a pupil's straight rays toward `look` miss; `tolerance` is the requested OPD error [m].
-
-    `rays` are some of the pupil's rays; None makes them.
 
     Raises:
         ValueError: None of its rays meets the field.

@@ -1,8 +1,8 @@
 """Pupil jobs: what is asked of a pupil, by which quadrature it is answered, and the plan and the runs of its rays."""
 
-import threading
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from copy import copy
+from dataclasses import dataclass, replace
 from functools import cache, cached_property, partial
 from typing import Any
 
@@ -28,7 +28,7 @@ from ...medium.grid import UniformGrid
 from ...rays import PILOT_RAYS, Pupil, RayBundle
 from ..engines import engine_of
 from ..engines.device_memory import memory_of
-from ..grid_tables import begun_grid
+from ..grid_tables import prepare_grid
 from ..lines import box_size
 from ..plan import TracePlan
 from ..planning import check_choices, plan_rays
@@ -49,14 +49,9 @@ ALONG_RADIUS = 0.25
 
 @dataclass(frozen=True)
 class Quadrature:
-    """The rays of a replicate.
+    """The rays of a replicate: requested, of radial quadrature (0: the whole disc), and of possible lattices.
 
-    Attributes:
-        per_replicate: Requested rays.
-        radial: Rays of radial quadrature, which replaces the disc; 0 for the whole disc.
-        sizes: Points of the lattices that may replace the requested ones.
-        is_known: Whether the first lattice is taken without a trial.
-        reason: The choice in words.
+    With `is_known` the first lattice is taken without a trial.
     """
 
     per_replicate: int
@@ -78,17 +73,7 @@ class Quadrature:
 
 @dataclass(frozen=True, eq=False)
 class PupilRequest:
-    """What is asked of a pupil, through whatever field.
-
-    Attributes:
-        pupil: The pupil.
-        look: Direction of its rays, a unit vector, shape (3,).
-        remove: Terms removed from the wavefront.
-        ray_count: Requested rays.
-        symmetry: See `estimate_strehl`.
-        bundle: See `estimate_strehl`.
-        choices: The options of the trace, see TraceOptions.
-    """
+    """What is asked of a pupil toward a unit vector, through whatever field: see `estimate_strehl`."""
 
     pupil: Pupil
     look: np.ndarray
@@ -98,26 +83,21 @@ class PupilRequest:
     bundle: str
     choices: dict[str, Any]
 
-    def job(
-        self, field: IndexField, wavelength: float, like: "PupilJob | None" = None, plan: TracePlan | None = None
-    ) -> "PupilJob":
+    def job(self, field: IndexField, wavelength: float, like: "PupilJob | None" = None) -> "PupilJob":
         """Plan the pupil's rays through a field.
 
         `like` is a job of this request through a field like this one: its results are confirmed, not searched again.
-        With `plan` nothing is planned: it is the job's plan.
-
-        Raises:
-            ValueError: A name or number that makes no sense; symmetry=True without symmetry; no ray meets the field.
         """
         pupil, look, choices = self.pupil, self.look, self.choices
         _check_size(field, pupil)
         check_choices(field, **{name: choices[name] for name in ("method", "precision", "tolerance", "step")})
         pilot, air_rays = (None, None) if like is None else like.samples
-        begun = _begun(field, like)  # the device computes tables while the host examines what the pupil misses
-        try:
-            air = pupil_air(field, pupil, look, choices["tolerance"] * wavelength, air_rays)
-        finally:
-            begun()
+        if like is not None and isinstance(field.samples, UniformGrid):
+            field = _bare(field)
+            if like.plan.sample_count:
+                with memory_of(like.plan.device):
+                    prepare_grid(engine_of(like.plan.backend, like.plan.device), field.samples)
+        air = pupil_air(field, pupil, look, choices["tolerance"] * wavelength, air_rays)
         until, quadrature = plane_beyond(field, pupil, look), self._quadrature(field, like)
         is_radial = quadrature.radial > 0
         task = PupilTask(
@@ -125,7 +105,7 @@ class PupilRequest:
             pupil,
             look,
             until,
-            plan,  # type: ignore[arg-type]  # the plan of the first run, below
+            None,  # type: ignore[arg-type]  # the plan of the first run, below
             wavelength,
             quadrature.radial or quadrature.per_replicate,
             REPLICATES,
@@ -138,7 +118,7 @@ class PupilRequest:
             is_radial=is_radial,
         )
         pilot = pilot or _pilot_of(field.samples.places, pupil, look)
-        job = PupilJob(self, task, quadrature, air, pilot, None if like is None else like.plan, plan)
+        job = PupilJob(self, task, quadrature, air, pilot, None if like is None else like.plan)
         job.task = replace(task, plan=job.plan_for(REPLICATES * quadrature.first))
         return job
 
@@ -155,20 +135,10 @@ class PupilRequest:
 
 @dataclass(eq=False)
 class PupilJob:
-    """A planned pupil that can be traced for any number of seeds.
+    """A planned pupil that can be traced for any number of seeds; `pilot` are some of its rays.
 
-    Attributes:
-        request: What is asked.
-        task: The pupil to trace; with fewer rays if radial quadrature replaces the disc.
-        quadrature: The choice of rays.
-        air: What the rays miss of the flow.
-        pilot: Some of its rays.
-        known_plan: The plan of a job for another field, from which this one was made; None where it was not.
-        fixed_plan: The plan for any number of rays; None plans for each.
-        base: The job whose plan this one's field follows (new_values.py); None where it has its own.
-        prepared: A run, like PupilRun, that is prepared already; None prepares one when it is needed.
-        shared: The NewValues that jobs made from this one share, or None where their fields are each planned; empty
-            until the first is made, while `lock` is held.
+    `task` has fewer rays than requested if radial quadrature replaces the disc. `known_plan` is that of a job for
+    another field, from which this one was made.
     """
 
     request: PupilRequest
@@ -177,11 +147,6 @@ class PupilJob:
     air: PupilAir
     pilot: RayBundle
     known_plan: TracePlan | None = None
-    fixed_plan: TracePlan | None = None
-    base: "PupilJob | None" = None
-    prepared: Any = None
-    shared: list[Any] = field(default_factory=list)
-    lock: Any = field(default_factory=threading.Lock)
 
     @property
     def plan(self) -> TracePlan:
@@ -191,9 +156,7 @@ class PupilJob:
     def plan_for(self, rays: int) -> TracePlan:
         """The plan for a number of rays; tables are made only if there are enough rays for them to pay."""
         task = self.task
-        if self.base is not None:
-            return self.request.job(task.field, task.wavelength, like=self.base).plan_for(rays)
-        plan = self.fixed_plan or _plan_of(
+        plan = _plan_of(
             task.field,
             self.pilot,
             task.until,
@@ -242,11 +205,8 @@ class PupilJob:
     def run(self) -> PupilRun:
         """The function that traces and sums the points of a seed; uploads and compiles when first read.
 
-        The smallest lattice is taken that is accurate enough for the points of PILOT_SEED, so that no answer depends on
-        other calls.
+        The smallest lattice that suffices for the points of PILOT_SEED, so that no answer depends on other calls.
         """
-        if self.prepared is not None:
-            return self.prepared
         errors: dict[int, float] = {}
         for size in self.quadrature.sizes:
             if may_still_settle(errors, size):
@@ -262,11 +222,6 @@ class PupilJob:
         """The task with the points of a lattice."""
         plan = self.plan_for(size * REPLICATES)
         return replace(self.task, plan=plan, per_replicate=size, generator=LATTICES[size])
-
-    @property
-    def known_task(self) -> PupilTask:
-        """The task of the first run, if that is known without a trial."""
-        return self._of_lattice(self.quadrature.sizes[0]) if self.quadrature.sizes else self.task
 
     @cached_property
     def finer_runs(self) -> list[Callable[[], PupilRun]]:
@@ -331,12 +286,11 @@ def _pilot_of(places: Any, pupil: Pupil, look: np.ndarray) -> RayBundle:
     return RayBundle.collimated(pupil, PILOT_RAYS, direction=look)
 
 
-def _begun(field: IndexField, like: PupilJob | None) -> Callable[[], None]:
-    """Start the tables of a grid that a job like this one needs; return a function that waits for them."""
-    if like is None or not like.plan.sample_count or not isinstance(field.samples, UniformGrid):
-        return lambda: None
-    with memory_of(like.plan.device):
-        return begun_grid(engine_of(like.plan.backend, like.plan.device), field.samples)
+def _bare(field: IndexField) -> IndexField:
+    """The same field with nothing cached on it: tables of a device, rounded otherwise, must not meet other calls."""
+    grid = copy(field.samples)
+    vars(grid)["extremes"] = field.samples.extremes
+    return replace(field, samples=grid)
 
 
 def _check_size(field: IndexField, pupil: Pupil) -> None:

@@ -27,7 +27,6 @@ from aerokernels.tracing.tasks.sums import (
 )
 
 from ...derived import cached_on
-from ...medium import IndexField
 from ...process.clock import stage
 from ...pupils import across_look
 from ...rays import Pupil, RayBundle
@@ -45,18 +44,7 @@ FEW, FEW_CACHED = 1 << 14, 4  # speed only
 
 @dataclass(eq=False)
 class Batch:
-    """Some replicates with their rays on the device.
-
-    Attributes:
-        rows: The replicates, as a slice.
-        count: Number of rays.
-        position: Start points.
-        direction: Directions.
-        place: Pupil coordinates.
-        weight: Weights of the rays in means.
-        weight_count: Number of weights: one for all rays, or one for each.
-        results: Outputs by name.
-    """
+    """Some replicates (`rows`) with their rays and outputs on the device; one weight for all rays, or one for each."""
 
     rows: slice
     count: int
@@ -69,13 +57,9 @@ class Batch:
 
 
 class PupilRun:
-    """A pupil prepared on a device, to be traced any number of times, each with points of another seed.
+    """A pupil prepared on a device, to be traced in batches of replicates, each time with points of another seed.
 
-    Replicates are traced in batches. Fitting a tilt or focus that is removed needs all replicates, so the data for the
-    phasor sums then stay on the device. Otherwise phasors are summed batch by batch.
-
-    Raises:
-        ValueError: A device that does not open; a field, or so many rays, that do not fit it.
+    To remove tilt or focus all replicates must be fitted, so their OPD stays on the device for the phasor sums.
     """
 
     def __init__(self, task: PupilTask):
@@ -94,7 +78,7 @@ class PupilRun:
         self.kernels = engine.kernels(needed if task.is_radial else ("launch_pupil", *needed))
         with stage("upload"):
             self.one = self._constant(_ones, 1)
-            self.seeds = None if task.is_radial else engine.sent(np.zeros((self.widest, 2), np.uint32))
+            self.seeds = None if task.is_radial else engine.sent(np.zeros(2 * self.widest, np.uint32))
             self.starts = None if self.seeds is None else self._starts(self.seeds.buffer)
             self.headings = None
             if task.is_radial:
@@ -134,15 +118,12 @@ class PupilRun:
         """A buffer that is never written to, shared with other fields on the nodes."""
         return _constant(self.task.field.samples.places, self.engine, make, *given)
 
-    def __call__(self, seed: int | None, field: IndexField | None = None) -> PupilSums:
-        """Trace and sum the points of a seed.
-
-        `field` is the one whose values are in the memory that was prepared, if that is not the task's any more.
-        """
+    def __call__(self, seed: int | None) -> PupilSums:
+        """Trace and sum the points of a seed."""
         with stage("kernel"), memory_of(self.task.plan.device):
-            return self._run(seed, field or self.task.field)
+            return self._run(seed)
 
-    def _run(self, seed: int | None, field: IndexField) -> PupilSums:
+    def _run(self, seed: int | None) -> PupilSums:
         task = self.task
         kept, parts, rejected = [], [], 0
         # Of rays along a radius the points are needed only where the rays are not on the device already.
@@ -156,7 +137,7 @@ class PupilRun:
             self.reading.wait()
             found = self.found[: rows.stop - rows.start]
             if self._has_rejected() or not holds_tolerance(found, task):
-                rejected += self._retrace(batch, field)
+                rejected += self._retrace(batch)
                 found = self._sums(batch, self.no_surface)
             parts.append(found if len(self.batches) == 1 else found.copy())  # the next batch overwrites it
             kept.append(batch)
@@ -191,7 +172,7 @@ class PupilRun:
         """Make a batch: upload the rays along a radius, or the seeds from which other rays are made on the device."""
         task = self.task
         if self.seeds is not None:
-            self.seeds.array[: rows.stop - rows.start] = points[rows]
+            self.seeds.array[: 2 * (rows.stop - rows.start)] = points[rows].ravel()
             if number < len(self.made):
                 return self.made[number]
         count = (rows.stop - rows.start) * task.per_replicate
@@ -246,7 +227,7 @@ class PupilRun:
         for (rows, joined), sums in zip(pairwise(joined_counts(per_replicate)), pairwise(self.sums), strict=True):
             engine.launch(self.kernels["reduce_sums"], [rows, joined], [*sums], replicates * joined * SUM_COUNT)
 
-    def _retrace(self, batch: Batch, field: IndexField) -> int:
+    def _retrace(self, batch: Batch) -> int:
         """Trace again the rays of a batch that are above the tolerance; return the number that still are."""
         task, engine = self.task, self.engine
         arrays: dict[str, np.ndarray] = {}
@@ -257,7 +238,7 @@ class PupilRun:
         engine.get(batch.position, position)
         engine.get(batch.direction, direction)
         rays = RayBundle(position, direction)
-        retrace_rejected(field, rays, task.plan, task.until, task.wavelength, arrays)
+        retrace_rejected(task.field, rays, task.plan, task.until, task.wavelength, arrays)
         for name, array in arrays.items():
             engine.put_into(batch.results[name], array)
         return int(np.count_nonzero(arrays["status"] == RayStatus.TOLERANCE_NOT_MET))
@@ -289,11 +270,7 @@ def _few_along_radius(
 
 
 def check_memory(device: str, memory: tuple[float, float], together: int, kept: int) -> None:
-    """Reject more rays than the device has memory for, before any is traced; `memory` is an Engine's.
-
-    Raises:
-        ValueError: The rays do not fit; the message has their size and the device's.
-    """
+    """Reject more rays than the device has memory for, before any is traced; `memory` is an Engine's."""
     whole, piece = memory
     needed = together * RAY_BYTES + kept * KEPT_BYTES
     if needed > whole or 24 * together > piece:

@@ -1,12 +1,7 @@
 """The patches of a family as kernels read them: from a ray's parameters to a block, and to one of its cells.
 
-Only deviations from the undisturbed line are interpolated, because only they are small and smooth:
-
-    CHANNELS    optical path difference [m]; direction less the line's (3); end point less the line's [m] (3);
-                arc length less the line's [m]
-
-each as a function of the family's parameters. The function is smooth only over lines that enter and leave the box
-through the same faces, if the face matters: because it ends the trace, or because the air at it is still disturbed.
+CHANNELS are deviations from the undisturbed line, which alone are small and smooth: optical path difference [m];
+direction (3); end point [m] (3); arc length [m]. They are smooth only over lines through the same faces of the box.
 """
 
 from collections.abc import Callable
@@ -31,14 +26,9 @@ HEADER = 8
 
 @dataclass(frozen=True, eq=False)
 class FaceClasses:
-    """Classify lines by the faces through which they enter and leave a field's box.
+    """Classify lines by those of FACES through which they enter and leave a field's box, and which matter, shape (7,).
 
-    Attributes:
-        field: The refractive index.
-        until: The stop.
-        matters: For each of FACES, whether it matters that a line enters or leaves through it, shape (7,).
-        margin: Least distance [m] between the place where a line leaves and any other face; a deflected ray might leave
-            through a nearer face.
+    `margin` is the least distance [m] to any other face of the place where a line leaves: a deflected ray might use it.
     """
 
     field: IndexField
@@ -91,8 +81,8 @@ class BundleTable(Derived):
 
     Attributes:
         family: The lines.
-        classes: Classes of lines by the faces through which they enter and leave the box.
-        channels: How many of nodes.CHANNELS the patches have.
+        classes: Their classes by faces.
+        channels: How many of CHANNELS the patches have.
         map: Number of the block at each place of the parameter range, -1 where there is none, shape (mu, mv).
         header: HEADER numbers of each block, shape (block_count, 8).
         values: Value, slopes and mixed slope at the nodes of each block [per cell], shape (block_count, 5, 5, 4, c), in
@@ -163,13 +153,7 @@ def undisturbed_length(field: IndexField, position: np.ndarray, direction: np.nd
 
 @dataclass(frozen=True, eq=False)
 class Traced:
-    """Some lines of a family, traced.
-
-    Attributes:
-        values: CHANNELS of each, shape (n, 8); NaN where a ray is not OK.
-        line_class: Class of each line in `FaceClasses`, shape (n,).
-        costs: Step error [m], steps and evaluations of each, shape (n, 3).
-    """
+    """Traced lines: CHANNELS (n, 8), NaN if not OK; classes; step error [m], steps and evaluations (n, 3)."""
 
     values: np.ndarray
     line_class: np.ndarray

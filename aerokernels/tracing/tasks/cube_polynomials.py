@@ -1,13 +1,8 @@
-r"""Cubic polynomials of cubes of cells: a volume's potential from 20 adjacent numbers in place of 64.
+"""Cubic polynomials of cubes of cells: a volume's potential from 20 adjacent numbers in place of 64.
 
-A ray that is traced by itself loads 64 coefficients of the spline for each sample, in 16 pieces. Where the field is
-smooth on the scale of two cells, one polynomial of degree 3 for each cube of CUBE_SIDE x CUBE_SIDE x CUBE_SIDE cells is
-accurate enough for the tolerance: one piece of 64 bytes, which is a processor's cache line. To fit, coefficients of the
-third degree are rounded to the upper halves of floats.
-
-A polynomial is the spline's projection (least squares), so its deviation from the spline changes sign within the cube,
-and most of it cancels along a ray. A bound of the deviation is stored with the coefficients: a ray sums it over the
-cubes that it samples, as if nothing cancelled, and the sum is part of the ray's own error estimate.
+One polynomial for CUBE_SIDE^3 cells is one piece of 64 bytes, a cache line; to fit, coefficients of the third degree
+are upper halves of floats. It is the spline's projection, so that its deviation mostly cancels along a ray; a ray sums
+the bound stored with it, as if nothing cancelled, as part of its own error estimate.
 """
 
 from collections.abc import Iterator
@@ -59,10 +54,8 @@ def may_have_cubes(grid: UniformGrid, memory: float) -> bool:
 def cube_polynomials(grid: UniformGrid) -> np.ndarray:
     """The polynomials of a grid that `may_have_cubes`, float32, shape (cubes along each axis, CUBE_ROW).
 
-    Coefficients belong to powers of coordinates that run from -1 to 1 in a cube, in the order of POWERS. From WHOLE on
-    two share a float, of which the first has the lower bits. The last float holds the greatest deviation from the
-    spline's potential, and OFTEN times the greatest deviation from its slope along any axis [1/m]. An engine caches
-    what it uploads of them.
+    Coefficients are those of POWERS, of coordinates from -1 to 1; from WHOLE on two share a float, the first in the
+    lower bits. The last float holds the greatest deviation of the potential, and OFTEN times that of its slopes [1/m].
     """
     cells = [count - 1 for count in grid.shape]
     shape = tuple(-(-count // CUBE_SIDE) for count in cells)
@@ -96,10 +89,7 @@ def _value_bound(numbers: np.ndarray, deviation: np.ndarray) -> tuple[np.ndarray
 
 
 def approximate_deviation(grid: UniformGrid, lines: Lines) -> np.ndarray:
-    """Approximate sum of the polynomials' deviation from the spline along some lines [m of OPD], shape (n,).
-
-    PLACES cubes of each line are evaluated, only for this purpose: the table itself is made only if rays may use it.
-    """
+    """Approximate sum of polynomials' deviations from the spline along some lines [m of OPD], by PLACES cubes."""
     whole = np.array([(count - 1) // CUBE_SIDE for count in grid.shape])
     share = (np.arange(PLACES) + 0.5) / PLACES
     place = lines.start[:, None] + (share * lines.length[:, None])[..., None] * lines.direction[:, None]
@@ -168,12 +158,9 @@ def _operators(inside: tuple[int, ...], spacing: np.ndarray) -> tuple[np.ndarray
 class _Axis:
     """Factors along one axis of a cube, of which some cells are in the grid.
 
-    Attributes:
-        moments: Weights of the window's coefficients in each Legendre polynomial over those cells, (4, coefficients).
-        in_powers: Those polynomials in powers of the cube's coordinate, (4, 4).
-        spline: At the nodes, and in the middles of the cells: weights of the coefficients in the value and in the slope
-            per cell, each of shape (coefficients, points).
-        cubic: The same for the powers, (4, points).
+    `moments` (4, coefficients): weights of the window's coefficients in each Legendre polynomial; `in_powers` (4, 4):
+    these in powers. At nodes, and in the middles of cells: weights in value and slope per cell of coefficients, and of
+    powers.
     """
 
     moments: np.ndarray

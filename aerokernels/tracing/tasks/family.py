@@ -1,13 +1,8 @@
-r"""Recognise rays that form a two-parameter family: parallel rays, and rays whose lines pass through one point.
+"""Recognise rays that form a two-parameter family: parallel rays, and rays whose lines pass through one point.
 
-The parameters of parallel lines are their transverse coordinates [m], those of lines through an apex are the slopes
-with respect to the family's axis. Quantities that accumulate along a ray are smooth functions of these parameters only
-if the starts are: all rays must start in one plane, in one point, or ahead of the field's box. Rays that start ahead of
-the box may be shifted along their lines, because the air there is uniform.
-
-A family is identified from a sample of the rays. Every ray is checked again when its result is interpolated (kernels
-deliver_bundle): its line and its start must lie within `Family.close` of the line and the start that its
-parameters define.
+The parameters are transverse coordinates [m], or slopes with respect to the family's axis. All rays must start in one
+plane, in one point, or ahead of the field's box, where they may be shifted along their lines. A sample identifies a
+family; every ray is checked again, within `Family.close`, when it is interpolated (kernels deliver_bundle).
 """
 
 from dataclasses import dataclass, replace
@@ -44,15 +39,13 @@ class Family:
     """A two-parameter family of lines.
 
     Attributes:
-        converges: Whether the lines pass through one point; otherwise they are parallel.
-        origin: That point, or a point of the plane in which the parameters are measured [m].
-        axes: Unit vectors along the first parameter, the second parameter, and the lines or their axis; shape (3, 3).
+        converges: Whether the lines pass through `origin` [m]; otherwise parameters are measured from there.
+        axes: Unit vectors along both parameters and the lines or their axis; shape (3, 3).
         low: Least parameters [m, or 1], shape (2,).
         high: Greatest parameters, shape (2,).
         start_point: A point of the plane in which rays start [m]; None where they all start in `origin`.
         start_normal: That plane's unit normal.
-        ahead: Rays that start at this distance along the axis [m] or before it start ahead of the box, and may be
-            shifted along their lines. Minus infinity where no ray may be shifted.
+        ahead: Rays that start up to this distance along the axis [m] may be shifted along their lines; -inf: none.
         close: Distance within which two lines, or two starts, count as the same [m].
     """
 
@@ -116,13 +109,9 @@ def some_rows(ray_count: int, most: int) -> np.ndarray:
 def closeness(field: IndexField, limit: float = np.inf) -> float:
     """Distance within which two lines, or two starts, count as the same [m], at most CLOSE cells.
 
-    A line that is moved by x changes its optical path by x times the change of its optical momentum across itself, and
-    by x times the contrast at its start. Between air whose index differs by c a ray is turned by up to sqrt(2 c / n).
-    In large cells, strong fields and at tight tolerances a millionth of a cell is therefore too much.
-
-    Args:
-        field: The refractive index.
-        limit: The OPD error allowed to each ray [m].
+    A line moved by x changes its optical path by x times the contrast at its start and the change of its momentum
+    across itself, up to sqrt(2 c / n) between air whose index differs by c. `limit` is the OPD error allowed to a ray
+    [m].
     """
     close = CLOSE * float(np.min(field.spacing))
     if not isinstance(field.samples, UniformGrid):
@@ -134,10 +123,7 @@ def closeness(field: IndexField, limit: float = np.inf) -> float:
 
 
 def find_family(field: IndexField, rays: RayBundle, until, limit: float = np.inf) -> Family | str:
-    """The family that the rays belong to, or a sentence that says why they form none.
-
-    `limit` is the OPD error allowed to each ray [m].
-    """
+    """The family of the rays for an OPD error allowed to each [m], or a sentence that says why they form none."""
     close = closeness(field, limit)
     if not _is_pencil(rays.pilot.position, rays.pilot.direction, close):
         return NO_PENCIL

@@ -1,24 +1,13 @@
-r"""The part of a field's potential that evenly spaced samples along a ray do not resolve: a high pass on its grid.
+"""The part of a field's potential that evenly spaced samples along a ray do not resolve: a high pass on its grid.
 
-A component of frequency f [1/m] has along a unit vector u at most the frequency
-
-    phi = min(|f|, sum |u_i| f_i),     in r and z: f_r sqrt(u_x^2 + u_y^2) + f_z |u_z|
-
-(cos(2 pi f sqrt(b^2 + t^2)) is an entire function of t of that type, so this holds off the axis too), and samples H
-apart do not resolve it from about phi = edge / H on. The field is even about its faces, as an axisymmetric field is
-about its axis; about faces that rays run along it is continued without a kink.
-
-A cubic spline through nodes h apart, whose values oscillate at v cycles a cell, v below 1 / 2, contains the share B(v)
-of the oscillation at that frequency and the share B(v + m) at each image v + m,
+A component of frequency f [1/m] has along a unit vector u at most phi = min(|f|, sum |u_i| f_i), in r and z f_r
+sqrt(u_x^2 + u_y^2) + f_z |u_z|; samples H apart do not resolve it from about phi = edge / H on. A cubic spline whose
+nodes oscillate at v < 1/2 cycles a cell has the share B(v) of it, and B(v + m) at each image v + m,
 
     B(v) = 3 (sin(pi v) / (pi v))^4 / (2 + cos(2 pi v)).
 
-This is the spectrum that rays meet: it falls off fast beyond the frequencies that the nodes resolve, where H is below
-two cells.
-
-A transform takes values as even about each face. Where they have a slope there, that is a kink, whose high frequencies
-would count as structure. About faces that rays run along they are therefore continued oddly about the value at the
-face, and faded out over a few cells: the rays never meet what is behind.
+A transform takes values as even about each face. About faces that rays run along they are continued oddly about the
+value there, and faded out over a few cells, so that no kink counts as structure: rays never meet what is behind.
 """
 
 import math
@@ -51,14 +40,10 @@ def high_pass(
     edge: float,
     is_fine: bool,
 ) -> np.ndarray:
-    """The potential over the ambient index without low frequencies along the rays [1].
+    """The potential over the ambient index without low frequencies along the rays [1], for samples `spacing` [m] apart.
 
-    Args:
-        grid: The samples.
-        steepness: Greatest absolute components of the rays' unit vectors along the grid's axes.
-        spacing: H, distance of samples [m].
-        edge: Frequency times H from about which on components are passed.
-        is_fine: Whether rounding to single precision would be visible.
+    `steepness` are greatest components of their unit vectors along the grid's axes. Components pass from a frequency of
+    about `edge` / spacing on. Without `is_fine` rounding to single precision is not visible.
     """
     from scipy.fft import dctn, idctn
 
@@ -178,16 +163,7 @@ AS_ON_SYMMETRY, NO_SLOPE = 0.5, 1e-6
 
 
 def continued(grid: UniformGrid, axes: list[int], kind: np.dtype) -> tuple[np.ndarray, tuple[slice, ...]]:
-    """Continue the potential over the ambient index beyond a grid's faces across some axes.
-
-    Args:
-        grid: The grid; about its first axis values may be even.
-        axes: The axes.
-        kind: Type of the values.
-
-    Returns:
-        The values with those behind the faces, and the slices that take the grid's own from them.
-    """
+    """Continue the potential over the ambient index beyond faces across some axes; also the slices of the grid's."""
     least = NO_SLOPE * float(np.abs(grid.potential_of(np.array(grid.extremes))).max()) / grid.ambient_index
     inner, shape = [slice(0, count) for count in grid.shape], list(grid.shape)
     for axis in axes:

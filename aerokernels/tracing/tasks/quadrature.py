@@ -1,27 +1,12 @@
-r"""Radial quadrature of a symmetric pupil: axisymmetric field, pupil on its axis, rays along it.
+r"""Quadrature over a pupil: radial where field, pupil and rays are symmetric, else by lattices where it is smooth.
 
-The optical path difference W then depends only on the distance r from the axis, and with u = (r / R)^2 a mean over the
-disc becomes one over a line, which the smooth substitution u = p(t) makes periodic:
+With u = (r / R)^2, from the square of an annulus' inner ratio to 1, a mean over the disc is one over a line, which the
+substitution u = p(t) makes periodic; on other pupils (pupils/square_map.py) it is made along both axes:
 
     1 / (pi R^2) \int f dA = \int_0^1 f(u) du = \int_0^1 f(p(t)) p'(t) dt,    p = t^3 (10 - 15 t + 6 t^2)
-    <x> = <y> = <x y> = <x W> = <y W> = 0,    <x^2> = <y^2> = <r^2> / 2
 
-On an annulus u runs from the square of the ratio of its radii to 1. A replicate takes equidistant t at a random offset,
-which is free of bias, and weights p'(t), which are scaled to sum to the number of its rays. With n points the error
-falls as n^-3 where W is smooth, as n^-2 where it has a kink, and as n^-1 where it jumps or rays are lost at an edge (on
-such substitutions: I. H. Sloan, S. Joe, Lattice Methods for Multiple Integration (1994)).
-
-Other pupils are averaged over the unit square (pupils/square_map.py) by lattices, with no more rays than the wavefront
-needs. Along an axis of the square on which the integrand is not periodic the same substitution makes it so, and a
-replicate takes the points of a Fibonacci lattice of n points and generator g at a random shift (a, b),
-
-    t_i = (i + a) / n,  s_i = {i g / n + b},   a, b in (0, 1), n and g neighbours among the Fibonacci numbers,
-
-which is free of bias because every shift of the lattice is equally likely. For a smooth wavefront the error falls about
-as n^-3, compared with n^-1 to n^-1.5 for Sobol points. The spread of the replicates gives the error; where it is not
-small enough, as at an edge that cuts the pupil, Sobol points are taken, in the requested number. A structure narrower
-than the distance of rays could lie between the rays of all replicates: a lattice is taken only if its rays are so close
-that each of the field's cells is met.
+A replicate takes equidistant t, or a rank-1 lattice, at a random shift. Where W is smooth the error falls as n^-3 (I.
+H. Sloan, S. Joe, Lattice Methods for Multiple Integration (1994)). See docs/theory/quadrature.md.
 """
 
 import numpy as np
@@ -132,11 +117,7 @@ FALL = 4.0
 
 
 def lattice_sizes(field: IndexField, pupil: Pupil, per_replicate: int, replicates: int, bundle: str) -> tuple[int, ...]:
-    """Points of the lattices that may be tried for a replicate, in ascending order; none where lattices do not pay.
-
-    Raises:
-        ValueError: `bundle` is neither "auto" nor "off".
-    """
+    """Points of the lattices that may be tried for a replicate, in ascending order; none where lattices do not pay."""
     if bundle not in ("auto", "off"):
         raise ValueError(f"bundle {bundle!r} is not known: choose one of auto, off")
     asked = per_replicate * replicates
@@ -171,12 +152,9 @@ def lattice_order(size: int, by_radius: bool) -> np.ndarray:
 
 
 def lattice_points(size: int, smoothed: int, seeds: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Points of the unit square (n, 2) and their weights (n,) of one replicate, as the kernels make them.
+    """Points of the unit square (n, 2) and weights (n,) of a replicate, as the kernels make them.
 
-    Args:
-        size: Points of the lattice.
-        smoothed: See `smoothed_axes`.
-        seeds: The replicate's two seeds, uint32: the shift a, b in units of 2^-32.
+    `seeds` are its two, uint32, the shift in units of 2^-32; `smoothed` is that of `smoothed_axes`.
     """
     index = np.arange(size, dtype=np.int64)
     along, across = (seeds.astype(float) + 0.5) * 2.0**-32

@@ -74,10 +74,10 @@ class PupilTask:
         wavelength: Vacuum wavelength [m].
         per_replicate: Rays of a replicate.
         replicates: Number of replicates.
-        terms: Terms of the fitted surface from which phases are measured: "tilt", "focus", both, or none.
-        by_radius: Whether rays are ordered by their distance from the pupil's centre alone, see `point_order`.
-        is_radial: Whether the rays lie along one radius of the pupil, for radial quadrature (quadrature.py).
-        generator: Generator of the lattice of a replicate's rays (quadrature.py); 0 for Sobol points.
+        terms: Terms of the surface from which phases are measured: "tilt", "focus".
+        by_radius: Whether rays are ordered by their distance from the pupil's centre alone.
+        is_radial: Whether the rays lie along one radius of the pupil.
+        generator: Generator of the lattice of a replicate's rays; 0 for Sobol points.
     """
 
     field: IndexField
@@ -104,12 +104,8 @@ class PupilTask:
 class PupilSums:
     """The sums over a pupil's rays.
 
-    Attributes:
-        moments: Shape (replicates, MOMENT_COUNT); x and y in metres.
-        phasors: Sums of exp(i k (OPD - surface)) with the surface fitted to the task's `terms`, shape (replicates,).
-        ray_count: Rays that were traced.
-        rejected_count: Number of rays whose own error estimate is above the tolerance even after tracing them again.
-        total: Moments of all replicates together, shape (MOMENT_COUNT,).
+    Moments (replicates, MOMENT_COUNT), x and y in metres, and `total` of all replicates; phasors, exp(i k (OPD -
+    surface)), (replicates,); and the number of rays that stay above the tolerance.
     """
 
     moments: np.ndarray
@@ -150,11 +146,10 @@ def holds_tolerance(sums: np.ndarray, task: PupilTask) -> bool:
 
 
 def point_order(count: int, by_radius: bool) -> np.ndarray:
-    """An order of the first `count` Sobol points in which neighbours are close, int32, shape (count,).
+    """An order of the first `count` Sobol points in which neighbours are close, int32, whatever their scramble.
 
-    The scramble keeps points together that share leading digits, so the order can be made without it. `by_radius` sorts
-    by the distance from the pupil's centre alone, which is sufficient in a field that is axisymmetric about it;
-    otherwise the points are divided into rings and sorted by angle within each.
+    By the distance from the pupil's centre alone, for a field that is axisymmetric about it; otherwise by the angle in
+    each of several rings.
     """
     index = np.arange(count, dtype=np.uint32)
     radius = _reverse_bits(index)
@@ -187,10 +182,7 @@ def _second_axis(index: np.ndarray) -> np.ndarray:
 
 
 def radial_rays(pupil: Pupil, points: tuple[np.ndarray, np.ndarray], rows: slice) -> tuple[np.ndarray, ...]:
-    """Starts [m] (n, 3), pupil coordinates (n, 2) and weights (n,) of the rays of some radial replicates.
-
-    The rays start on the pupil's first axis; `points` are those of `radial_points`.
-    """
+    """Starts [m] (n, 3), pupil coordinates (n, 2) and weights (n,) of rays at `radial_points` of some replicates."""
     squared, weight = (array[rows].reshape(-1, 1) for array in points)
     hole = (pupil.inner_ratio or 0.0) ** 2
     squared = hole + (1.0 - hole) * squared
@@ -233,10 +225,7 @@ ODD = np.array([1, 2, 5, 7, 8, 12, 13])
 
 
 def fit_surface(moments: np.ndarray, terms: tuple[str, ...]) -> np.ndarray:
-    """Fit the surface from which phases are measured to all replicates' moments: height, two slopes, focus, shape (4,).
-
-    The height is in the unit of W, the slopes in that unit over the unit of x and y, the focus over its square.
-    """
+    """Height, two slopes and focus (4,) of the surface from which phases are measured, fitted to all replicates."""
     total = moments.sum(axis=0)
     slopes, _ = fit_terms(total, terms)
     height = total[3] / total[0] if total[0] else 0.0
@@ -250,11 +239,7 @@ def metres_of(task: PupilTask) -> np.ndarray:
 
 
 def moments_in_metres(moments: np.ndarray, task: PupilTask, factors: np.ndarray | None = None) -> np.ndarray:
-    """Convert moments (replicates, MOMENT_COUNT), whose x and y are in units of the pupil's reach, to metres.
-
-    Moments of radial quadrature, whose points all lie along x, are converted to those of the whole disc. `factors` are
-    those of `metres_of`, if they are known, with more of them if the moments are followed by other sums.
-    """
+    """Convert moments (replicates, ..) in units of the pupil's reach; those along a radius to the whole disc's."""
     moments = moments * (metres_of(task) if factors is None else factors)
     if task.is_radial:
         moments[:, ODD] = 0.0
@@ -285,10 +270,7 @@ def fit_moments(total: np.ndarray) -> tuple[float, np.ndarray, float, float]:
 def rms_about(
     total: np.ndarray, terms: tuple[str, ...], fit: tuple[float, np.ndarray, float, float] | None = None
 ) -> float:
-    """Return the rms about the surface of these terms that `fit_terms` fits.
-
-    `fit` is the result of `fit_moments`, if it is known.
-    """
+    """Return the rms about the surface of these terms; `fit` is the result of `fit_moments`, if it is known."""
     if "focus" in terms:
         return fit_terms(total, terms)[1]
     _, _, about_piston, about_plane = fit_moments(total) if fit is None else fit
@@ -296,10 +278,7 @@ def rms_about(
 
 
 def fit_terms(total: np.ndarray, terms: tuple[str, ...]) -> tuple[np.ndarray, float]:
-    """Fit a surface of these terms: slopes along x, y and x^2 + y^2, shape (3,), and the rms about the surface.
-
-    Slopes of terms that are not named are 0. The mean is always fitted; whether "piston" is named changes nothing.
-    """
+    """Fit a surface of these terms and the mean: slopes along x, y, x^2 + y^2, 0 for others, and the rms about it."""
     slopes = np.zeros(3)
     if "focus" not in terms:
         _, tilt, about_piston, about_plane = fit_moments(total)

@@ -1,32 +1,12 @@
-r"""Bound, block by block, the structure of a field between leapfrog samples, so that no ray misses it unnoticed.
+"""Bound, block by block, the structure of a field between leapfrog samples, so that no ray misses it unnoticed.
 
-The error of the midpoint rule with samples H apart, on a line along which the potential is f, is
-
-    E = sum over k != 0 of (-1)^k F(k / H)
-
-with F the Fourier transform of f: it comes from the components of f with frequencies of 1 / H and above. No estimate
-from the samples can see them, nor can other rays (a pilot) that pass elsewhere: the bound comes from the field.
-
-It is split into a part of low frequencies along the rays, on which the rule converges faster than any power of H, and
-a high-passed part R (high_pass.py) of the components from about 0.9 / H on. The error of the rule on R is at most
-2 int |R| dt along the ray.
-
-Where all rays run along one axis, within some 45 degrees, |R| is averaged along it over each block of cells: the sum
-over blocks is the integral. Across the rays the greatest value counts.
-
-Where a ray begins or ends in disturbed air, the convergence on whole lines does not apply: for a component
-a cos(2 pi phi t) the end corrections of the rule have an error of a H / 2 and, with x = phi H, of 9.5 a H x^3 where x
-is small. This error belongs to the place where the ray ends, not to rays that pass there: it has a table of its own,
-which is looked up at both ends of a ray.
-
-Where a field is smooth the rule's own bound, H^4 / 720 int |f''''| dt, is often less than the bound by R, above all
-near the box's faces, where the even continuation has a kink: in each block the lesser of the two is taken. At an end
-the rule's weights differ over three samples, where its bound is up to 8 times as great.
-
-The deflection of a ray has an error from the slope of the same components. It changes the path in the second order of
-the contrast or, where the stop is met at an angle, by the lever arm from there to the stop. The slope is at most
-MISSED_SLOPE times the size for each cell; where this bound is too large the slope is computed from the high-passed
-part.
+The error of the midpoint rule with samples H apart comes from frequencies of 1 / H and above, E = sum over k != 0 of
+(-1)^k F(k / H), which no samples show, nor a pilot's rays elsewhere. It is at most 2 int |R| dt of the high-passed part
+R (high_pass.py), averaged over blocks along an axis that all rays run along; or the rule's own H^4 / 720 int |f''''|
+dt, if that is less. Where a ray ends in disturbed air a component a cos(2 pi phi t) costs a H / 2 and, with x = phi H
+small, 9.5 a H x^3: a table of its own, looked up at both ends, and up to 8 times the rule's bound there. An error of
+the slope, at most MISSED_SLOPE for each cell, counts in the second order of the contrast or by the lever arm to the
+stop.
 """
 
 from collections.abc import Callable
@@ -79,8 +59,7 @@ class Sampling:
         steepness: Greatest absolute value of each component of the rays' unit vectors.
         lever_arm: Change of the path by an error of direction where the stop is met at a right angle [m/rad].
         is_fine: Whether rounding to single precision would be visible in the bound.
-        ends: Blocks in which rays begin or end in disturbed air, see `disturbed_ends`; empty where they do not, and
-            EVERYWHERE where nothing is saved by leaving out the others.
+        ends: Blocks in which rays end in disturbed air (`disturbed_ends`), or EVERYWHERE; empty where they do not.
     """
 
     spacing: float
@@ -109,14 +88,9 @@ def potential_by_blocks(grid: UniformGrid) -> np.ndarray:
 
 
 def missed_in_blocks(field: IndexField, sampling: Sampling, by_rule: bool = False) -> tuple[int, np.ndarray]:
-    """Cells in a block, and for each block the greatest error of a ray's path per metre of path in it [1].
+    """Cells in a block, and for each the greatest error of a ray's path per metre in it, without that at ends.
 
-    What is missed where rays end is not in it: see `missed_at_ends`.
-
-    Args:
-        field: A field on a cubic uniform grid.
-        sampling: How its rays are sampled.
-        by_rule: Take the rule's own bound, which is faster to compute and never less.
+    With `by_rule` it is the rule's own bound, which is faster to compute and never less.
     """
     grid = field.samples
     assert isinstance(grid, UniformGrid)
@@ -124,20 +98,14 @@ def missed_in_blocks(field: IndexField, sampling: Sampling, by_rule: bool = Fals
 
 
 def missed_at_ends(field: IndexField, sampling: Sampling, by_rule: bool = False) -> np.ndarray | None:
-    """For each block the greatest error of a ray's path by beginning or ending in it [m]; None for rays that do not.
-
-    The arguments are those of `missed_in_blocks`.
-    """
+    """For each block the greatest error of a ray's path by beginning or ending in it [m]; None for rays that do not."""
     grid = field.samples
     assert isinstance(grid, UniformGrid)
     return _at_ends(grid, field.geometry, sampling, by_rule) if sampling.ends else None
 
 
 def changes_missed(field: IndexField, sampling: Sampling) -> np.ndarray:
-    """Greatest change of the missed potential across the rays in each block, per metre of path [1/m].
-
-    The arguments are those of `missed_in_blocks`.
-    """
+    """Greatest change of the missed potential across the rays in each block, per metre of path [1/m]."""
     grid = field.samples
     assert isinstance(grid, UniformGrid)
     return _changes(grid, field.geometry, sampling)
@@ -173,10 +141,7 @@ def _missed(grid: UniformGrid, geometry: str, sampling: Sampling, by_rule: bool)
 
 
 def turned(grid: UniformGrid, lever_arm: float) -> float:
-    """The factor by which an error grows with its error of direction where the stop is met at a right angle.
-
-    `lever_arm` is that of a Sampling [m/rad].
-    """
+    """The factor by which an error grows with its error of direction, by the lever arm of a Sampling [m/rad]."""
     return 1.0 + MISSED_SLOPE * lever_arm / float(grid.spacing.min())
 
 

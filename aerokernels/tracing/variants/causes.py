@@ -53,15 +53,7 @@ Change = Callable[[IndexField, IndexField], Rays]
 
 @dataclass(frozen=True, eq=False)
 class Variants:
-    """Some rays of a run, and how they change by each cause.
-
-    Attributes:
-        start: Where the rays start [m], shape (n, 3).
-        ahead: Their unit directions there, shape (n, 3).
-        weight: Their shares in means over the bundle, shape (n,).
-        base: What the run brings to the stop.
-        causes: The changes, by the name of the cause.
-    """
+    """Some rays of a run, their starts [m], shares in means, what they bring to the stop, and changes by cause."""
 
     start: np.ndarray
     ahead: np.ndarray
@@ -76,7 +68,7 @@ def sample_size(field: Any) -> int:
 
 
 def sample_rows(field: Any, rays: RayBundle, good: np.ndarray) -> np.ndarray:
-    """Return rows of some of the rays that arrived, in an order of which every eighth is spread over the whole bundle.
+    """Rows of some of the rays that arrived; every eighth in this order is spread over the whole bundle.
 
     They are evenly spread along a curve through the places at which the rays are some way from their starts.
     """
@@ -101,10 +93,7 @@ def sample_rows(field: Any, rays: RayBundle, good: np.ndarray) -> np.ndarray:
 
 
 def few_rows(count: int, few: int = TRACED) -> np.ndarray:
-    """Return the places of the few among so many rays that are traced again, at random.
-
-    Every other point of a Sobol sequence is in one half of the pupil.
-    """
+    """The places of the few among so many rays that are traced again, at random, since Sobol points alternate."""
     return np.sort(np.random.default_rng(1).permutation(count)[:few])
 
 
@@ -126,17 +115,17 @@ def variants(
     lost: np.ndarray | None = None,
     group: int = 1,
 ) -> Variants:
-    """Return how some rays of a run change by each cause.
+    """Return how some rays of a run, all of which arrived, change by each cause.
 
     Args:
         field: The refractive index.
-        rays: The rays, all of which arrived.
+        rays: The rays.
         base: What they brought.
         plan: The run's plan.
         until: Their stop.
         run: Traces rays by a plan to the same stop.
         weight: Their shares in means over the bundle, shape (n,); None for equal ones.
-        lost: Optical path that the source has beyond the field's cuts [m], shape (n,); None for no cut.
+        lost: Optical path that the source has beyond the field's cuts [m], shape (n,).
         group: Number of consecutive rays that belong together, as those of a pixel: few whole groups are traced again.
     """
     paths = paths_of(field, rays.position, rays.direction, until, (base.position, base.direction))
@@ -314,11 +303,8 @@ def spread(number: Number, base: Rays, cause: Cause) -> np.ndarray:
 def of_each(pick: Number, found: Variants, near: np.ndarray | None = None) -> dict[str, np.ndarray]:
     """Return the error by cause of what each ray has of its own.
 
-    Args:
-        pick: Returns it for changes of the rays, shape (n, ...), 0 for none; n pixels may have several rays each.
-        found: The rays and their changes.
-        near: Rays about each ray, or pixels about each pixel, by which its error is found, shape (m, k); None for one
-            error of all rays.
+    `pick` returns it for changes of the rays, shape (n, ...), 0 for none; n pixels may have several rays each. `near`
+    are the rays or pixels about each, by which its error is found, shape (m, k); None for one error of all.
     """
     everywhere = np.arange(len(found.base.opd))[None] if near is None else near
 
@@ -334,14 +320,7 @@ def of_each(pick: Number, found: Variants, near: np.ndarray | None = None) -> di
 
 
 def of_a_ray(pick: Number, found: Variants, unit: str = "", others: Mapping[str, Number] | None = None) -> ErrorBudget:
-    """Return the error budget of what each ray has of its own: the same for all of them.
-
-    Args:
-        pick: As for `of_each`.
-        found: The rays and their changes.
-        unit: Unit of the errors.
-        others: What is taken in place of `pick`, by cause.
-    """
+    """Return the error budget of what each ray has of its own, the same for all; `others` replace `pick` by cause."""
     picks = {name: (others or {}).get(name, pick) for name in found.causes}
     errors = {
         name: of_each(one, replace(found, causes={name: found.causes[name]}))[name] for name, one in picks.items()

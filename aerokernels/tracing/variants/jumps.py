@@ -27,10 +27,9 @@ NEAR, NEAR_DECAY, COMPARED, BINS = 12, 64, 512, 25
 
 
 def left_over(size: dict[int, np.ndarray]) -> np.ndarray:
-    """Return the change of sums over all nodes over that of sums thinned by two, from the rms changes by 2, 3 and 4.
+    """The change of sums over all nodes over that of sums thinned by two, from rms changes by 2, 3 and 4 over a step's.
 
-    They are over those of a step, each of shape (n,). The result rises to 1 where the three are not of one shock:
-    kinks, or several structures.
+    It rises to 1 where the three are not of one shock: kinks, or several structures.
     """
 
     def decay(thin: int) -> np.ndarray:
@@ -49,13 +48,7 @@ def left_over(size: dict[int, np.ndarray]) -> np.ndarray:
 
 
 def jumps(field: IndexField, paths: Paths, thinned: tuple[tuple[Rays, dict[int, np.ndarray]], ...]) -> Cause:
-    """Return the change by the place of jumps, and draws of it.
-
-    Args:
-        field: The refractive index.
-        paths: The rays' paths.
-        thinned: Changes of sums over every second node, and the sizes of those by two, three and four.
-    """
+    """Return the change by the place of jumps, and draws of it, from the results of `thinned_sums`."""
     from scipy.spatial import cKDTree
 
     place = _across(paths)
@@ -74,10 +67,10 @@ def jumps(field: IndexField, paths: Paths, thinned: tuple[tuple[Rays, dict[int, 
 
 
 def patterns(field: IndexField, paths: Paths, size: np.ndarray, alike: float) -> tuple[Rays, ...]:
-    """Return draws of an optical path: its size at each ray [m], (n,), times smooth patterns of rms 1.
+    """Draws of an optical path: sizes at rays [m] times patterns of rms 1, two to eight `alike` [m] long.
 
-    Their wavelengths are those of the steps that a jump makes across the rows of nodes, two to eight lengths [m] over
-    which the path is `alike`, but four cells to two widths of the bundle.
+    Wavelengths are those of the steps that a jump makes across rows of nodes, but four cells to two widths of the
+    bundle.
     """
     rng = np.random.default_rng(0)
     middle = paths.at(np.array([0.5]))[:, 0]
@@ -188,10 +181,9 @@ def _bent(samples: MeshSamples, cell: np.ndarray, xi: np.ndarray, eta: np.ndarra
 
 
 def lacking(field: IndexField, paths: Paths) -> Rays:
-    """Return what a bilinear interpolant lacks of the cells' averages, along the paths.
+    """Return what a bilinear interpolant lacks of cells' averages along the paths: of each times the way in it.
 
-    The lack of each cell times the path's length in it is the error of the integral as far as averages define one: they
-    do not say where in a cell the gas is. It is large beside a captured shock, and nearly zero elsewhere.
+    Averages do not say where in a cell the gas is. It is large beside a captured shock, and nearly zero elsewhere.
     """
     found = Rays.still(len(paths.length))
     known = None if field.is_uniform else field.samples.lacking_by_cell

@@ -1,13 +1,8 @@
 """The next order's change and thinned sums of a grid's samples, on each ray's crossings with planes of nodes.
 
-Along the axis that a ray follows most, every order of interpolation has nearly the sum over the planes of nodes. The
-next order changes the interpolation within the planes, so that a path's integral is a sum over the planes that it
-crosses, of a spline along two axes. The sum over every j-th plane less the sum over all, on which `jumps.py` builds, is
-made of the same values.
-
-Splines of the first, third and fifth order are sums of B-splines with not-a-knot ends, so that the next order differs
-at the faces as it does elsewhere. The coefficient of a node falls with the distance of the samples by 0.27 a node
-(third order) and 0.43 (fifth): only samples about the points are needed.
+Along the axis that a ray follows most, every order has nearly the sum over the planes of nodes: the next order changes
+splines within the planes. Thinned sums (jumps.py) are of the same values. Splines of order 1, 3, 5 have not-a-knot
+ends; a node's coefficient falls by 0.27 or 0.43 a node, so that only samples about the points are needed.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -31,13 +26,10 @@ SMOOTH = 4
 
 @dataclass(frozen=True, eq=False)
 class Crossings:
-    """Where the paths of some rays cross planes of nodes.
+    """Where k planes of nodes are crossed by the paths of n rays, `rows` of all.
 
     Attributes:
-        rows: The rays, shape (n,).
-        paths: Their paths.
-        axis: The grid's axis across the planes.
-        space: The same axis of x, y and z.
+        axis: The grid's axis across the planes, which in x, y and z is `space`.
         plane: Numbers of the planes, shape (k,).
         share: Where the paths cross them, as shares of their lengths, shape (n, k).
         weight: Length of the path that each crossing stands for [m], shape (n, k); 0 where a path ends before.
@@ -57,10 +49,7 @@ class Crossings:
 
 
 def crossings(field: IndexField, paths: Paths) -> Iterator[Crossings]:
-    """Yield the crossings of rays with planes of nodes, for each axis those of the rays that follow it most.
-
-    Rays that mostly run along r have none.
-    """
+    """Yield crossings of rays with planes of nodes, for each axis those of rays that follow it most; none along r."""
     grid = field.samples
     begin, end = (
         (field.local_coordinates(points) - grid.origin) / grid.spacing for points in (paths.first, paths.last)
@@ -96,10 +85,7 @@ def _others(grid: UniformGrid | MeshSamples, axis: int) -> list[int]:
 
 
 def values_at(field: IndexField, found: Crossings, order: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return the contrast of a spline within planes at crossings, (n, k), and how sums change with a shift of the ray.
-
-    The second is a gradient [1/m], shape (n, k, 3): a shift along the axis of the planes moves a crossing in its plane.
-    """
+    """The contrast of a spline within planes at crossings, (n, k), and its change with a shift of the ray."""
     grid = field.samples
     samples = np.moveaxis(grid.samples, found.axis, 0)[found.plane[0] : found.plane[-1] + 1]
     if samples.ndim == 2:
@@ -144,9 +130,8 @@ def change_in_planes(field: IndexField, paths: Paths, orders: tuple[int, int]) -
 
 
 def thinned_sums(field: IndexField, paths: Paths, order: int) -> tuple[Rays, dict[int, np.ndarray]]:
-    """Return the change of sums over every second plane, and the sizes of those over every second, third and fourth.
+    """The change of sums over every second plane, and sizes of those by 2, 3 and 4: rms over that of a step, (n,).
 
-    A size is the rms change of a ray's sums over every j-th plane, over that of a step at a random place, shape (n,).
     Pairs of averages of cells have the sum of their mean: thinned by two, they change by half of what their slopes
     within the planes change from one to the next, times the ray's way along the planes.
     """
@@ -292,21 +277,10 @@ def _along(samples: np.ndarray, axis: int, matrix: Callable[[int], np.ndarray]) 
 
 
 class Surface:
-    """Splines along two axes on each of some planes of samples.
-
-    Only samples about the points of use are held, and those of a mirrored first axis are continued beyond it.
-    """
+    """Splines along two axes on each of some planes of samples, near the points of use, mirrored at an even axis."""
 
     def __init__(self, samples: np.ndarray, low: np.ndarray, high: np.ndarray, order: int, even: bool):
-        """Prepare splines for points between two corners.
-
-        Args:
-            samples: Samples, shape (planes, m, n).
-            low: Least places of points along both axes [nodes], shape (2,).
-            high: Greatest places, shape (2,).
-            order: 1, 3 or 5.
-            even: Whether the samples are mirrored at the first node of the first axis.
-        """
+        """Prepare splines of order 1, 3 or 5 through samples (planes, m, n) for places between two corners [nodes]."""
         self.order, self.first = [], []
         for axis in (0, 1):
             count = samples.shape[axis + 1]

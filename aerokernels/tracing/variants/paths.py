@@ -26,13 +26,7 @@ Contrast = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 
 @dataclass(frozen=True, eq=False)
 class Rays:
-    """What rays bring to their stop, or a difference of that between two runs.
-
-    Attributes:
-        opd: Optical path difference [m], shape (n,).
-        direction: Unit tangent there, shape (n, 3).
-        position: Where the ray meets the stop [m], shape (n, 3).
-    """
+    """OPD [m], (n,), direction and position [m], (n, 3), of rays at their stop, or a difference of two runs."""
 
     opd: np.ndarray
     direction: np.ndarray
@@ -72,10 +66,8 @@ class Rays:
 class Cause:
     """How the rays change by one cause of an error.
 
-    Attributes:
-        known: Signed changes to what is right, of these rays; each counts by itself.
-        like: Signed changes that are like those to what is right.
-        draws: Equally likely changes, of which one is real.
+    Signed changes to what is right, of these rays, each of which counts by itself; changes that are like those; and
+    equally likely draws, of which one is real.
     """
 
     known: tuple[Rays, ...] = ()
@@ -85,17 +77,10 @@ class Cause:
 
 @dataclass(frozen=True, eq=False)
 class Paths:
-    """Paths of rays through a box.
+    """Paths of rays through a box: ends [m] and unit directions there (n, 3), lengths [m] (n,), or 0.
 
-    Attributes:
-        first: Where they begin in the box [m], shape (n, 3).
-        last: Where they end in it [m], shape (n, 3).
-        ahead: Unit directions at the beginning, shape (n, 3).
-        onward: Unit directions at the end, shape (n, 3).
-        length: Lengths in the box [m], shape (n,); 0 for rays that do not meet it.
-        rest: Length from the end in the box to the stop [m], shape (n,).
-        normal: Normal of the plane at which the rays stop, shape (3,), or None.
-        index: Ambient index.
+    `rest` is the length from there to the stop [m], (n,), `normal` that of the plane at which the rays stop, or None,
+    and `index` the ambient index.
     """
 
     first: np.ndarray
@@ -146,13 +131,9 @@ class Paths:
         return found
 
     def carried(self, value: np.ndarray, slope: np.ndarray, share: np.ndarray, weight: np.ndarray) -> Rays:
-        """Return what changes of the contrast on the paths add at the stop.
+        """What changes of the contrast (n, k) and its gradient [1/m] (n, k, 3) on the paths add at the stop.
 
-        Args:
-            value: Changes of the contrast, shape (n, k).
-            slope: Their gradients [1/m], shape (n, k, 3).
-            share: Where they are, as shares of the lengths, shape (k,) or (n, k).
-            weight: Length of the path that each stands for [m], shape (n, k).
+        They are at a `share` of the length, and stand for a length of `weight` [m], (n, k).
         """
         left = (1.0 - share) * self.length[:, None] + self.rest[:, None]
         turned = np.einsum("nk,nki->ni", weight / self.index, slope)
@@ -160,7 +141,7 @@ class Paths:
         return self.landed(np.sum(weight * value, axis=1), turned, moved)
 
     def landed(self, opd: np.ndarray, turned: np.ndarray, moved: np.ndarray) -> Rays:
-        """Return the changes at the stop of rays that are turned, and moved [m] where they would meet it, both (n, 3).
+        """Changes at the stop of rays that are turned, and moved [m] where they would meet it, both (n, 3).
 
         A plane that is askew to a ray is met sooner or later by the one that is moved, which adds to its path.
         """
@@ -174,14 +155,9 @@ class Paths:
 
 
 def paths_of(field: IndexField, position: np.ndarray, direction: np.ndarray, until, ends=None) -> Paths:
-    """Return the paths of rays through a field's box.
+    """The paths of rays through a field's box to their stop; None: where they leave it.
 
-    Args:
-        field: The refractive index.
-        position: Where the rays start [m], shape (n, 3).
-        direction: Unit directions there, shape (n, 3).
-        until: Their stop; None where they leave the box.
-        ends: Where they stopped [m] and their unit directions there, both (n, 3); None takes straight lines.
+    `ends` are where they stopped [m] and their unit directions there, both (n, 3); None takes straight lines.
     """
     span = box_span(field, position, direction)
     enter, leave = span.enter, np.minimum(span.leave, stop_distance(position, direction, until))

@@ -77,17 +77,3 @@ def test_several_solutions_need_to_say_which_counts(tmp_path):
         held["FlowSolutionPointers"][" data"] = names
     for time, factor in ((0.5, 1.0), (1.5, 2.0)):
         assert flow.read(file, time=time).density.max() == pytest.approx(factor * DENSITY.max())
-
-
-def test_normalised_data_are_converted_as_the_file_says(tmp_path):
-    """Set-up: density in 1.25 kg/m3 and x in half metres from 1 m on. Expected: kg/m3 and m; the numbers were taken."""
-    file = cgns_writer.cgns(tmp_path / "a.cgns", ((X - 1.0) / 0.5, Y), DENSITY / 1.25, [])
-    with h5py.File(file, "r+", track_order=True) as opened:
-        for name, scale, offset in (("Flow/Density", 1.25, 0.0), ("GridCoordinates/CoordinateX", 0.5, 1.0)):
-            array = opened[f"Base/Zone/{name}"]
-            cgns_writer.node(array, "DataClass", "DataClass_t", "NormalizedByDimensional")
-            cgns_writer.node(array, "DataConversion", "DataConversion_t", np.array([scale, offset]))
-    field = flow.read(file)
-    at = np.array([[0.0, 0.3, -1.7], [0.0, 0.9, -0.2]])
-    assert field.density_at(at) == pytest.approx(1.0 + 0.1 * at[:, 1] - 0.01 * at[:, 2])
-    assert "the file calls data" not in field.provenance

@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 from aerokernels import flow
 from aerokernels.cli import app
 from aerokernels.flow.reading.dataset import ReadError
-from aerokernels.flow.reading.readers.vtk_collections import collection
+from aerokernels.flow.reading.readers.vtk_files import collection
 
 from . import vtk_writers, writers
 

@@ -172,7 +172,8 @@ def test_a_full_disk_gives_the_process_a_cache_of_its_own(tmp_path, monkeypatch)
     from aerokernels.tracing.engines.opencl import pocl_cache
 
     monkeypatch.setenv("POCL_CACHE_DIR", str(tmp_path))
-    monkeypatch.setattr(kernel_cache, "_free_space", lambda folder: 0.0 if folder == tmp_path else float("inf"))
+    real, full = shutil.disk_usage, shutil.disk_usage(tmp_path)._replace(free=0)
+    monkeypatch.setattr(kernel_cache.shutil, "disk_usage", lambda folder: full if folder == tmp_path else real(folder))
     with pytest.warns(RuntimeWarning, match="is full: kernels are built in"):
         pocl_cache.make_safe()
     assert pocl_cache.cache_folder() != tmp_path and pocl_cache.cache_folder().is_dir()

@@ -108,7 +108,7 @@ def test_points_are_those_of_warp(device: Device, shape: str):
         device.run("launch_pupil", stop - first, *numbers, *of_shape, device.put(seeds), device.put(order), *ends, *out)
     kinds = (wp.vec3d, wp.vec3d, wp.vec2d, wp.float64)
     expected = [wp.zeros(count, dtype=kind, device="cpu") for kind in kinds]
-    indices = [wp.array(seeds, dtype=wp.uint32, device="cpu"), wp.array(order, dtype=wp.int32, device="cpu")]
+    indices = [wp.array(seeds.ravel(), dtype=wp.uint32, device="cpu"), wp.array(order, dtype=wp.int32, device="cpu")]
     warp_table = wp.array(of_square.table, dtype=wp.float64, device="cpu")
     given = [*(wp.vec3d(*v) for v in vectors), *numbers_of_shape, warp_table, *indices, per, 0, 0, 0, *expected]
     wp.launch(launch_pupil, dim=count, inputs=given, device="cpu")
@@ -149,7 +149,7 @@ def test_points_of_a_lattice_are_those_of_warp_and_numpy(device: Device, shape: 
     device.run("launch_pupil", count, *given)
     kinds = (wp.vec3d, wp.vec3d, wp.vec2d, wp.float64)
     theirs = [wp.zeros(count, dtype=kind, device="cpu") for kind in kinds]
-    indices = [wp.array(seeds, dtype=wp.uint32, device="cpu"), wp.array(order, dtype=wp.int32, device="cpu")]
+    indices = [wp.array(seeds.ravel(), dtype=wp.uint32, device="cpu"), wp.array(order, dtype=wp.int32, device="cpu")]
     warp_table = wp.array(of_square.table, dtype=wp.float64, device="cpu")
     inputs = [*(wp.vec3d(*v) for v in vectors), *numbers, warp_table, *indices, *rest, *theirs]
     wp.launch(launch_pupil, dim=count, inputs=inputs, device="cpu")

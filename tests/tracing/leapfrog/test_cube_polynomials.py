@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from aerokernels import IndexField, Plane, RayBundle, trace
-from aerokernels.benchmark.scenes import bundle_scene
 from aerokernels.medium.spline import weights
 from aerokernels.tracing.scheme import CUBE_SIDE
 from aerokernels.tracing.tasks.cube_polynomials import OFTEN, POWERS, WHOLE, cube_polynomials
+from scripts.studies.bundles import bundle_scene
 
 from ..backends import WAVE
 

@@ -12,7 +12,6 @@ import numpy as np
 from aerokernels.flow.reading.dataset import (
     CORNERS,
     HEXAHEDRON,
-    POLYGON,
     PRISM,
     PYRAMID,
     TETRAHEDRON,
@@ -20,10 +19,16 @@ from aerokernels.flow.reading.dataset import (
     Cells,
     Dataset,
     Patch,
-)  # fmt: skip
+)
 
-ON_AXIS = 1e-6  # of the greatest radius
-ON_PLANE = 1e-3  # of the wedge's angle: single precision
+NEAR = 1e-7  # of the size: single precision
+# Corners of each face of a cell, in order around it.
+FACES = {
+    HEXAHEDRON: [[0, 1, 2, 3], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]],
+    PRISM: [[0, 1, 2], [3, 4, 5], [0, 1, 4, 3], [1, 2, 5, 4], [2, 0, 3, 5]],
+    PYRAMID: [[0, 1, 2, 3], [0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]],
+    TETRAHEDRON: [[0, 1, 2], [0, 1, 3], [1, 2, 3], [2, 0, 3]],
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,67 +47,49 @@ class Wedge:
     axis: int  # number of the axis in the file: 0, 1 or 2
     ahead: np.ndarray  # direction between its planes, of the two other coordinates, shape (2,)
     low: float  # angle of one of its planes from it [rad]
-    high: float  # angle of the other one [rad]
+    angle: float  # between the planes [rad]
     radius: float  # greatest distance of its points from the axis
 
-    @property
-    def angle(self) -> float:
-        """Angle between the planes [rad]."""
-        return self.high - self.low
+    @classmethod
+    def about(cls, points: np.ndarray, axis: int) -> "Wedge | None":
+        """Return the wedge of two planes through an axis that hold all points; None if there are no such planes."""
+        beside = np.delete(points, axis, axis=1)
+        distance = np.hypot(*beside.T)
+        radius = float(distance.max(initial=0.0))
+        beside = beside[distance > 1e-6 * radius]
+        if len(beside) < 2:
+            return None
+        found = cls(axis, beside.sum(axis=0), 0.0, 0.0, radius)
+        turn = found.turn(beside)
+        found = replace(found, low=float(turn.min()), angle=float(turn.max()) - float(turn.min()))
+        if not 1e-4 < found.angle <= 0.35:  # [rad], at most 20 degrees
+            return None
+        return found if np.logical_or(*found.sides(turn)).all() else None
+
+    def turn(self, beside: np.ndarray) -> np.ndarray:
+        """Return the angles of points about the axis, from the direction `ahead` [rad]."""
+        (one, other), ahead = beside.T, self.ahead
+        return np.asarray(np.arctan2(one * -ahead[1] + other * ahead[0], one * ahead[0] + other * ahead[1]))
+
+    def sides(self, turn: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return which angles are in the lower plane, and which in the other one, to single precision."""
+        near = 1e-3 * self.angle
+        return turn - self.low < near, self.low + self.angle - turn < near
 
     def layers(self, points: np.ndarray) -> Layers:
         """Return its two layers among points, shape (n, 3): along the axis and from it, in the file's unit."""
-        one, other = (points[:, k] for k in range(3) if k != self.axis)
-        beside = np.hypot(one, other)
-        turn = _turn(one, other, self.ahead)
-        on_axis = beside <= ON_AXIS * self.radius
-        near = ON_PLANE * self.angle
-        return Layers(
-            np.stack([points[:, self.axis], beside], axis=1),
-            on_axis | (turn - self.low < near),
-            on_axis | (self.high - turn < near),
-        )
+        beside = np.delete(points, self.axis, axis=1)
+        distance = np.hypot(*beside.T)
+        low, high = self.sides(self.turn(beside))
+        on_axis = distance <= 1e-6 * self.radius
+        return Layers(np.stack([points[:, self.axis], distance], axis=1), on_axis | low, on_axis | high)
 
 
 def wedge(points: np.ndarray) -> Wedge | None:
     """Return the wedge of which points are the corners of the cells; None for other points."""
     some = points[:: max(len(points) // 1000, 1)]
-    likely = [axis for axis in range(3) if _wedge(some, axis) is not None]
-    return next((found for axis in likely if (found := _wedge(points, axis)) is not None), None)
-
-
-def _wedge(points: np.ndarray, axis: int) -> Wedge | None:
-    """Return the wedge of two planes through an axis that hold all points; None if there are no such planes."""
-    one, other = (points[:, k] for k in range(3) if k != axis)
-    beside = np.hypot(one, other)
-    radius = float(beside.max(initial=0.0))
-    off = beside > ON_AXIS * radius
-    if off.sum() < 2:
-        return None
-    one, other = one[off], other[off]
-    ahead = np.array([one.sum(), other.sum()])
-    turn = _turn(one, other, ahead)
-    low, high = float(turn.min()), float(turn.max())
-    if not 1e-4 < high - low <= 0.35:  # [rad], at most 20 degrees
-        return None
-    near = np.minimum(turn - low, high - turn) < ON_PLANE * (high - low)
-    return Wedge(axis, ahead, low, high, radius) if near.all() else None
-
-
-def _turn(one: np.ndarray, other: np.ndarray, ahead: np.ndarray) -> np.ndarray:
-    """Return the angles of points about an axis, from the direction `ahead` [rad]."""
-    return np.asarray(np.arctan2(one * -ahead[1] + other * ahead[0], one * ahead[0] + other * ahead[1]))
-
-
-NEAR = 1e-7  # of the size: single precision
-ALIKE = 1e-6  # greatest relative difference between the values of the two layers
-# Corners of each face of a cell, in order around it. Cells at the axis of a wedge have lost corners.
-FACES = {
-    HEXAHEDRON: [[0, 1, 2, 3], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]],
-    PRISM: [[0, 1, 2], [3, 4, 5], [0, 1, 4, 3], [1, 2, 5, 4], [2, 0, 3, 5]],
-    PYRAMID: [[0, 1, 2, 3], [0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]],
-    TETRAHEDRON: [[0, 1, 2], [0, 1, 3], [1, 2, 3], [2, 0, 3]],
-}
+    likely = [axis for axis in range(3) if Wedge.about(some, axis) is not None]
+    return next((found for axis in likely if (found := Wedge.about(points, axis)) is not None), None)
 
 
 def flattened(dataset: Dataset, look: np.ndarray | None) -> Dataset | None:
@@ -114,15 +101,17 @@ def flattened(dataset: Dataset, look: np.ndarray | None) -> Dataset | None:
         return None
     points = np.concatenate([block.points for block in dataset.blocks])
     size = float(np.ptp(points, axis=0).max(initial=0.0))
-    across = [axis for axis in range(3) if _has_two_layers(points[:, axis], size)]
+    low, high = points.min(axis=0), points.max(axis=0)
+    two = (np.minimum(points - low, high - points) < NEAR * size).all(axis=0) & (high - low > 10.0 * NEAR * size)
+    across = np.flatnonzero(two).tolist()
     if len(across) == 1:
         if look is not None and abs(look[across[0]]) > NEAR:
             return None
-        axis, least = across[0], float(points[:, across[0]].min())
+        axis, least = across[0], float(low[across[0]])
 
         def layers(points: np.ndarray) -> Layers:
-            low = points[:, axis] - least < NEAR * size
-            return Layers(np.delete(points, axis, axis=1), low, ~low)
+            lower = points[:, axis] - least < NEAR * size
+            return Layers(np.delete(points, axis, axis=1), lower, ~lower)
 
         return _in_plane(dataset, layers, size, f"one cell thick along {'xyz'[axis]}: taken as planar")
     if (found := wedge(points)) is None:
@@ -142,13 +131,6 @@ def _in_plane(dataset: Dataset, layers: Callable[[np.ndarray], Layers], size: fl
     patches = [_edges(patch, layers) for patch in dataset.patches]
     kept = [patch for patch in patches if len(patch.edges)]
     return replace(dataset, blocks=[block for block in blocks if block], patches=kept, notes=[*dataset.notes, said])
-
-
-def _has_two_layers(place: np.ndarray, size: float) -> bool:
-    low, high = float(place.min()), float(place.max())
-    return high - low > 10.0 * NEAR * size and bool(
-        (np.minimum(np.abs(place - low), np.abs(place - high)) < NEAR * size).all()
-    )
 
 
 def _flat(block: Block, layers: Layers, size: float) -> Block | None:
@@ -174,7 +156,7 @@ def _flat(block: Block, layers: Layers, size: float) -> Block | None:
             return None
         first, second = np.asarray(values)[one], np.asarray(values)[other]
         scalar = first.ndim == 1 and first.dtype.kind == "f"
-        if scalar and not np.allclose(first, second, rtol=ALIKE, atol=0.0, equal_nan=True):
+        if scalar and not np.allclose(first, second, rtol=1e-6, atol=0.0, equal_nan=True):
             return None
         data[name] = first
     if cells is not None:
@@ -227,15 +209,14 @@ def _faces(cells: Cells, layers: Layers) -> Cells | None:
             return None
         points = cells.points[cells.start[own][:, None] + np.arange(count)]
         low, alone = layers.low[points], (layers.low & ~layers.high)[points]
-        for face in faces:
+        for face in faces:  # cells at the axis of a wedge have lost corners
             others = [k for k in range(count) if k not in face]
             fits = low[:, face].all(axis=1) & alone[:, face].any(axis=1) & ~alone[:, others].any(axis=1)
             width[own[fits]] = len(face)
             corners[own[fits], : len(face)] = points[fits][:, face]
     if (width == 0).any():
         return None
-    start = np.concatenate([[0], np.cumsum(width)])
-    return Cells(np.full(len(width), POLYGON, np.uint8), start, corners[np.arange(4) < width[:, None]])
+    return Cells.polygons(width, corners[np.arange(4) < width[:, None]])
 
 
 def _edges(patch: Patch, layers: Callable[[np.ndarray], Layers]) -> Patch:

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from aerokernels.flow.reading.dataset import FLAT, QUAD, Block, Cells, Dataset, ReadError, wall_patches
-from aerokernels.flow.reading.density import density_of, in_si
 from aerokernels.flow.reading.frame import Frame
 from aerokernels.flow.reading.planes.polygons import Polygons, joined, merged, quad_mesh
 from aerokernels.flow.sampled_density import WallDensity
@@ -92,8 +91,15 @@ def _check_half_plane(path, dataset: Dataset, axis: np.ndarray, normal: np.ndarr
 
 def block_polygons(path, block: Block, plane: Plane, values: np.ndarray, where: str) -> Polygons:
     """Return the cells of a block as polygons in the plane, without blanked cells."""
-    points = plane.local(block.points)
-    cells = block.cells if block.shape is None else Cells.of_one_type(QUAD, _structured(path, block))
+    points, cells = plane.local(block.points), block.cells
+    if block.shape is not None:
+        counts = [n for n in block.shape if n > 1]
+        if len(counts) != 2:
+            fault = f"block {block.name!r} of {block.shape} points is not flat"
+            raise ReadError(path, fault, "give a plane or a volume")
+        index = np.arange(counts[0] * counts[1]).reshape(counts[1], counts[0])
+        corners = [index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]]
+        cells = Cells.of_one_type(QUAD, np.stack(corners, axis=-1).reshape(-1, 4))
     if cells is None or not len(cells):
         what = f"block {block.name!r} has points and no cells"
         raise ReadError(path, what, "give a file with cells, or a grid's shape")
@@ -142,46 +148,27 @@ def plane_mesh(path, blocks: list[Block], plane: Plane, densities) -> tuple[Quad
     return mesh, values, polygons.where, remark
 
 
-def _structured(path, block: Block) -> np.ndarray:
-    """Return the corners of each cell of a flat structured block, shape (cell_count, 4)."""
-    assert block.shape is not None
-    counts = [n for n in block.shape if n > 1]
-    if len(counts) != 2:
-        raise ReadError(path, f"block {block.name!r} of {block.shape} points is not flat", "give a plane or a volume")
-    index = np.arange(counts[0] * counts[1]).reshape(counts[1], counts[0])
-    corners = [index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]]
-    return np.stack(corners, axis=-1).reshape(-1, 4)
-
-
-SAME = 1e-5  # of a cell's density: the resolution of a file with six digits
-
-
 def wall_density(reading, plane: Plane) -> WallDensity | None:
     """Return the solver's densities at points of the walls; None if no wall has others than those of its cells.
 
     An edge's value belongs to its middle. At a corner between two edges the value is interpolated linearly between
     their middles; at the end of a wall it is extrapolated from the last edge.
     """
-    path, dataset, choice = reading.path, reading.dataset, reading.choice
-
-    def density(values: dict[str, np.ndarray]) -> np.ndarray:
-        return density_of({name: in_si(path, name, own, choice, reading.reference, dataset.units)
-                           for name, own in values.items()}, choice)  # fmt: skip
-
     found: dict[str, list[tuple[np.ndarray, np.ndarray]]] = {}
-    for patch in wall_patches(path, dataset.patches, reading.options["walls"]):
+    for patch in wall_patches(reading.path, reading.dataset.patches, reading.options["walls"]):
         if patch.values is None or not len(patch.edges):
             continue
-        pairs = {name: patch.values(name) for name in choice.names}
-        known = {name: pair for name, pair in pairs.items() if pair is not None}
+        pairs = {dimension: patch.values(name) for dimension, name in reading.choice.names.items()}
+        known = {dimension: pair for dimension, pair in pairs.items() if pair is not None}
         if len(known) == len(pairs):
-            pair = [density({n: own[k] for n, own in known.items()}) for k in (0, 1)]
+            pair = [reading.choice.densities({dimension: own[k] for dimension, own in known.items()}) for k in (0, 1)]
             found.setdefault(patch.name, []).append((plane.local(patch.edges), np.stack(pair)))
     points, values = [], []
     for parts in found.values():  # a part for each processor
         edges = np.concatenate([own for own, _ in parts])
         wall, cell = np.concatenate([pair for _, pair in parts], axis=1)
-        if not (np.isfinite(wall) & (wall > 0.0)).all() or (np.abs(wall - cell) <= SAME * cell).all():
+        # A file with six digits tells no less than 1e-5 of a cell's density from it.
+        if not (np.isfinite(wall) & (wall > 0.0)).all() or (np.abs(wall - cell) <= 1e-5 * cell).all():
             continue
         corners, at_corners = _at_corners(edges, wall)
         points += [edges.mean(axis=1), corners]

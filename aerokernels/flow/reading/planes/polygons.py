@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from aerokernels.flow.reading.dataset import starts_of
 from aerokernels.medium import QuadMesh
 from aerokernels.medium.mesh_cells import cells_across
 
@@ -48,17 +49,25 @@ class Polygons:
     def kept(self, keep: np.ndarray) -> "Polygons":
         """Return some of the polygons."""
         corners = self.corners[np.repeat(keep, self.width)]
-        start = np.concatenate([[0], np.cumsum(self.width[keep])])
         values = self.values[keep] if self.where == "cell" else self.values
-        return replace(self, start=start, corners=corners, values=values).used()
+        return replace(self, start=starts_of(self.width[keep]), corners=corners, values=values).used()
 
     def without_repeats(self) -> "Polygons":
         """Return the polygons without corners that coincide with the previous one, as at the pole of a grid."""
         following = self.following()
         keep = (self.points[self.corners] != self.points[self.corners[following]]).any(axis=1)
         width = np.add.reduceat(keep, self.start[:-1])
-        start = np.concatenate([[0], np.cumsum(width)])
-        return replace(self, start=start, corners=self.corners[keep]).kept(width > 2)
+        return replace(self, start=starts_of(width), corners=self.corners[keep]).kept(width > 2)
+
+    def means(self, values: np.ndarray) -> np.ndarray:
+        """Return the mean of point values over the corners of each polygon."""
+        width = self.width if values.ndim == 1 else self.width[:, None]
+        return np.asarray(np.add.reduceat(values[self.corners], self.start[:-1], axis=0) / width)
+
+    def shown(self, cell: int) -> str:
+        """Describe a polygon for an error."""
+        corners = self.points[self.corners[self.start[cell] : self.start[cell + 1]]]
+        return f"the first is cell {cell} with corners {corners.tolist()}"
 
     def following(self) -> np.ndarray:
         """Return the index of the next corner of the same polygon, for each corner, shape (corner_count,)."""
@@ -79,9 +88,6 @@ def merged(parts: list[Polygons], closing: Sequence[bool] = ()) -> Polygons:
 
     `closing` blocks may close on themselves, as a grid around an aerofoil does along its wake: their own coincident
     points become one too, where values belong to cells.
-
-    Raises:
-        ValueError: Values of the cells in one block and of the points in another.
     """
     if len({part.where for part in parts}) > 1:
         raise ValueError("some blocks have their values in cells and others at points: give all the same way")
@@ -97,9 +103,8 @@ def merged(parts: list[Polygons], closing: Sequence[bool] = ()) -> Polygons:
     _, repeat = np.unique(np.column_stack([block, place]), axis=0, return_inverse=True)
     order = np.argsort(repeat.ravel(), kind="stable")
     sorted_repeat = repeat.ravel()[order]
-    begins = np.append(True, sorted_repeat[1:] != sorted_repeat[:-1])
     rank = np.empty(len(points), dtype=np.int64)
-    rank[order] = np.arange(len(points)) - np.maximum.accumulate(np.where(begins, np.arange(len(points)), 0))
+    rank[order] = np.arange(len(points)) - np.searchsorted(sorted_repeat, sorted_repeat)
     if parts[0].where == "cell":
         rank[np.isin(block, np.flatnonzero(closing))] = 0
     _, first, same = np.unique(np.column_stack([place, rank]), axis=0, return_index=True, return_inverse=True)
@@ -111,11 +116,7 @@ def merged(parts: list[Polygons], closing: Sequence[bool] = ()) -> Polygons:
 
 
 def quad_mesh(polygons: Polygons, geometry: str) -> tuple[QuadMesh, np.ndarray, str]:
-    """Return the mesh, its values, and a remark on what was changed, empty for nothing.
-
-    Raises:
-        ValueError: Folded cells, and what `QuadMesh` rejects: degenerate or double cells, duplicate points.
-    """
+    """Return the mesh, its values, and a remark on what was changed, empty for nothing."""
     polygons, turned_cells = oriented(polygons)
     polygons, doubles = without_doubles(polygons)
     remark = "; ".join(filter(None, (turned_cells, doubles)))
@@ -150,12 +151,6 @@ def _turns(polygons: Polygons) -> np.ndarray:
     return np.nan_to_num(turn)
 
 
-def _means(polygons: Polygons, values: np.ndarray) -> np.ndarray:
-    """Return the mean of point values over the corners of each polygon."""
-    width = polygons.width if values.ndim == 1 else polygons.width[:, None]
-    return np.asarray(np.add.reduceat(values[polygons.corners], polygons.start[:-1], axis=0) / width)
-
-
 def _fans(polygons: Polygons) -> tuple[Polygons, np.ndarray]:
     """Divide polygons with a straight or reflex corner into triangles, and return the original polygon of each part.
 
@@ -166,7 +161,7 @@ def _fans(polygons: Polygons) -> tuple[Polygons, np.ndarray]:
         return polygons, np.arange(len(poor))
     apex = np.full(len(poor), -1)
     apex[poor] = len(polygons.points) + np.arange(int(poor.sum()))
-    points = np.concatenate([polygons.points, _means(polygons, polygons.points)[poor]])
+    points = np.concatenate([polygons.points, polygons.means(polygons.points)[poor]])
     cell = polygons.cell
     fan = np.flatnonzero(poor[cell])
     owner, one, other = cell[fan], polygons.corners[fan], polygons.corners[polygons.following()[fan]]
@@ -180,8 +175,8 @@ def _fans(polygons: Polygons) -> tuple[Polygons, np.ndarray]:
     if polygons.where == "cell":
         values = np.concatenate([polygons.values[rest], polygons.values[owner[keep]]])
     else:
-        values = np.concatenate([polygons.values, _means(polygons, polygons.values)[poor]])
-    parts = Polygons(points, np.concatenate([[0], np.cumsum(width)]), corners, values, polygons.where).used()
+        values = np.concatenate([polygons.values, polygons.means(polygons.values)[poor]])
+    parts = Polygons(points, starts_of(width), corners, values, polygons.where).used()
     return parts, np.concatenate([np.flatnonzero(rest), owner[keep]])
 
 
@@ -215,12 +210,12 @@ def _cut_from_the_middle(polygons: Polygons) -> Polygons:
     before = np.empty(len(following), dtype=np.int64)
     before[following] = np.arange(len(following))
     quads = np.stack([polygons.corners, at, middle, at[before]], axis=1)
-    points = np.concatenate([polygons.points, polygons.points[edge].mean(axis=1), _means(polygons, polygons.points)])
+    points = np.concatenate([polygons.points, polygons.points[edge].mean(axis=1), polygons.means(polygons.points)])
     if polygons.where == "cell":
         values = polygons.values[cell]
     else:
         own = polygons.values
-        values = np.concatenate([own, own[edge].mean(axis=1), _means(polygons, own)])
+        values = np.concatenate([own, own[edge].mean(axis=1), polygons.means(own)])
     return Polygons(points, 4 * np.arange(len(quads) + 1), quads.ravel(), values, polygons.where)
 
 
@@ -235,7 +230,9 @@ def oriented(polygons: Polygons) -> tuple[Polygons, str]:
     folded = fewer[one] != fewer[other]  # a reversed cell runs along an edge like one that was not reversed
     if folded.any():
         wrong = np.unique(np.where(fewer[one], one, other)[folded])
-        raise ValueError(f"{len(wrong)} of {len(fewer)} cells are folded over their neighbours, {_first(found, wrong)}")
+        raise ValueError(
+            f"{len(wrong)} of {len(fewer)} cells are folded over their neighbours, {found.shown(wrong[0])}"
+        )
     return found, f"{fewer.sum()} of {len(fewer)} cells were listed the other way round than the rest: they were turned"
 
 
@@ -268,7 +265,7 @@ def without_doubles(polygons: Polygons) -> tuple[Polygons, str]:
         alike &= (polygons.values[one] == polygons.values[other]).reshape(len(one), -1).all(axis=1)
     if not alike.all():
         wrong = np.unique(one[~alike])
-        raise ValueError(f"{len(wrong)} of {len(polygons.width)} cells overlap others, {_first(polygons, wrong)}")
+        raise ValueError(f"{len(wrong)} of {len(polygons.width)} cells overlap others, {polygons.shown(wrong[0])}")
     keep = np.ones(len(polygons.width), bool)
     keep[one] = False
     return polygons.kept(keep), f"{int((~keep).sum())} cells that occur twice were left out"
@@ -284,11 +281,6 @@ def _on_one_side(polygons: Polygons) -> tuple[np.ndarray, np.ndarray]:
     return cell[order][1:][same], cell[order][:-1][same]
 
 
-def _first(polygons: Polygons, wrong: np.ndarray) -> str:
-    corners = polygons.points[polygons.corners[polygons.start[wrong[0]] : polygons.start[wrong[0] + 1]]]
-    return f"the first is cell {wrong[0]} with corners {corners.tolist()}"
-
-
 def logical_rectangle(cells: np.ndarray, vertex_count: int) -> tuple[np.ndarray, np.ndarray] | None:
     """Return vertices, shape (ni, nj), and cells, shape (ni - 1, nj - 1), of a structured mesh, or None.
 
@@ -300,6 +292,10 @@ def logical_rectangle(cells: np.ndarray, vertex_count: int) -> tuple[np.ndarray,
     if degree.max() > 4 or len(alone) != 4:
         return None  # a logical rectangle has four corners
     behind = cells_across(cells, vertex_count)
+
+    def corner(k: int) -> np.ndarray:
+        return np.asarray(cells[cell, (start + k) % 4])
+
     holder, place = np.argwhere(cells == alone[0])[0]
     row, turn = [int(holder)], [int(place)]
     while len(row) <= count:
@@ -314,19 +310,19 @@ def logical_rectangle(cells: np.ndarray, vertex_count: int) -> tuple[np.ndarray,
     if count % columns:
         return None
     cell, start = np.array(row), np.array(turn)
-    rows, vertices = [cell], [_corner(cells, cell, start, 0), _corner(cells, cell, start, 3)]
-    last = [int(_corner(cells, cell, start, 1)[-1]), int(_corner(cells, cell, start, 2)[-1])]
+    rows, vertices = [cell], [corner(0), corner(3)]
+    last = [int(corner(1)[-1]), int(corner(2)[-1])]
     for _ in range(count // columns - 1):
-        shared = _corner(cells, cell, start, 3)
+        shared = corner(3)
         cell = behind[cell, (start + 2) % 4]
         if (cell < 0).any():
             return None
         start = np.argmax(cells[cell] == shared[:, None], axis=1)
-        if (_corner(cells, cell, start, 0) != shared).any():
+        if (corner(0) != shared).any():
             return None
         rows.append(cell)
-        vertices.append(_corner(cells, cell, start, 3))
-        last.append(int(_corner(cells, cell, start, 2)[-1]))
+        vertices.append(corner(3))
+        last.append(int(corner(2)[-1]))
     order = np.stack(rows)
     grid = np.concatenate([np.stack(vertices), np.array(last)[:, None]], axis=1)
     expected = np.stack([grid[:-1, :-1], grid[:-1, 1:], grid[1:, 1:], grid[1:, :-1]], axis=-1)
@@ -334,7 +330,3 @@ def logical_rectangle(cells: np.ndarray, vertex_count: int) -> tuple[np.ndarray,
     if not whole or (np.sort(expected, axis=-1) != np.sort(cells[order], axis=-1)).any():
         return None
     return grid, order
-
-
-def _corner(cells: np.ndarray, cell: np.ndarray, start: np.ndarray, k: int) -> np.ndarray:
-    return np.asarray(cells[cell, (start + k) % 4])

@@ -15,7 +15,6 @@ import numpy as np
 from aerokernels.files.netcdf_reading import is_classic
 from aerokernels.flow.reading.dataset import (  # fmt: skip
     CORNERS,
-    DAMAGED,
     HEXAHEDRON,
     PRISM,
     PYRAMID,
@@ -39,15 +38,8 @@ def read(path: Path, time: Any, options: Mapping[str, Any]) -> Dataset:
     """Read a file of Exodus II."""
     import xarray
 
-    try:
-        with xarray.open_dataset(path, engine="scipy" if is_classic(path) else "h5netcdf", decode_cf=False) as file:
-            held = {str(name): file[name] for name in file.variables}
-            return _dataset(path, held, time)
-    except ReadError:
-        raise
-    except Exception as fault:  # the libraries raise any error for a damaged file
-        what = f"it is not a complete file of Exodus ({type(fault).__name__}: {str(fault)[:120]})"
-        raise ReadError(path, what, DAMAGED) from None
+    with xarray.open_dataset(path, engine="scipy" if is_classic(path) else "h5netcdf", decode_cf=False) as file:
+        return _dataset(path, {str(name): file[name] for name in file.variables}, time)
 
 
 def _dataset(path: Path, held: Mapping[str, Any], time: Any) -> Dataset:

@@ -3,9 +3,8 @@
 Finite-volume fields are cell averages and stay so. VTK's reader is not used because it returns single precision.
 """
 
-import os
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,16 +13,9 @@ import numpy as np
 
 from aerokernels.flow.reading.dataset import POLYHEDRON, Block, Cells, Dataset, ReadError, chosen_time
 from aerokernels.flow.reading.readers.foam_file import FoamFile, find
-from aerokernels.flow.reading.readers.foam_mesh import FoamMesh, flat_block, plane_of, read_mesh, surface_patches
-from aerokernels.process.foreign_files import own_file
+from aerokernels.flow.reading.readers.foam_mesh import flat_block, plane_of, read_mesh, surface_patches
 
-UNIVERSAL_GAS_CONSTANT = 8314.4626  # [J/(kmol K)]
-_INTERNAL = re.compile(rb"\binternalField\s+(uniform|nonuniform)\b")
-_WIDTH = {"volScalarField": 1, "volVectorField": 3}
-_MOLAR_MASS = re.compile(r"\bmolWeight\s+([0-9.eE+-]+)\s*;")
-_COMMENT = re.compile(r"//[^\n]*|/\*.*?(?:\*/|\Z)", re.DOTALL)  # an unclosed comment extends to the end
-_DIMENSIONS = re.compile(rb"\bdimensions\s*\[([^\]]*)\]")
-_INCLUDE = re.compile(r'^[ \t]*#include\w*\s+"([^"\n]+)"', re.MULTILINE)
+WIDTH = {"volScalarField": 1, "volVectorField": 3}
 
 
 def may_be_case(path: Path) -> bool:
@@ -34,9 +26,8 @@ def may_be_case(path: Path) -> bool:
 def is_case(path: Path) -> bool:
     """Return whether a path is an OpenFOAM case: a folder with a mesh, its controlDict, or a .foam file in it."""
     folder = case_folder(path)
-    return (folder / "constant" / "polyMesh").is_dir() or (folder / "processor0").is_dir() or (
-        (folder / "system" / "controlDict").is_file()
-    )  # fmt: skip
+    parts = (folder / "constant" / "polyMesh", folder / "processor0")
+    return any(part.is_dir() for part in parts) or (folder / "system" / "controlDict").is_file()
 
 
 def case_folder(path: Path) -> Path:
@@ -54,42 +45,37 @@ def times_of(folder: Path) -> list[tuple[float, str]]:
             value = float(entry.name)
         except ValueError:
             continue
-        if entry.is_dir() and np.isfinite(value) and any(True for _ in fields_in(entry)):
+        if entry.is_dir() and np.isfinite(value) and fields_in(entry):
             found.append((value, entry.name))
     return sorted(found)
 
 
-def fields_in(folder: Path) -> Iterator[str]:
-    """Yield the names of the files in a time's folder."""
-    for entry in sorted(folder.iterdir()):
-        if entry.is_file() and not entry.name.startswith(".") and not entry.name.endswith("~"):
-            yield entry.name.removesuffix(".gz")
+def fields_in(folder: Path) -> list[str]:
+    """Return the names of the files in a time's folder."""
+    names = [entry.name for entry in sorted(folder.iterdir()) if entry.is_file()]
+    return [name.removesuffix(".gz") for name in names if not name.startswith(".") and not name.endswith("~")]
 
 
 class FoamFields(Mapping):
-    """The cell fields of one time by name, each read on first access.
-
-    Attributes:
-        units: Unit of each field by name, from its dimensions.
-    """
+    """The cell fields of one time by name, each read on first access; `units` has the unit of each."""
 
     def __init__(self, folder: Path, cell_count: int):
         """Find the files that are fields of cells."""
         self._folder, self._cell_count = folder, cell_count
         self._read: dict[str, np.ndarray] = {}
         self.units: dict[str, str] = {}
-        self._names = [name for name in fields_in(folder) if self._width(name)] if folder.is_dir() else []
+        self._names = [name for name in fields_in(folder) if self._is_field(name)] if folder.is_dir() else []
 
-    def _width(self, name: str) -> int:
-        path = find(self._folder / name)
+    def _is_field(self, name: str) -> bool:
         try:
-            file = FoamFile(path) if path else None
+            file = FoamFile(self._folder / name)
         except ReadError:
-            return 1  # a damaged file is reported when the field is read
-        width = _WIDTH.get(file.header.get("class", ""), 0) if file else 0
-        if file and width and (found := _DIMENSIONS.search(file.data, file.at)):
+            return True  # a damaged file is reported when the field is read
+        if file.header.get("class") not in WIDTH:
+            return False
+        if found := re.compile(rb"\bdimensions\s*\[([^\]]*)\]").search(file.data, file.at):
             self.units[name] = unit_in_words(found[1].decode("latin-1"))
-        return width
+        return True
 
     def __iter__(self):
         """Names of the fields."""
@@ -128,64 +114,40 @@ def unit_in_words(exponents: str) -> str:
 def read_field(path: Path, cell_count: int) -> np.ndarray:
     """Return the cell averages of a volScalarField or volVectorField."""
     file = FoamFile(path)
-    width = _WIDTH.get(file.header.get("class", ""))
+    width = WIDTH.get(file.header.get("class", ""))
     if width is None:
         raise file.fault(f"a {file.header.get('class', 'nameless')} is not a field of cells", "name a volScalarField")
-    match = _INTERNAL.search(file.data, file.at)
-    if match is None and re.search(rb"\binternalField\s+#", file.data[file.at :]):
-        what = "its internalField is code, such as #codeStream, which OpenFOAM alone runs"
-        raise ReadError(path, what, "run the solver, and read a time that it wrote")
+    match = re.compile(rb"\binternalField\s+(uniform|nonuniform|#)").search(file.data, file.at)
     if match is None:
         raise file.fault("there is no internalField")
+    if match[1] == b"#":
+        what = "its internalField is code, such as #codeStream, which OpenFOAM alone runs"
+        raise ReadError(path, what, "run the solver, and read a time that it wrote")
     file.at = match.end()
-    if match[1] == b"uniform":
-        file.skip()
-        end = file.data.find(b";", file.at)
-        written = file.data[file.at : max(end, file.at)].decode("latin-1").strip()
-        written = _value_of(file, written[1:].strip("{}")) if written.startswith("$") else written
-        text = written.translate(str.maketrans("()", "  ")).split()
-        try:
-            values = np.array([float(word) for word in text])
-        except ValueError:
-            values = np.empty(0)
-        if values.size != width:
-            raise file.fault("the uniform value is not a number")
-        return np.tile(values, (cell_count, 1)) if width > 1 else np.full(cell_count, values[0])
-    file.word()  # List<scalar>
-    values = file.numbers(file.scalar, width, cell_count).astype(np.float64)
-    if len(values) != cell_count:
-        raise file.fault(f"the field has {len(values)} entries, the mesh {cell_count} cells")
-    return values
-
-
-def _value_of(file: FoamFile, name: str) -> str:
-    """Return the value of a macro such as $pInlet, from the file itself or from files that it includes."""
-    text = _COMMENT.sub("", file.data.decode("latin-1"))
-    texts = [text]
-    for included in _INCLUDE.findall(text):
-        other = own_file(file.path.parent.parent, os.path.join(file.path.parent.name, included))  # within the case
-        # A greater file, in bytes, is not looked into.
-        if other.is_file() and other.stat().st_size <= 1_000_000:
-            texts.append(_COMMENT.sub("", other.read_text("latin-1")))
-    values = [
-        found for one in texts for found in re.findall(rf"^[ \t]*{re.escape(name)}\s+([^;{{}}]*);", one, re.MULTILINE)
-    ]
-    return str(values[-1]).strip() if values else ""
+    if match[1] == b"nonuniform":
+        file.word()  # List<scalar>
+        values = file.numbers(file.scalar, width, cell_count).astype(np.float64)
+        if len(values) != cell_count:
+            raise file.fault(f"the field has {len(values)} entries, the mesh {cell_count} cells")
+        return values
+    file.peek()
+    written = file.data[file.at :].partition(b";")[0].translate(bytes.maketrans(b"()", b"  ")).split()
+    try:
+        values = np.array([float(word) for word in written])
+    except ValueError:  # a macro, such as $pInlet
+        values = np.empty(0)
+    if values.size != width:
+        raise file.fault("the uniform value is not a number", "write numbers, or read a time that the solver wrote")
+    return np.tile(values, (cell_count, 1)) if width > 1 else np.full(cell_count, values[0])
 
 
 @dataclass(frozen=True)
 class FoamTime:
-    """A time of a case.
+    """A time of a case."""
 
-    Attributes:
-        value: The time [s].
-        name: Name of its folder.
-        parts: The folders that contain it: the case itself, or those of all processors.
-    """
-
-    value: float
-    name: str
-    parts: list[Path]
+    value: float  # [s]
+    name: str  # of its folder
+    parts: list[Path]  # the folders that contain it: the case itself, or those of all processors
 
 
 def case_times(folder: Path) -> list[FoamTime]:
@@ -218,23 +180,19 @@ def read(path: Path, time: Any, options: Mapping[str, Any]) -> Dataset:
     times = case_times(folder)
     value = chosen_time(folder, [entry.value for entry in times], time)
     chosen = next(entry for entry in reversed(times) if entry.value == value)
-    blocks, patches, geometries, axes = [], [], [], []
-    for part in chosen.parts:
-        block, own, geometry, axis = _part(part, chosen.name)
-        blocks.append(block)
-        patches += own
-        geometries.append(geometry)
-        axes += [axis] if axis is not None else []
+    parts = [_part(part, chosen.name) for part in chosen.parts]
+    blocks, geometries = [part[0] for part in parts], [part[2] for part in parts]
     if len(set(geometries)) > 1:
         raise ReadError(folder, "some processors have another geometry than the others", "decompose the case again")
+    axis = next((part[3] for part in parts if part[3] is not None), None)
     return Dataset(
         blocks,
         f"OpenFOAM case{f', decomposed in {len(chosen.parts)}' if chosen.parts != [folder] else ''}",
         geometry=geometries[0],
-        patches=patches,
+        patches=[patch for part in parts for patch in part[1]],
         times=[entry.value for entry in times],
         time=value,
-        axis=(axes[0] if axes else _axis(blocks)) if geometries[0] == "axisymmetric" else None,
+        axis=(axis or _axis(blocks)) if geometries[0] == "axisymmetric" else None,
         gas_constant=_gas_constant(folder),
         units=getattr(blocks[0].cell_data, "units", {}),
         length=1.0,
@@ -259,19 +217,12 @@ def _part(folder: Path, time: str) -> tuple[Block, list, str, tuple[float, float
     if find(moved / "points") is not None:
         raise ReadError(moved, "the mesh moves", "read a case with a fixed mesh")
     fields = FoamFields(folder / time, mesh.cell_count)
-    plane = plane_of(mesh)
-    if plane is None:
-        return _solid_block(mesh, fields), surface_patches(mesh), "volume", None
-    geometry, faces, axis = plane
-    block, patches = flat_block(mesh, faces, fields, folder / time)
-    return block, patches, geometry, axis
-
-
-def _solid_block(mesh: FoamMesh, fields: FoamFields) -> Block:
-    count = mesh.cell_count
-    kinds, start = np.full(count, POLYHEDRON, np.uint8), np.zeros(count + 1, np.int64)
-    cells = Cells(kinds, start, np.empty(0, int), mesh.faces)
-    return Block(mesh.points, cells, cell_data=fields)
+    if (plane := plane_of(mesh)) is not None:
+        geometry, faces, axis = plane
+        return *flat_block(mesh, faces, fields, folder / time), geometry, axis
+    kinds, start = np.full(mesh.cell_count, POLYHEDRON, np.uint8), np.zeros(mesh.cell_count + 1, np.int64)
+    block = Block(mesh.points, Cells(kinds, start, np.empty(0, int), mesh.faces), cell_data=fields)
+    return block, surface_patches(mesh), "volume", None
 
 
 def _axis(blocks: list[Block]) -> tuple[float, float, float]:
@@ -279,21 +230,20 @@ def _axis(blocks: list[Block]) -> tuple[float, float, float]:
     points = np.concatenate([block.points for block in blocks])
     centred = points - points.mean(axis=0)
     normal = np.linalg.svd(centred.T @ centred)[0][:, 2]
-    # The plane contains the axis, so that the axis is perpendicular to the normal: the plane of a wedge side, which is
-    # tilted, contains one coordinate axis only.
-    across = np.abs(normal)
-    axis = [0.0, 0.0, 0.0]
-    axis[int(np.argmin(across))] = 1.0
+    # The plane of a wedge's side is tilted, and contains one coordinate axis only: it is perpendicular to the normal.
+    axis = np.eye(3)[int(np.argmin(np.abs(normal)))]
     return axis[0], axis[1], axis[2]
 
 
 def _gas_constant(folder: Path) -> float | None:
     """Return the gas constant [J/(kg K)] from the molar mass in constant/thermophysicalProperties, None without one."""
     for name in ("thermophysicalProperties", "physicalProperties"):
-        path = folder / "constant" / name
-        for place in (path, folder.parent / "constant" / name):
-            if place.is_file():
-                masses = {float(word) for word in _MOLAR_MASS.findall(_COMMENT.sub("", place.read_text("latin-1")))}
-                if len(masses) == 1 and (mass := masses.pop()) > 0.0:
-                    return UNIVERSAL_GAS_CONSTANT / mass
+        for place in (folder / "constant" / name, folder.parent / "constant" / name):
+            if not place.is_file():
+                continue
+            # An unclosed comment extends to the end.
+            text = re.sub(r"//[^\n]*|/\*.*?(?:\*/|\Z)", "", place.read_text("latin-1"), flags=re.DOTALL)
+            masses = {float(word) for word in re.findall(r"\bmolWeight\s+([0-9.eE+-]+)\s*;", text)}
+            if len(masses) == 1 and (mass := masses.pop()) > 0.0:
+                return 8314.4626 / mass  # by the universal gas constant [J/(kmol K)]
     return None

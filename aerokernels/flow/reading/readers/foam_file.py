@@ -6,7 +6,6 @@ brackets, `3(1 2 3)`; in binary files the entries between the brackets are raw n
 """
 
 import gzip
-import io
 import re
 import warnings
 import zlib
@@ -15,51 +14,21 @@ from pathlib import Path
 
 import numpy as np
 
-from aerokernels.flow.reading.dataset import ReadError, whole_number
-from aerokernels.process.foreign_files import check_room
+from aerokernels.flow.reading.dataset import ReadError, starts_of, whole_number
 
 _BLANK = re.compile(rb"(?:\s+|//[^\n]*\n?|/\*.*?\*/)*", re.DOTALL)
 _WORD = re.compile(rb'"[^"\n]*"|[^\s(){};"]+')
-_HEADER = re.compile(rb"FoamFile\s*\{(.*?)\}", re.DOTALL)
-_ENTRY = re.compile(r"""(\w+)\s+("[^"\n]*"|[^;]+);""")  # a text may contain semicolons, as arch's does
-_BRACKETS = bytes.maketrans(b"()", b"  ")
 WIDTH = {"scalar": 1, "vector": 3, "symmTensor": 6, "tensor": 9, "sphericalTensor": 1}
-PIECE = 1 << 24  # [bytes] unpacked at once
-UNPACKED, UNPACKED_FOR_BYTE = 1 << 28, 200  # [bytes] to which a file may unpack, and bytes per byte of it
 REMEDY = "the file is damaged or was not written to its end: write it again, or read another time"
 
 
 def find(path: Path) -> Path | None:
     """Return the path of the file or of its gzip-compressed version, whichever exists, or None."""
-    if path.is_file():
-        return path
-    packed = path.with_name(path.name + ".gz")
-    return packed if packed.is_file() else None
-
-
-def _unpacked(path: Path) -> bytes:
-    """Return the content of a compressed file, after checking that it fits in memory."""
-    parts = io.BytesIO()
-    most = UNPACKED + UNPACKED_FOR_BYTE * path.stat().st_size
-    with gzip.open(path) as stream:
-        while part := stream.read(PIECE):
-            check_room(float(parts.tell() + len(part)), f"{path}: what it unpacks to")
-            if parts.write(part) and parts.tell() > most:
-                fault = f"its {path.stat().st_size} bytes unpack to more than {most} bytes, as no field does"
-                raise ReadError(path, fault, "unpack it with gunzip if it is yours")
-    return parts.getvalue()
+    return next((one for one in (path, path.with_name(path.name + ".gz")) if one.is_file()), None)
 
 
 class FoamFile:
-    """The bytes of a file and a cursor in them.
-
-    Attributes:
-        path: The file.
-        data: Its bytes, unpacked.
-        header: Entries of FoamFile.
-        binary: Whether lists are raw numbers.
-        at: The cursor.
-    """
+    """The bytes of a file and a cursor in them: `header` has the entries of FoamFile, `at` is the cursor."""
 
     def __init__(self, path: Path):
         """Read the file and its header."""
@@ -70,13 +39,14 @@ class FoamFile:
         self.data = found.read_bytes()
         if found.suffix == ".gz" or self.data[:2] == b"\x1f\x8b":
             try:
-                self.data = _unpacked(found)
+                self.data = gzip.decompress(self.data)
             except (OSError, EOFError, zlib.error):
                 raise ReadError(found, "the compressed file ends early or is damaged", REMEDY) from None
-        header = _HEADER.search(self.data[:8192])
+        header = re.search(rb"FoamFile\s*\{(.*?)\}", self.data[:8192], re.DOTALL)
         if header is None:
             raise ReadError(found, "it has no FoamFile header", "give a case that OpenFOAM wrote")
-        entries = _ENTRY.findall(header[1].decode("latin-1"))
+        # A text may contain semicolons, as arch's does.
+        entries = re.findall(r"""(\w+)\s+("[^"\n]*"|[^;]+);""", header[1].decode("latin-1"))
         self.header = {key: value.strip().strip('"') for key, value in entries}
         self.binary = self.header.get("format", "ascii") == "binary"
         self.at = header.end()
@@ -92,13 +62,9 @@ class FoamFile:
         """Return an error at the cursor."""
         return ReadError(self.path, f"{what} (byte {self.at} of {len(self.data)})", remedy)
 
-    def skip(self) -> None:
-        """Move the cursor past white space and comments."""
-        self.at = _BLANK.match(self.data, self.at).end()  # type: ignore[union-attr]
-
     def peek(self) -> bytes:
-        """Return the next character that is not blank; empty at the end of the file."""
-        self.skip()
+        """Return the next character that is neither blank nor in a comment; empty at the end of the file."""
+        self.at = _BLANK.match(self.data, self.at).end()  # type: ignore[union-attr]
         return self.data[self.at : self.at + 1]
 
     def expect(self, mark: bytes) -> None:
@@ -109,7 +75,7 @@ class FoamFile:
 
     def word(self) -> str:
         """Return the next word and move past it."""
-        self.skip()
+        self.peek()
         match = _WORD.match(self.data, self.at)
         if match is None:
             raise self.fault(f"expected a word, found {self.data[self.at : self.at + 12]!r}")
@@ -168,26 +134,22 @@ class FoamFile:
         return count
 
     def numbers(self, kind: np.dtype, width: int = 1, repeated: int = 0) -> np.ndarray:
-        """Return a list of numbers, or of vectors of `width` numbers: shape (n,) or (n, width).
-
-        A list of one repeated value has at most as many entries as the file has bytes, or `repeated`.
-        """
+        """Return a list of numbers, or of vectors of `width` numbers: shape (n,) or (n, width)."""
         count = self.count(repeated)
         uniform = self.peek() == b"{"
         if count == 0 and self.peek() not in (b"(", b"{"):
             return np.zeros((0,) if width == 1 else (0, width), kind.newbyteorder("="))
         self.expect(b"{" if uniform else b"(")
+        size = count * width * kind.itemsize
         if uniform:
-            values = np.tile(self._text(self._until(rb"\}"), kind, width), count)
+            values = np.tile(self._text(rb"\}", kind, width), count)
         elif self.binary and count:
-            size = count * width * kind.itemsize
-            if not self._closes(size):
+            if self.data[self.at + size : self.at + size + 1] != b")":
                 raise self.fault(f"{count} binary entries of {kind.itemsize} bytes do not fit between their brackets")
             values = np.frombuffer(self.data, kind, count * width, self.at)
             self.at += size + 1
         else:
-            nested = rb"\)\s*\)" if width > 1 and count else rb"\)"
-            values = self._text(self._until(nested), kind, count * width)
+            values = self._text(rb"\)\s*\)" if width > 1 and count else rb"\)", kind, count * width)
         values = values.astype(values.dtype.newbyteorder("="))
         return values if width == 1 else values.reshape(count, width)
 
@@ -195,51 +157,39 @@ class FoamFile:
         """Return a list of faces: the first entry of each, shape (n + 1,), and their points, concatenated."""
         if "Compact" in self.header.get("class", "") and self.binary:
             start, points = self.numbers(self.label), self.numbers(self.label)
-            good = len(start) > 0 and start[0] == 0 and start[-1] == len(points) and (np.diff(start) > 2).all()
-            if not good:
+            if not (len(start) and start[0] == 0 and start[-1] == len(points) and (np.diff(start) > 2).all()):
                 raise self.fault("the list of faces does not agree with itself")
             return start.astype(np.int64), points.astype(np.int64)
         count = self.count()
         self.expect(b"(")
-        flat = self._text(self._until(rb"\)\s*\)") if count else b"", np.dtype(np.int64), None)
-        start = np.zeros(count + 1, dtype=np.int64)
-        place = 0
+        flat = self._text(rb"\)\s*\)", np.dtype(np.int64)) if count else np.empty(0, np.int64)
         width = int(flat[0]) if len(flat) else 0
         if count and width > 2 and len(flat) == count * (width + 1) and (flat[:: width + 1] == width).all():
             return width * np.arange(count + 1), flat.reshape(count, width + 1)[:, 1:].ravel()
-        keep = np.ones(len(flat), dtype=bool)
+        heads, place = np.zeros(count, np.int64), 0
         for face in range(count):
             if place >= len(flat) or not 3 <= flat[place] <= len(flat) - place - 1:
                 raise self.fault(f"face {face} of {count} is cut off or has no three points")
-            keep[place] = False
-            start[face + 1] = start[face] + flat[place]
+            heads[face] = place
             place += int(flat[place]) + 1
         if place != len(flat):
             raise self.fault(f"there is more than the announced {count} faces")
-        return start, flat[keep]
+        return starts_of(flat[heads]), np.delete(flat, heads)
 
-    def _closes(self, size: int) -> bool:
-        return self.at + size < len(self.data) and self.data[self.at + size : self.at + size + 1] == b")"
-
-    def _until(self, pattern: bytes) -> bytes:
-        """Return the text up to a pattern; the cursor moves past the pattern."""
-        match = re.compile(pattern).search(self.data, self.at)
+    def _text(self, end: bytes, kind: np.dtype, count: int | None = None) -> np.ndarray:
+        """Return the numbers up to a pattern, of which there must be `count`; the cursor moves past the pattern."""
+        match = re.compile(end).search(self.data, self.at)
         if match is None:
             raise self.fault("a list is not closed")
-        text = self.data[self.at : match.start()]
+        text = self.data[self.at : match.start()].translate(bytes.maketrans(b"()", b"  ")).strip()
         self.at = match.end()
-        return text
-
-    def _text(self, text: bytes, kind: np.dtype, count: int | None) -> np.ndarray:
         with warnings.catch_warnings():
             warnings.simplefilter("error")
             try:
                 kind = np.dtype(f"{kind.kind}8")  # all digits of a text, whatever size `arch` states
-                values = np.fromstring(text.translate(_BRACKETS).decode("latin-1"), kind, sep=" ")
+                values = np.fromstring(text.decode("latin-1"), kind, sep=" ") if text else np.empty(0, kind)
             except (DeprecationWarning, ValueError):
                 raise self.fault("a list contains something that is not a number") from None
-        if text.strip(b" \n\r\t()") == b"":
-            values = values[:0]
         if count is not None and len(values) != count:
             raise self.fault(f"a list announces {count} numbers and has {len(values)}")
         return values

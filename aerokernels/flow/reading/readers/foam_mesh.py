@@ -10,14 +10,13 @@ from pathlib import Path
 
 import numpy as np
 
-from aerokernels.flow.reading.dataset import POLYGON, Block, Cells, Faces, Patch, Polygons, ReadError, check_points
+from aerokernels.flow.reading.dataset import Block, Cells, Faces, Patch, Polygons, ReadError, check_points, entries_of
 from aerokernels.flow.reading.readers.foam_file import FoamFile, find
 from aerokernels.flow.reading.readers.point_table import is_number
 
-_BOUNDARY = re.compile(rb"\bboundaryField\s*\{")
-_PLAIN = re.compile(r"(?:[\w|()-]|\.\*?){1,200}")
 LEVEL = ("zeroGradient", "symmetry", "symmetryPlane", "slip")  # conditions by which a wall has what its cells have
 BAD_MESH = "run checkMesh on the case and make the mesh again"
+Axis = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
@@ -29,28 +28,37 @@ class FoamPatch:
     first: int
     count: int
 
+    @property
+    def faces(self) -> np.ndarray:
+        """The numbers of its faces."""
+        return np.arange(self.first, self.first + self.count)
+
 
 @dataclass(frozen=True, eq=False)
 class FoamMesh:
-    """A polyMesh folder.
-
-    Attributes:
-        folder: Path of the folder.
-        points: Coordinates [m], shape (point_count, 3).
-        faces: The faces.
-        cell_count: Number of cells.
-        patches: The patches of the boundary.
-    """
+    """A polyMesh folder."""
 
     folder: Path
-    points: np.ndarray
+    points: np.ndarray  # coordinates [m], shape (point_count, 3)
     faces: Faces
     cell_count: int
-    patches: list[FoamPatch]
+    patches: list[FoamPatch]  # of the boundary
 
-    def patch_faces(self, kind: str) -> list[np.ndarray]:
-        """Return the indices of the faces of each non-empty patch of a type."""
-        return [np.arange(p.first, p.first + p.count) for p in self.patches if p.kind == kind and p.count]
+    def ring(self, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the point numbers of some faces, concatenated, and how many each face has."""
+        width = np.diff(self.faces.start)[faces]
+        return self.faces.points[entries_of(self.faces.start[faces], width)], width
+
+    def face_means(self, faces: np.ndarray) -> np.ndarray:
+        """Return the means of the corners of some faces."""
+        ring, width = self.ring(faces)
+        return np.add.reduceat(self.points[ring], np.cumsum(width) - width, axis=0) / width[:, None]
+
+    def upward(self, faces: np.ndarray) -> np.ndarray:
+        """Return the normal of the plane of some faces, oriented so that its greatest component is positive."""
+        corners = self.points[self.ring(faces)[0]]
+        normal = np.linalg.svd(corners - corners.mean(axis=0), full_matrices=False)[2][2]
+        return np.asarray(np.copysign(1.0, normal[np.argmax(np.abs(normal))]) * normal)
 
 
 def read_mesh(folder: Path) -> FoamMesh:
@@ -62,16 +70,7 @@ def read_mesh(folder: Path) -> FoamMesh:
     start, corners = file.faces()
     if len(corners) and not (0 <= corners.min() and corners.max() < len(points)):
         raise ReadError(file.path, f"faces refer to points beyond the {len(points)} that there are", BAD_MESH)
-    owner, neighbour = _cells_of_faces(folder, len(start) - 1)
-    # The last cell owns no face if all of its neighbours have lower numbers.
-    cell_count = int(max(owner.max(), neighbour.max(initial=-1))) + 1 if len(owner) else 0
-    if not cell_count:
-        raise ReadError(folder, "the mesh has no cells", BAD_MESH)
-    patches = _patches(folder / "boundary", len(neighbour), len(start) - 1)
-    return FoamMesh(folder, points, Faces(start, corners, owner, neighbour), cell_count, patches)
-
-
-def _cells_of_faces(folder: Path, face_count: int) -> tuple[np.ndarray, np.ndarray]:
+    face_count = len(start) - 1
     file = FoamFile(folder / "owner")
     owner = file.numbers(file.label).astype(np.int64)
     if len(owner) != face_count:
@@ -79,14 +78,18 @@ def _cells_of_faces(folder: Path, face_count: int) -> tuple[np.ndarray, np.ndarr
     file = FoamFile(folder / "neighbour")
     neighbour = file.numbers(file.label).astype(np.int64)
     neighbour = neighbour[neighbour >= 0]  # old versions list -1 for the boundary
+    # The last cell owns no face if all of its neighbours have lower numbers.
+    cell_count = int(max(owner.max(initial=-1), neighbour.max(initial=-1))) + 1
     # A cell has four faces or more: a greater cell number is damaged, and would set the size of arrays.
-    most = (face_count + len(neighbour)) // 4
-    fits = len(neighbour) <= face_count and len(owner) and owner.min() >= 0
-    if not fits or max(owner.max(), neighbour.max(initial=-1)) >= most:
+    fits = len(neighbour) <= face_count and owner.min(initial=0) >= 0
+    if not fits or cell_count > (face_count + len(neighbour)) // 4:
         raise ReadError(file.path, "owners and neighbours of faces do not agree", BAD_MESH)
+    if not cell_count:
+        raise ReadError(folder, "the mesh has no cells", BAD_MESH)
     if (owner[: len(neighbour)] == neighbour).any():
         raise ReadError(file.path, "a face has the same cell on both sides", BAD_MESH)
-    return owner, neighbour
+    patches = _patches(folder / "boundary", len(neighbour), face_count)
+    return FoamMesh(folder, points, Faces(start, corners, owner, neighbour), cell_count, patches)
 
 
 def _patches(path: Path, inner: int, face_count: int) -> list[FoamPatch]:
@@ -107,54 +110,40 @@ def _patches(path: Path, inner: int, face_count: int) -> list[FoamPatch]:
     return patches
 
 
-LEAST_ANGLE = 1e-4  # between the sides of a wedge: below it, rounding of the points hides where the sides meet
-OFF_AXIS = 0.01  # allowed distance of the axis from the origin, relative to the greatest radius: rounding of points
-
-
-Axis = tuple[float, float, float]
-
-
 def plane_of(mesh: FoamMesh) -> tuple[str, np.ndarray, Axis | None] | None:
     """Return ("axisymmetric" or "planar", the faces of one side, axis if known) of a mesh one cell thick, or None.
 
     The sides of a wedge are two patches of type "wedge"; the sides of a plane are one or two patches of type "empty".
-    Every
-    cell has one face on either side.
+    Every cell has one face on either side.
     """
-    wedges, empty = mesh.patch_faces("wedge"), mesh.patch_faces("empty")
+    wedges, empty = ([p.faces for p in mesh.patches if p.kind == kind and p.count] for kind in ("wedge", "empty"))
     if wedges:
         return "axisymmetric", wedges[0], _axis_of(mesh, wedges)
     if not empty:
         return None
     faces = np.concatenate(empty)
-    height = _face_means(mesh, faces) @ _upward(mesh, faces[:1])
+    height = mesh.face_means(faces) @ mesh.upward(faces[:1])
     # Take the lower of the two faces of each cell.
     order = np.lexsort((height, mesh.faces.owner[faces]))
     owner = mesh.faces.owner[faces][order]
     return "planar", faces[order[np.append(True, owner[1:] != owner[:-1])]], None
 
 
-def _upward(mesh: FoamMesh, faces: np.ndarray) -> np.ndarray:
-    """Return the normal of the plane of some faces, oriented so that its greatest component is positive."""
-    corners = mesh.points[mesh.faces.points[_rows(mesh, faces)]]
-    normal = np.linalg.svd(corners - corners.mean(axis=0), full_matrices=False)[2][2]
-    return np.asarray(np.copysign(1.0, normal[np.argmax(np.abs(normal))]) * normal)
-
-
 def _axis_of(mesh: FoamMesh, wedges: list[np.ndarray]) -> Axis | None:
     """Return the coordinate axis in which the sides of a wedge meet; None if they do not tell."""
     if len(wedges) != 2:
         return None
-    normals = np.array([_upward(mesh, faces) for faces in wedges])
-    heights = [_face_means(mesh, faces).mean(axis=0) @ normal for faces, normal in zip(wedges, normals, strict=True)]
+    normals = np.array([mesh.upward(faces) for faces in wedges])
+    heights = [mesh.face_means(faces).mean(axis=0) @ normal for faces, normal in zip(wedges, normals, strict=True)]
     along = np.cross(*normals)
-    if np.linalg.norm(along) < LEAST_ANGLE:
+    if np.linalg.norm(along) < 1e-4:  # the angle between the sides, of which rounding hides where they meet
         return None
     along /= np.linalg.norm(along)
     point = np.linalg.solve(np.array([*normals, along]), [*heights, 0.0])
     beside = mesh.points - point
     radius = np.linalg.norm(beside - np.outer(beside @ along, along), axis=1).max()
-    if np.abs(along).max() < 1.0 - OFF_AXIS**2 or np.linalg.norm(point) > OFF_AXIS * radius:
+    # Rounding of the points moves the axis by up to a hundredth of the radius.
+    if np.abs(along).max() < 1.0 - 0.01**2 or np.linalg.norm(point) > 0.01 * radius:
         raise ReadError(
             mesh.folder,
             f"the sides of the wedge meet in a line through {np.round(point, 9).tolist()} along "
@@ -163,19 +152,6 @@ def _axis_of(mesh: FoamMesh, wedges: list[np.ndarray]) -> Axis | None:
         )
     axis = np.eye(3)[int(np.argmax(np.abs(along)))]
     return axis[0], axis[1], axis[2]
-
-
-def _rows(mesh: FoamMesh, faces: np.ndarray) -> np.ndarray:
-    """Return the indices into `mesh.faces.points` of the points of some faces, concatenated."""
-    width = np.diff(mesh.faces.start)[faces]
-    before = np.cumsum(width) - width
-    return np.arange(int(width.sum())) + np.repeat(mesh.faces.start[faces] - before, width)
-
-
-def _face_means(mesh: FoamMesh, faces: np.ndarray) -> np.ndarray:
-    width = np.diff(mesh.faces.start)[faces]
-    corners = mesh.points[mesh.faces.points[_rows(mesh, faces)]]
-    return np.add.reduceat(corners, np.cumsum(width) - width, axis=0) / width[:, None]
 
 
 def surface_patches(mesh: FoamMesh) -> list[Patch]:
@@ -204,74 +180,57 @@ def flat_block(mesh: FoamMesh, faces: np.ndarray, cell_data, time: Path) -> tupl
             f"{mesh.cell_count} cells have {len(owner)} faces on a side of type wedge or empty: not one cell thick",
             "give a case that is one cell thick, or one without such patches",
         )
-    width = np.diff(mesh.faces.start)[faces]
-    corners = mesh.faces.points[_rows(mesh, faces)]
+    corners, width = mesh.ring(faces)
     used, renumbered = np.unique(corners, return_inverse=True)
-    start = np.concatenate([[0], np.cumsum(width)])
-    cells = Cells(np.full(len(faces), POLYGON, np.uint8), start, renumbered.ravel())
-    block = Block(mesh.points[used], cells, cell_data=cell_data)
+    block = Block(mesh.points[used], Cells.polygons(width, renumbered.ravel()), cell_data=cell_data)
     on_side = np.zeros(len(mesh.points), dtype=bool)
     on_side[used] = True
     patches = []
     for patch in mesh.patches:
         if patch.kind in ("wedge", "empty", "processor") or not patch.count:
             continue
-        own = np.arange(patch.first, patch.first + patch.count)
-        face = np.repeat(own, np.diff(mesh.faces.start)[own])
-        point = mesh.faces.points[_rows(mesh, own)]
-        kept = on_side[point]
-        face, point = face[kept], point[kept]
-        pairs = np.unique(np.stack([face, point], axis=1), axis=0)
+        point, width = mesh.ring(patch.faces)
+        pairs = np.stack([np.repeat(patch.faces, width), point], axis=1)[on_side[point]]
+        pairs = np.unique(pairs, axis=0)  # of a face and a point of it on this side
         _, first, count = np.unique(pairs[:, 0], return_index=True, return_counts=True)
         first = first[count == 2]
         edges = np.stack([mesh.points[pairs[first, 1]], mesh.points[pairs[first + 1, 1]]], axis=1)
-        meant = pairs[first, 0]
-        behind = mesh.faces.owner[meant]
-        values = FoamPatchValues(time, cell_data, patch.name, meant - patch.first, patch.count, behind)
+        own = pairs[first, 0]
+        values = FoamPatchValues(time, cell_data, patch, own - patch.first, mesh.faces.owner[own])
         patches.append(Patch(patch.name, patch.kind, edges, values=values))
     return block, patches
 
 
 @dataclass(frozen=True, eq=False)
 class FoamPatchValues:
-    """Values at the faces of a patch, by name of a field.
+    """Values at the faces of a patch, by name of a field."""
 
-    Attributes:
-        folder: The time's folder.
-        cell_data: The fields' averages over the cells.
-        patch: The patch's name.
-        faces: Numbers of the selected faces within the patch.
-        face_count: Number of all faces of the patch.
-        owner: The cell behind each selected face.
-    """
-
-    folder: Path
-    cell_data: object
-    patch: str
-    faces: np.ndarray
-    face_count: int
-    owner: np.ndarray
+    folder: Path  # of the time
+    cell_data: object  # the fields' averages over the cells
+    patch: FoamPatch
+    faces: np.ndarray  # numbers of the selected faces within the patch
+    owner: np.ndarray  # the cell behind each of them
 
     def __call__(self, name: str) -> tuple[np.ndarray, np.ndarray] | None:
         """Return a scalar field at the faces and in their cells, shape (len(faces),) each; None if not known."""
         try:
-            file = FoamFile(self.folder / name)
-            kind, values = self._condition(file)
-            if values is not None and len(values) not in (1, self.face_count):
-                raise file.fault(f"patch {self.patch!r} has {self.face_count} faces and {len(values)} values")
+            kind, values = self._condition(name)
             # Gas that slips along a wall has no thermal layer, whatever the wall's temperature.
-            if find(self.folder / "U") and self._condition(FoamFile(self.folder / "U"))[0] in LEVEL:
+            if find(self.folder / "U") and self._condition("U")[0] in LEVEL:
                 kind, values = LEVEL[0], None
         except ReadError:  # wall values are optional: the cell averages of the file remain
             return None
         cells = np.asarray(self.cell_data[name])[self.owner]  # type: ignore[index]
         if values is None:
             return (cells, cells) if kind in LEVEL else None
+        if len(values) not in (1, self.patch.count):
+            return None
         return (values[self.faces] if len(values) > 1 else np.full(len(self.faces), values[0])), cells
 
-    def _condition(self, file: FoamFile) -> tuple[str, np.ndarray | None]:
+    def _condition(self, name: str) -> tuple[str, np.ndarray | None]:
         """Return type and `value` of the condition on the patch, by its name, else by the last matching pattern."""
-        starts = list(_BOUNDARY.finditer(file.data, file.at))
+        file = FoamFile(self.folder / name)
+        starts = list(re.compile(rb"\bboundaryField\s*\{").finditer(file.data, file.at))
         if not starts:
             raise file.fault("there is no boundaryField")
         file.at = starts[-1].end()
@@ -279,9 +238,9 @@ class FoamPatchValues:
         alike: dict[str, list] = {}
         while file.peek() != b"}":
             quoted = file.peek() == b'"'
-            name = file.word()
-            fits = name == self.patch or (quoted and _fits(name, self.patch))
-            entries = dict(file.entries(self.face_count if fits else 0))
+            word = file.word()
+            fits = word == self.patch.name or (quoted and _fits(word, self.patch.name))
+            entries = dict(file.entries(self.patch.count if fits else 0))
             if fits:
                 own, alike = (own, entries) if quoted else (entries, alike)
         entries = alike if own is None else own
@@ -294,7 +253,7 @@ class FoamPatchValues:
 
 def _fits(pattern: str, name: str) -> bool:
     """Return whether a pattern such as "(wall|body).*" matches a patch; patterns that are slow to match never do."""
-    plain = _PLAIN.fullmatch(pattern) and pattern.count("(") < 3 and pattern.count("*") < 3
+    plain = re.fullmatch(r"(?:[\w|()-]|\.\*?){1,200}", pattern) and pattern.count("(") < 3 and pattern.count("*") < 3
     try:
         return bool(plain) and re.fullmatch(pattern, name[:200]) is not None
     except re.error:

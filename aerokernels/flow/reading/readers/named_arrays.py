@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from aerokernels.flow.reading.arrays import COLUMNS, PLACE, axes_of, length_of, plain_name, unit_of_array
+from aerokernels.flow.reading.arrays import COLUMNS, PLACE, coordinates_of, length_of, plain_name, unit_of_array
 from aerokernels.flow.reading.dataset import DAMAGED, Block, Dataset, GridPoints, ReadError, chosen_time
 from aerokernels.inputs.checks import listed
 
@@ -83,30 +83,19 @@ def dataset_of(
     The axes of `labelled` arrays are in a known order, those of others in the `order` that a caller gives; else they
     are identified by their lengths, where these tell it.
     """
-    plain: dict[str, str] = {}
-    for name in sorted(arrays, key=lambda name: name.count("/")):  # an array at the root counts before those in groups
-        plain.setdefault(plain_name(name, True), name)
-    chosen = {}
-    for axis, names in COLUMNS.items():
-        if axis in variables:
-            if variables[axis] not in arrays:
-                raise ReadError(
-                    path, f"there is no array {variables[axis]!r}", f"take one of {listed(arrays, 'no arrays')}"
-                )
-            chosen[axis] = variables[axis]
-        elif found := next((plain[name] for name in names if name in plain), None):
-            chosen[axis] = found
     if unknown := set(variables) - set(COLUMNS):
         raise ReadError(path, f"variables: {sorted(unknown)[0]!r} is not a coordinate", "name x, y, z or r, z")
-    axes, symmetry = axes_of(chosen)
+    if missing := [name for name in variables.values() if name not in arrays]:
+        raise ReadError(path, f"there is no array {missing[0]!r}", f"take one of {listed(arrays, 'no arrays')}")
+    chosen, symmetry = coordinates_of(arrays, True, variables)
+    axes = tuple(chosen)
     if len(axes) < 2:
-        lacking = f"only {min(chosen)} is known, of two coordinates at least" if chosen else "no coordinates are known"
+        lacking = f"only {axes[0]} is known, of two coordinates at least" if axes else "no coordinates are known"
         raise ReadError(
             path, f"{lacking} (there are: {listed(arrays, 'no arrays')})",
             "call them x, y, z or r, z, or name them: variables={'x': 'NAME', ...}; a flow along one axis alone needs "
             "its samples repeated at two places of a second one",
         )  # fmt: skip
-    chosen = {axis: chosen[axis] for axis in axes}
     times, arrays, taken = _at_time(path, arrays, chosen, units, time)
     coordinates = [np.asarray(arrays[chosen[axis]], dtype=np.float64) for axis in axes]
     length, factors = length_of(path, {chosen[axis]: units.get(chosen[axis], "") for axis in axes})

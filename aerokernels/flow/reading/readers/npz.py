@@ -6,32 +6,27 @@ from typing import Any
 
 import numpy as np
 
-from aerokernels.flow.reading.dataset import DAMAGED, Dataset, ReadError
+from aerokernels.flow.reading.dataset import Dataset, ReadError
 from aerokernels.flow.reading.readers.named_arrays import arrays_as_dataset
-from aerokernels.process.foreign_files import NoRoomError, check_room
+from aerokernels.process.foreign_files import check_room
 
 
 def read(path: Path, time: Any, options: Mapping[str, Any]) -> Dataset:
     """Read a file of named arrays."""
     arrays: dict[str, np.ndarray] = {}
     objects = False
-    try:
-        with np.load(path, allow_pickle=False) as file:
-            check_room(float(sum(part.file_size for part in file.zip.infolist())), f"{path}: it")
-            for name in file.files:
-                try:
-                    values = file[name]
-                except ValueError as fault:
-                    if "allow_pickle" not in str(fault):
-                        raise
-                    objects = True
-                    continue
-                if isinstance(values, np.ndarray) and values.dtype.kind in "iufb":  # other parts are bytes
-                    arrays[name] = values
-    except NoRoomError:
-        raise
-    except Exception as fault:  # NumPy and zipfile raise any error for a damaged file
-        raise ReadError(path, f"it is not a complete NPZ file ({str(fault)[:200]})", DAMAGED) from None
+    with np.load(path, allow_pickle=False) as file:
+        check_room(float(sum(part.file_size for part in file.zip.infolist())), f"{path}: it")
+        for name in file.files:
+            try:
+                values = file[name]
+            except ValueError as fault:
+                if "allow_pickle" not in str(fault):
+                    raise
+                objects = True
+                continue
+            if isinstance(values, np.ndarray) and values.dtype.kind in "iufb":  # other parts are bytes
+                arrays[name] = values
     if not arrays and objects:
         raise ReadError(
             path,

@@ -12,6 +12,7 @@ that fits none is damaged.
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -25,7 +26,6 @@ from aerokernels.process.foreign_files import own_file
 DAMAGED = "the file is damaged, or no file of Plot3D: write it again"
 GRID_ENDS = (".xyz", ".x", ".g", ".p3d", ".grd", ".p2d")
 SOLUTION_ENDS = (".q", ".f", ".fun", ".p3dq")
-RELATIVE = "q files are mostly non-dimensional: without a reference their density is taken as kg/m3"
 CONSERVATIVE = ("density", "momentum_x", "momentum_y", "momentum_z", "energy")
 
 
@@ -35,13 +35,6 @@ class _Stream:
     def __init__(self, source: bytes | np.ndarray, order: str = "", real: int = 0, records: bool = False):
         """Interpret bytes by byte order and precision, in Fortran records or contiguous; or the numbers of a text."""
         self.source, self.order, self.real, self.records, self.at = source, order, real, records, 0
-
-    def described(self) -> str:
-        """Describe the interpretation."""
-        if not self.order:
-            return "ascii"
-        kind = "Fortran records" if self.records else "plain binary"
-        return f"{kind}, {'little' if self.order == '<' else 'big'} endian, float{8 * self.real}"
 
     def take(self, *parts: tuple[str, int]) -> list[np.ndarray] | None:
         """Return the next record of `parts`, counts of whole ("i") or real ("f") numbers; None if it does not match."""
@@ -63,9 +56,9 @@ class _Stream:
 
     def _take_text(self, parts: tuple[tuple[str, int], ...]) -> list[np.ndarray] | None:
         ends = np.cumsum([count for _, count in parts])
-        found = np.split(np.asarray(self.source[self.at : self.at + ends[-1]]), ends[:-1])
         if self.at + ends[-1] > len(self.source):
             return None
+        found = np.split(np.asarray(self.source[self.at : self.at + ends[-1]]), ends[:-1])
         if any(kind == "i" and (own != np.round(own)).any() for (kind, _), own in zip(parts, found, strict=True)):
             return None
         self.at += int(ends[-1])
@@ -82,14 +75,15 @@ class _Stream:
 def read(path: Path, time: Any, options: Mapping[str, Any]) -> Dataset:
     """Read a grid with its solution; either may be named, the other is in the same folder or given as an option."""
     grid_path, solution_path = grid_and_solution(path, options.get("solution"))
-    blocks, form = _read_grid(grid_path)
-    arrays = _read_solution(solution_path, [block.shape for block in blocks if block.shape])
-    whole = [
-        Block(block.points, None, block.shape, own, {}, block.blank, f"grid {k + 1}")
-        for k, (block, own) in enumerate(zip(blocks, arrays, strict=True))
+    grids, form = _read_grid(grid_path)
+    arrays = _read_solution(solution_path, [block.shape for block in grids if block.shape])
+    blocks = [
+        replace(block, point_data=own, name=f"grid {k}")
+        for k, (block, own) in enumerate(zip(grids, arrays, strict=True), start=1)
     ]
-    scaled = RELATIVE if any("momentum_x" in own for own in arrays) else ""
-    return Dataset(whole, f"Plot3D, {form}", notes=[scaled] if scaled else [], scaled=scaled)
+    relative = "q files are mostly non-dimensional: without a reference their density is taken as kg/m3"
+    scaled = relative if any("momentum_x" in own for own in arrays) else ""
+    return Dataset(blocks, f"Plot3D, {form}", notes=[scaled] if scaled else [], scaled=scaled)
 
 
 def files(path: Path, options: Mapping[str, Any], time: float | None) -> list[Path]:
@@ -120,16 +114,12 @@ def _meanings(path: Path, *more: tuple) -> Iterator[tuple]:
     for meaning in product("<>", (8, 4), (True, False)):
         for choice in product((True, False), (3, 2), *more):
             yield _Stream(data, *meaning), *choice
-    text = _ascii(path, data)
-    for choice in product((True, False), (3, 2), *more):
-        yield _Stream(text), *choice
-
-
-def _ascii(path: Path, data: bytes) -> np.ndarray:
     try:
-        return fortran_numbers(data.decode("ascii"))
+        text = fortran_numbers(data.decode("ascii"))
     except ValueError:
         raise ReadError(path, f"its {len(data)} bytes fit no form of Plot3D", DAMAGED) from None
+    for choice in product((True, False), (3, 2), *more):
+        yield _Stream(text), *choice
 
 
 def _sizes(stream: _Stream, several: bool, width: int, more: int = 0) -> tuple[np.ndarray, list[int]] | None:
@@ -158,38 +148,34 @@ def _records(stream: _Stream, *wanted: Sequence[tuple[str, int]]) -> list[list[n
     return records if stream.at_end else None
 
 
-def _shapes(sizes: np.ndarray) -> list[tuple[int, ...]]:
-    return [(*row, 1)[:3] for row in sizes.tolist()]
+def _shapes(sizes: np.ndarray) -> list[tuple[int, int, int]]:
+    return [(ni, nj, nk) for ni, nj, nk, *_ in ((*row, 1) for row in sizes.tolist())]
 
 
 def _read_grid(path: Path) -> tuple[list[Block], str]:
+    """Return the grids of a file, and its form in words."""
     for stream, several, dimension, iblank in _meanings(path, (False, True)):
         if (head := _sizes(stream, several, dimension)) is None:
             continue
         nodes = [math.prod(row) for row in head[0].tolist()]
         records = _records(stream, *((("f", dimension * n), ("i", n if iblank else 0)) for n in nodes))
-        if records is not None:
-            blocks = [
-                _block(values.reshape(dimension, -1), shape, blank if iblank else None)
-                for (values, blank), shape in zip(records, _shapes(head[0]), strict=True)
-            ]
-            if not stream.order or all(_plausible(block) for block in blocks):
-                return blocks, stream.described()
+        if records is None:
+            continue
+        blocks = []
+        for (values, blank), shape in zip(records, _shapes(head[0]), strict=True):
+            points = np.zeros((values.size // dimension, 3))
+            with np.errstate(invalid="ignore"):  # of wrong interpretations
+                points[:, :dimension] = values.reshape(dimension, -1).T
+            hidden = blank == 0 if iblank and (blank == 0).any() else None
+            blocks.append(Block(points, None, shape, blank=hidden))
+        if not stream.order:
+            return blocks, "ascii"
+        greatest = [np.abs(block.points).max(initial=0.0) for block in blocks]
+        # A wrong byte order or precision gives extreme coordinates.
+        if all(own < 1e12 and not 0 < own < 1e-20 for own in greatest):
+            kind = "Fortran records" if stream.records else "plain binary"
+            return blocks, f"{kind}, {'little' if stream.order == '<' else 'big'} endian, float{8 * stream.real}"
     raise ReadError(path, f"its {path.stat().st_size} bytes fit no grid of Plot3D", DAMAGED)
-
-
-def _block(values: np.ndarray, shape, blank) -> Block:
-    points = np.zeros((values.shape[1], 3))
-    with np.errstate(invalid="ignore"):  # wrong interpretations of the bytes are rejected by _plausible
-        points[:, : len(values)] = values.T
-    hidden = None if blank is None or (blank != 0).all() else np.asarray(blank == 0)
-    return Block(points, None, shape, blank=hidden)
-
-
-def _plausible(block: Block) -> bool:
-    """Return whether coordinates are plausible: a wrong byte order or precision gives extreme numbers."""
-    greatest = np.abs(block.points).max(initial=0.0)
-    return bool(greatest < 1e12 and not 0 < greatest < 1e-20)
 
 
 def _read_solution(path: Path, shapes: list[tuple[int, int, int]]) -> list[dict[str, np.ndarray]]:

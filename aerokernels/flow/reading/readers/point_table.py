@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from aerokernels.flow.reading.arrays import COLUMNS, PLACE, axes_of, length_of, plain_name, unit_of_array
+from aerokernels.flow.reading.arrays import PLACE, coordinates_of, length_of, plain_name, unit_of_array
 from aerokernels.flow.reading.dataset import (
     TETRAHEDRON,
     TRIANGLE,
@@ -26,26 +26,17 @@ from aerokernels.flow.reading.dataset import (
     chosen_time,
 )
 
-TIMES = ("time", "timevalue", "flowtime", "physicaltime", "solutiontime", "simulationtime")
-SAME = 1e-9  # of the extent: coordinates along an axis that are closer count as equal
+DAMAGED = "write it again with a line of names and as many numbers in every line"
 
 
 def read(path: Path, time: Any, options: Mapping[str, Any]) -> Dataset:
     """Read a table of points."""
     table = read_table(path)
-    plain = {plain_name(name): name for name in reversed(table)}
-    plain |= {re.sub(r"[^a-z0-9]", "", name.lower()): name for name in reversed(table)}
-    known = {
-        axis: next(plain[name] for name in names if name in plain)
-        for axis, names in COLUMNS.items()
-        if any(name in plain for name in names)
-    }
-    axes, symmetry = axes_of(known)
-    columns = {PLACE[axis]: known[axis] for axis in axes}
+    known, symmetry = coordinates_of(table)
+    columns = {PLACE[axis]: name for axis, name in known.items()}
     if len(columns) < 2:
-        raise ReadError(
-            path, f"no columns are known for coordinates (there are: {', '.join(table)})", "call them x, y, z or r, z"
-        )
+        fault = f"no columns are known for coordinates (there are: {', '.join(table)})"
+        raise ReadError(path, fault, "call them x, y, z or r, z")
     length, factors = length_of(path, dict.fromkeys(columns.values(), ""))
     points = np.zeros((len(next(iter(table.values()))), 3))
     for (place, name), factor in zip(columns.items(), factors, strict=True):
@@ -64,27 +55,22 @@ def _at_time(
     path: Path, points: np.ndarray, arrays: dict[str, np.ndarray], asked: Any
 ) -> tuple[list[float], float | None, slice | np.ndarray]:
     """Return the times of a table [s], the requested one of them, and its rows; its column of times leaves `arrays`."""
-    every = slice(None)
-    name = next((name for name in arrays if plain_name(name) in TIMES), None)
-    if name is None and "t" in arrays and (np.ptp(arrays["t"]) == 0.0 or _coincide(points)):  # else a temperature
-        name = "t"
-    if name is None:
-        return [], None, every
+    usual = ("time", "timevalue", "flowtime", "physicaltime", "solutiontime", "simulationtime")
+    name = next((name for name in arrays if plain_name(name) in usual), "t")
+    if name not in arrays:
+        return [], None, slice(None)
+    if name == "t" and np.ptp(arrays["t"]) != 0.0 and len(np.unique(points, axis=0)) == len(points):
+        return [], None, slice(None)  # a temperature
     if bad := int((~np.isfinite(arrays[name])).sum()):
         raise ReadError(path, f"{bad} of its {len(points)} times ({name}) are no numbers", "give each point its time")
     values, number, counts = np.unique(arrays[name], return_inverse=True, return_counts=True)
-    # Points at a time: a column of other times is an array like any other.
-    if counts.min() < 4:
-        return [], None, every
+    if counts.min() < 4:  # points at a time: a column of other times is an array like any other
+        return [], None, slice(None)
     del arrays[name]
     times = (unit_of_array(path, name, "", "time").factor * values).tolist()
     chosen = chosen_time(path, times, asked)
     assert chosen is not None
-    return times, chosen, every if len(times) == 1 else number.ravel() == times.index(chosen)
-
-
-def _coincide(points: np.ndarray) -> bool:
-    return len(np.unique(points, axis=0)) < len(points)
+    return times, chosen, slice(None) if len(times) == 1 else number.ravel() == times.index(chosen)
 
 
 def joined(path, points: np.ndarray, arrays: dict[str, np.ndarray]) -> tuple[Block, list[str]]:
@@ -92,11 +78,10 @@ def joined(path, points: np.ndarray, arrays: dict[str, np.ndarray]) -> tuple[Blo
     extent = np.ptp(points, axis=0)
     if (extent > 0.0).sum() < 2:
         raise ReadError(path, "its points are on a line", "give points of a plane or a volume")
-    step = np.where(extent > 0.0, SAME * np.maximum(extent, 1e-300), 1.0)
-    places = [
-        np.unique(np.round((points[:, k] - points[:, k].min()) / step[k]).astype(np.int64), return_inverse=True)
-        for k in range(3)
-    ]
+    # Coordinates along an axis that are closer than a billionth of the extent count as equal.
+    step = np.where(extent > 0.0, 1e-9 * np.maximum(extent, 1e-300), 1.0)
+    index = np.round((points - points.min(axis=0)) / step).astype(np.int64)
+    places = [np.unique(own, return_inverse=True) for own in index.T]
     shape = (len(places[0][0]), len(places[1][0]), len(places[2][0]))
     if np.prod(shape, dtype=float) == len(points):
         number = np.ravel_multi_index([index.ravel() for _, index in places[::-1]], shape[::-1])
@@ -109,12 +94,9 @@ def joined(path, points: np.ndarray, arrays: dict[str, np.ndarray]) -> tuple[Blo
 def _triangulated(path, points, arrays, wide) -> tuple[Block, list[str]]:
     from scipy.spatial import Delaunay, QhullError
 
-    if len(np.unique(points, axis=0)) < len(points):
-        raise ReadError(
-            path,
-            f"{len(points) - len(np.unique(points, axis=0))} points lie in the same place as another",
-            "leave them out, or give those of several times a column 'time'",
-        )
+    if twice := len(points) - len(np.unique(points, axis=0)):
+        fault = f"{twice} points lie in the same place as another"
+        raise ReadError(path, fault, "leave them out, or give those of several times a column 'time'")
     flat = points[:, wide]
     try:
         corners = Delaunay((flat - flat.min(axis=0)) / np.ptp(flat, axis=0)).simplices.astype(np.int64)
@@ -123,15 +105,10 @@ def _triangulated(path, points, arrays, wide) -> tuple[Block, list[str]]:
     edge = flat[corners[:, 1:]] - flat[corners[:, :1]]
     measure = np.linalg.det(edge)
     corners = np.where((measure < 0.0)[:, None], corners[:, [1, 0, *range(2, corners.shape[1])]], corners)
-    size = np.abs(measure)
-    keep = size > 1e-9 * np.median(size)
+    keep = np.abs(measure) > 1e-9 * np.median(np.abs(measure))
     kind = TRIANGLE if flat.shape[1] == 2 else TETRAHEDRON
     note = "the points form no grid: they are joined by Delaunay cells, which also fill concave parts and bodies"
     return Block(points, Cells.of_one_type(kind, corners[keep]), point_data=arrays), [note]
-
-
-DAMAGED = "write it again with a line of names and as many numbers in every line"
-_LETTER_LEFT_OUT = re.compile(r"(?<=[\d.])(?=[+-]\d{3}(?![\d.]))")
 
 
 def read_table(path: Path, data: bytes | None = None) -> dict[str, np.ndarray]:
@@ -145,7 +122,9 @@ def read_table(path: Path, data: bytes | None = None) -> dict[str, np.ndarray]:
         raise ReadError(path, "it is not a text: it contains zero bytes", DAMAGED)
     written = [(k + 1, line) for k, line in enumerate(text.splitlines()) if line.strip()]
     lines = [(number, line) for number, line in written if not line.lstrip().startswith("#")]
-    if lines and _all_numbers(lines[0][1]):  # the names are in a comment above, as numpy.savetxt writes them
+    if lines and all(
+        map(is_number, re.split(r"[,;\s]+", lines[0][1].strip(" \t,;")))
+    ):  # the names are in a comment above, as numpy.savetxt writes them
         above = [(number, line.lstrip().lstrip("#")) for number, line in written if number < lines[0][0]]
         lines = above[-1:] + lines
     if len(lines) < 2:
@@ -153,7 +132,8 @@ def read_table(path: Path, data: bytes | None = None) -> dict[str, np.ndarray]:
     head = lines[0][1]
     mark = next((mark for mark in (",", ";", "\t") if mark in head), None)
     names = [
-        word.strip().strip('"').strip() for word in (next(csv.reader([head], delimiter=mark)) if mark else _words(head))
+        word.strip().strip('"').strip()
+        for word in next(csv.reader([head] if mark else [" ".join(head.split())], delimiter=mark or " "))
     ]
     if names[0] == "" and len(names) > 1:
         names[0] = "index"  # pandas writes the index of rows without a name
@@ -180,28 +160,20 @@ def read_table(path: Path, data: bytes | None = None) -> dict[str, np.ndarray]:
 def fortran_numbers(text: str) -> np.ndarray:
     """Return the numbers of a text, separated by blanks, also with exponents as only Fortran writes them.
 
-    These have the letter D, or no letter before three digits: 1.5D+00, 1.5-101.
-
-    Raises:
-        ValueError: Something that is not a number.
+    These have the letter D, or no letter before three digits: 1.5D+00, 1.5-101. ValueError: something else.
     """
     text = text.replace("D", "E").replace("d", "e")
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        for written in (lambda: text, lambda: _LETTER_LEFT_OUT.sub("E", text)):  # the second takes longer
+        for written in (
+            lambda: text,
+            lambda: re.sub(r"(?<=[\d.])(?=[+-]\d{3}(?![\d.]))", "E", text),
+        ):  # the second takes longer
             try:
                 return np.fromstring(written(), sep=" ")
             except (DeprecationWarning, ValueError) as fault:
                 found = fault
     raise ValueError(str(found))
-
-
-def _words(line: str) -> list[str]:
-    return next(csv.reader([" ".join(line.split())], delimiter=" "))
-
-
-def _all_numbers(line: str) -> bool:
-    return all(is_number(word) for word in re.split(r"[,;\s]+", line.strip(" \t,;")))
 
 
 def is_number(word: str) -> bool:

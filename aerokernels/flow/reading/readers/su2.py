@@ -30,25 +30,23 @@ from aerokernels.flow.reading.dataset import (
     Dataset,
     Patch,
     ReadError,
+    entries_of,
+    starts_of,
     whole_number,
 )
 from aerokernels.flow.reading.formats import in_child
 from aerokernels.flow.reading.readers.point_table import fortran_numbers, is_number, read_table
 from aerokernels.process.foreign_files import OwnFilesError, own_file
 
-MAGIC = 535532
-NAME_LENGTH = 33
-GREATEST_VARIABLE_COUNT = 10_000
+MAGIC = [(535532).to_bytes(4, order) for order in ("little", "big")]
 ELEMENTS = {LINE: 2, **CORNERS}  # SU2 uses VTK's numbers
-DENSITY_NAMES = ("Density", "Conservative_1")
-WALLS = ("wall", "airfoil", "body", "cylinder", "wedge", "cone", "sphere")  # SU2 states types of boundaries elsewhere
-COORDINATES = ("x", "y", "z", "pointid", "point_id")
+Mesh = tuple[np.ndarray, Cells, list[Patch]]
 
 
 def read(path: Path, time: Any, options: Mapping[str, Any]) -> Dataset:
     """Read a mesh and its restart; either may be named, the other is in the same folder or given as an option."""
     mesh_path, restart = mesh_and_restart(path, options)
-    meshes = _meshes(mesh_path)
+    meshes = [_cgns_mesh(mesh_path)] if mesh_path.suffix.lower() == ".cgns" else read_mesh(mesh_path)
     if restart is None:
         several = [f"zone {k + 1}" if len(meshes) > 1 else mesh_path.name for k in range(len(meshes))]
         blocks = [Block(points, cells, name=name) for (points, cells, _), name in zip(meshes, several, strict=True)]
@@ -65,19 +63,16 @@ def read(path: Path, time: Any, options: Mapping[str, Any]) -> Dataset:
     points, cells, patches = meshes[fitting[0]]
     notes = [f"zone {fitting[0] + 1} of {len(meshes)} in {mesh_path.name}"] if len(meshes) > 1 else []
     more, scaled, unit = configured(restart.parent)
-    notes += more
-    dimension = 2 if not points[:, 2].any() else 3
-    _check_places(restart, arrays, points, dimension)
-    arrays = {name: values for name, values in arrays.items() if name.lower() not in COORDINATES}
-    units = dict.fromkeys(DENSITY_NAMES, unit) if unit else {}
-    return Dataset(
-        [Block(points, cells, point_data=arrays)], "SU2", patches=patches, units=units, notes=notes, scaled=scaled
-    )
-
-
-def _meshes(path: Path) -> list[tuple[np.ndarray, Cells, list[Patch]]]:
-    """Return points, cells and patches of each zone of a mesh."""
-    return [cgns_mesh(path)] if path.suffix.lower() == ".cgns" else read_mesh(path)
+    plain = {name.lower(): values for name, values in arrays.items()}
+    size = float(np.ptp(points, axis=0).max())
+    for axis, name in enumerate("xyz" if points[:, 2].any() else "xy"):
+        if name in plain and np.abs(plain[name] - points[:, axis]).max(initial=0.0) > 1e-4 * size:
+            fault = f"its points are not where the mesh has them (column {name})"
+            raise ReadError(restart, fault, "give the mesh it was made on")
+    arrays = {n: own for n, own in arrays.items() if n.lower() not in ("x", "y", "z", "pointid", "point_id")}
+    units = dict.fromkeys(("Density", "Conservative_1"), unit) if unit else {}
+    block = Block(points, cells, point_data=arrays)
+    return Dataset([block], "SU2", patches=patches, units=units, notes=[*notes, *more], scaled=scaled)
 
 
 def files(path: Path, options: Mapping[str, Any], time: float | None) -> list[Path]:
@@ -87,50 +82,31 @@ def files(path: Path, options: Mapping[str, Any], time: float | None) -> list[Pa
 
 def mesh_and_restart(path: Path, options: Mapping[str, Any]) -> tuple[Path, Path | None]:
     """Return the mesh and the restart, or None where a mesh has none beside it; arguments and errors as of `read`."""
-    if path.suffix.lower() == ".su2":
-        return path, Path(options["solution"]) if options.get("solution") else _restart_beside(path)
-    return Path(options["mesh"]) if options.get("mesh") else _mesh_beside(path), path
-
-
-def _check_places(restart: Path, arrays, points: np.ndarray, dimension: int) -> None:
-    """Reject a restart whose own coordinates differ from the mesh's."""
-    plain = {name.lower(): values for name, values in arrays.items()}
-    size = float(np.ptp(points, axis=0).max())
-    for axis, name in enumerate("xyz"[:dimension]):
-        if name in plain and np.abs(plain[name] - points[:, axis]).max(initial=0.0) > 1e-4 * size:
-            raise ReadError(
-                restart, f"its points are not where the mesh has them (column {name})", "give the mesh it was made on"
-            )
-
-
-def _restart_beside(path: Path) -> Path | None:
-    found = [
-        p
-        for p in sorted(path.parent.iterdir())
-        if p.suffix.lower() in (".dat", ".csv") and p.is_file() and _is_restart(p)
-    ]
+    if path.suffix.lower() != ".su2":
+        if options.get("mesh"):
+            return Path(options["mesh"]), path
+        found = sorted(path.parent.glob("*.su2"))
+        if len(found) != 1:
+            names = ", ".join(p.name for p in found) or "none"
+            raise ReadError(path, f"its mesh is not clear (beside it: {names})", "name it: mesh = 'MESH.su2'")
+        return own_file(path, found[0].name), path
+    if options.get("solution"):
+        return path, Path(options["solution"])
+    beside = [one for one in sorted(path.parent.iterdir()) if one.suffix.lower() in (".dat", ".csv") and one.is_file()]
+    found = [one for one in beside if _is_restart(one)]
     if len(found) > 1:
         names = ", ".join(p.name for p in found)
         raise ReadError(path, f"several restarts are beside it ({names})", "name one: flow.read(RESTART, mesh=MESH)")
-    return own_file(path, found[0].name) if found else None
+    return path, own_file(path, found[0].name) if found else None
 
 
 def _is_restart(path: Path) -> bool:
     with path.open("rb") as stream:
         head = stream.read(200)
-    binary = len(head) > 3 and MAGIC in (int.from_bytes(head[:4], "little"), int.from_bytes(head[:4], "big"))
-    return binary or b"pointid" in head.split(b"\n")[0].lower().replace(b"_", b"")
+    return head[:4] in MAGIC or b"pointid" in head.split(b"\n")[0].lower().replace(b"_", b"")
 
 
-def _mesh_beside(path: Path) -> Path:
-    found = sorted(path.parent.glob("*.su2"))
-    if len(found) != 1:
-        names = ", ".join(p.name for p in found) or "none"
-        raise ReadError(path, f"its mesh is not clear (beside it: {names})", "name it: mesh = 'MESH.su2'")
-    return own_file(path, found[0].name)
-
-
-def read_mesh(path: Path) -> list[tuple[np.ndarray, Cells, list[Patch]]]:
+def read_mesh(path: Path) -> list[Mesh]:
     """Return points, cells and patches of each zone of a mesh."""
     try:
         text = path.read_text("ascii").splitlines()
@@ -166,14 +142,13 @@ def read_mesh(path: Path) -> list[tuple[np.ndarray, Cells, list[Patch]]]:
             if count > len(rows) - at:
                 fault = f"line {number}: {key}= {count}, but only {len(rows) - at} lines follow"
                 raise ReadError(path, fault, UNFINISHED)
-            (zone["markers"] if key == "MARKER_ELEMS" else zone)[marker if key == "MARKER_ELEMS" else key] = rows[
-                at : at + count
-            ]
+            holder, name = (zone["markers"], marker) if key == "MARKER_ELEMS" else (zone, key)
+            holder[name] = rows[at : at + count]
             at += count
     return [_zone(path, zone) for zone in zones]
 
 
-def _zone(path: Path, zone: dict[str, Any]) -> tuple[np.ndarray, Cells, list[Patch]]:
+def _zone(path: Path, zone: dict[str, Any]) -> Mesh:
     """Return points, cells and patches of a zone from its rows, each a line's number and its text."""
     if not zone.get("NPOIN") or not zone.get("NELEM"):
         raise ReadError(path, "it has no points or no elements", UNFINISHED)
@@ -185,6 +160,8 @@ def _zone(path: Path, zone: dict[str, Any]) -> tuple[np.ndarray, Cells, list[Pat
     cells = Cells(np.where(np.isin(kinds, FLAT), POLYGON, kinds).astype(np.uint8), corners.start, corners.points)
     _check_corners(path, "elements refer", cells.points, len(points))
     wide, patches = (2 if dimension == 2 else 4), []
+    # SU2 states the types of boundaries in its configuration.
+    walls = ("wall", "airfoil", "body", "cylinder", "wedge", "cone", "sphere")
     for name, rows in zone["markers"].items():
         _, faces = _elements(path, rows, {VERTEX: 1, **ELEMENTS})
         _check_corners(path, f"marker {name} refers", faces.points, len(points))
@@ -193,7 +170,8 @@ def _zone(path: Path, zone: dict[str, Any]) -> tuple[np.ndarray, Cells, list[Pat
         last = np.minimum(np.arange(wide), width[kept, None] - 1)  # a triangle repeats its last corner
         if kept.any():
             corner = points[faces.points[faces.start[:-1][kept, None] + last]]
-            patches.append(Patch.of(name, "wall" if any(word in name.lower() for word in WALLS) else "marker", corner))
+            kind = "wall" if any(word in name.lower() for word in walls) else "marker"
+            patches.append(Patch.of(name, kind, corner))
     return points, cells, patches
 
 
@@ -215,9 +193,7 @@ def _numbers(path: Path, rows: list[tuple[int, str]], least: int, needed: str):
 def _elements(path: Path, rows: list[tuple[int, str]], known: Mapping[int, int]) -> tuple[np.ndarray, Cells]:
     """Return the types of elements, and their corners as cells; further numbers of a line are left out."""
     number, start, flat = _numbers(path, rows, 2, "not an element of SU2")
-    if not len(number):
-        return np.empty(0, np.uint8), Cells(np.empty(0, np.uint8), np.zeros(1, np.int64), np.empty(0, np.int64))
-    kinds, room = flat[start], np.diff(np.append(start, len(flat))) - 1
+    kinds, room = flat[start], np.diff(start, append=len(flat)) - 1
     count = sum(((kinds == kind) * corners for kind, corners in known.items()), np.zeros(len(kinds), np.int64))
     bad = (count == 0) | (count > room)
     if bad.any():
@@ -228,12 +204,11 @@ def _elements(path: Path, rows: list[tuple[int, str]], known: Mapping[int, int])
             raise ReadError(path, fault, "write the flow on cells with corners only, by SU2's own output for ParaView")
         fault = f"line {number[first]}: not an element of SU2: {rows[first][1][:60]!r}"
         raise ReadError(path, fault, UNFINISHED)
-    ends = np.concatenate([[0], np.cumsum(count)])
-    corners = flat[np.arange(ends[-1]) + np.repeat(start + 1 - ends[:-1], count)]
+    corners = flat[entries_of(start + 1, count)]
     if (corners != np.floor(corners)).any():
         raise ReadError(path, "corners of its elements are not whole numbers", UNFINISHED)
     kinds = kinds.astype(np.uint8)
-    return kinds, Cells(kinds, ends, corners.astype(np.int64))
+    return kinds, Cells(kinds, starts_of(count), corners.astype(np.int64))
 
 
 def _check_corners(path: Path, what: str, corners: np.ndarray, count: int) -> None:
@@ -241,68 +216,54 @@ def _check_corners(path: Path, what: str, corners: np.ndarray, count: int) -> No
         raise ReadError(path, f"{what} to points beyond the {count} that there are", UNFINISHED)
 
 
-def _in_order_of_points(path: Path, table: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Return the columns of a restart in the order of its column PointID, if it has one: rows may be in any order."""
-    number = next((own for name, own in table.items() if name.lower().replace("_", "") == "pointid"), None)
-    if number is None:
-        return table
-    order = np.argsort(number, kind="stable")
-    if (number[order] != np.arange(len(order))).any():
-        raise ReadError(path, f"its column PointID does not number the {len(order)} points from 0 on", UNFINISHED)
-    return {name: own[order] for name, own in table.items()}
-
-
 def read_restart(path: Path) -> dict[str, np.ndarray]:
     """Return the values at the points by name, from a binary or a text restart."""
     data = path.read_bytes()
-    if len(data) < 20 or MAGIC not in (int.from_bytes(data[:4], "little"), int.from_bytes(data[:4], "big")):
-        return _in_order_of_points(path, read_table(path, data))
-    order = "<" if int.from_bytes(data[:4], "little") == MAGIC else ">"
+    if len(data) < 20 or data[:4] not in MAGIC:
+        table = read_table(path, data)
+        number = next((own for name, own in table.items() if name.lower().replace("_", "") == "pointid"), None)
+        if number is None:
+            return table
+        rows = np.argsort(number, kind="stable")  # which may be in any order
+        if (number[rows] != np.arange(len(rows))).any():
+            raise ReadError(path, f"its column PointID does not number the {len(rows)} points from 0 on", UNFINISHED)
+        return {name: own[rows] for name, own in table.items()}
+    order = "<>"[MAGIC.index(data[:4])]
     _, variables, count = (int(v) for v in np.frombuffer(data, f"{order}i4", 3))
-    begin = 20 + NAME_LENGTH * variables
-    if not 0 < variables <= GREATEST_VARIABLE_COUNT or count < 1 or begin + 8 * variables * count > len(data):
-        raise ReadError(
-            path, f"it announces {count} points with {variables} values, {len(data)} bytes cannot hold them", UNFINISHED
-        )
-    names = [
-        data[20 + NAME_LENGTH * k : 20 + NAME_LENGTH * (k + 1)].split(b"\0")[0].decode("ascii", "replace").strip()
-        for k in range(variables)
-    ]
+    begin = 20 + 33 * variables
+    if not 0 < variables <= 10_000 or count < 1 or begin + 8 * variables * count > len(data):
+        fault = f"it announces {count} points with {variables} values, {len(data)} bytes cannot hold them"
+        raise ReadError(path, fault, UNFINISHED)
+    held = [data[20 + 33 * k : 20 + 33 * (k + 1)].split(b"\0")[0] for k in range(variables)]
+    names = [name.decode("ascii", "replace").strip() for name in held]
     if len(set(names)) < len(names) or not all(name and name.isprintable() for name in names):
         raise ReadError(path, "its variables have no proper names", UNFINISHED)
     values = np.frombuffer(data, f"{order}f8", variables * count, begin).reshape(count, variables)
     return {name: np.array(values[:, k], dtype=np.float64) for k, name in enumerate(names)}
 
 
-MOST_CONFIGURATIONS, LONGEST_CONFIGURATION = 20, 1_000_000  # files, characters
-GAS_CONSTANT = 287.058  # [J/(kg K)] SU2's of air
-IDEAL = ("STANDARD_AIR", "IDEAL_GAS")
-_STATED = re.compile(r"^[ \t]*(\w{1,60})[ \t]*=[ \t]*([^\s%,]{1,60})", re.MULTILINE)
-
-
 def configured(folder: Path) -> tuple[list[str], str, str]:
-    """Return notes on what the configurations in a folder state.
+    """Return notes on what the configurations in a folder state, of numbers whose unit nothing states, and the unit.
 
-    The second value is the note on numbers whose unit nothing states, or empty; the third the unit of density, or
-    empty.
+    The second is a note too, or empty; the third is the unit of density, or empty.
     """
     notes, scales = [], []
-    for path in sorted(folder.glob("*.cfg"))[:MOST_CONFIGURATIONS]:
+    for path in sorted(folder.glob("*.cfg"))[:20]:
         try:
             with own_file(folder, path.name).open("r", encoding="latin-1") as stream:
-                text = stream.read(LONGEST_CONFIGURATION)
+                text = stream.read(1_000_000)
         except (OSError, OwnFilesError):
             continue
-        stated = {key.upper(): value.upper() for key, value in _STATED.findall(text)}
+        words = re.findall(r"^[ \t]*(\w{1,60})[ \t]*=[ \t]*([^\s%,]{1,60})", text, re.MULTILINE)
+        stated = {key.upper(): value.upper() for key, value in words}
         if stated.get("AXISYMMETRIC") == "YES":
             notes.append(f"{path.name} states AXISYMMETRIC= YES: geometry='axisymmetric' reads y as the radius")
         if (scale := stated.get("REF_DIMENSIONALIZATION")) is not None:
             scales.append((path.name, scale, _free_stream(stated) if scale.startswith("FREESTREAM") else 1.0))
-    references = {reference for _, _, reference in scales}
     name, scale, reference = next((one for one in scales if one[1].startswith("FREESTREAM")), ("", "", 1.0))
     if not scale:
         return notes, "", ""
-    if len(references) == 1 and reference is not None:
+    if len({reference for _, _, reference in scales}) == 1 and reference is not None:
         notes.append(f"{name} states {scale}: densities are multiples of its free stream's, {reference:.6g} kg/m3")
         return notes, "", f"{reference!r} kg/m3"
     scaled = f"{name} states {scale}: the density is one of numbers without a unit, give its reference"
@@ -313,30 +274,29 @@ def _free_stream(stated: Mapping[str, str]) -> float | None:
     """Return the density of the free stream [kg/m3]; None where a configuration does not give it directly."""
     viscous = stated.get("SOLVER", stated.get("PHYSICAL_PROBLEM", "EULER")).endswith(("NAVIER_STOKES", "RANS"))
     start = stated.get("INIT_OPTION", "REYNOLDS" if viscous else "TD_CONDITIONS")
-    model = stated.get("FLUID_MODEL", IDEAL[0])
-    if start != "TD_CONDITIONS" or model not in IDEAL or stated.get("SYSTEM_MEASUREMENTS", "SI") != "SI":
+    model = stated.get("FLUID_MODEL", "STANDARD_AIR")
+    ideal = model in ("STANDARD_AIR", "IDEAL_GAS") and stated.get("SYSTEM_MEASUREMENTS", "SI") == "SI"
+    if start != "TD_CONDITIONS" or not ideal:
         return None
-    by_density = stated.get("FREESTREAM_OPTION", "TEMPERATURE_FS") == "DENSITY_FS"
     try:
-        if by_density:
+        if stated.get("FREESTREAM_OPTION", "TEMPERATURE_FS") == "DENSITY_FS":
             found = float(stated["FREESTREAM_DENSITY"])
         else:
-            constant = float(stated.get("GAS_CONSTANT", GAS_CONSTANT)) if model == "IDEAL_GAS" else GAS_CONSTANT
+            constant = float(stated.get("GAS_CONSTANT", 287.058)) if model == "IDEAL_GAS" else 287.058  # SU2's of air
             found = float(stated["FREESTREAM_PRESSURE"]) / (constant * float(stated["FREESTREAM_TEMPERATURE"]))
     except (KeyError, ValueError, ZeroDivisionError):
         return None
     return found if math.isfinite(found) and found > 0.0 else None
 
 
-def cgns_mesh(path: Path) -> tuple[np.ndarray, Cells, list[Patch]]:
-    """Return points, cells and patches of its zone."""
+def _cgns_mesh(path: Path) -> Mesh:
+    """Return points, cells and patches of the one zone of a mesh in CGNS."""
     found = in_child("cgns", path, None, {})
     if len(found.blocks) != 1:
         fault = f"it has {len(found.blocks)} zones, and SU2 reads a mesh in CGNS of one"
         raise ReadError(path, fault, "give the mesh that SU2 read")
     (block,) = found.blocks
     if block.cells is None:
-        raise ReadError(
-            path, f"zone {block.name!r} is structured", "give the mesh that SU2 read, which is unstructured"
-        )
+        fault = f"zone {block.name!r} is structured"
+        raise ReadError(path, fault, "give the mesh that SU2 read, which is unstructured")
     return block.points, block.cells, list(found.patches)

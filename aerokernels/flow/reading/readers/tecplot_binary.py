@@ -25,14 +25,9 @@ from aerokernels.flow.reading.dataset import (
 )
 from aerokernels.flow.reading.readers.tecplot_text import assembled, at_time, element_cells, without_static
 
-ZONE, END_OF_HEADER = 299.0, 357.0
-# Other records of the header: of geometry and text, which are not read, and of words, which are passed over.
-DRAWN = {399.0: "a geometry", 499.0: "a text"}
-LABELS, USER, AUXILIARY, OF_VARIABLE = 599.0, 699.0, 799.0, 899.0
-STATIC = -1  # the strand of zones that belong to every time
+ZONE = 299.0  # begins a zone in the header, and its data
 ELEMENTS = {2: (TRIANGLE, 3), 3: (QUAD, 4), 4: (TETRAHEDRON, 4), 5: (HEXAHEDRON, 8)}
 KINDS = {1: "f4", 2: "f8", 3: "i4", 4: "i2", 5: "u1"}
-GREATEST_VARIABLE_COUNT, LONGEST_NAME = 10_000, 10_000
 
 
 @dataclass
@@ -47,6 +42,11 @@ class _Zone:
     counts: tuple[int, ...]
     arrays: list[np.ndarray] = field(default_factory=list)
     cells: Cells | None = None
+
+    @property
+    def cell_count(self) -> int:
+        """Number of cells."""
+        return self.counts[1] if self.kind else math.prod(max(n - 1, 1) for n in self.counts)
 
 
 class _Bytes:
@@ -77,7 +77,7 @@ class _Bytes:
         """Return a text: one int32 for each character, ended by 0."""
         letters: list[str] = []
         while (letter := self.whole()) != 0:
-            if not 0 < letter < 0x110000 or len(letters) > LONGEST_NAME:
+            if not 0 < letter < 0x110000 or len(letters) > 10_000:
                 raise self.fault("a name is not ended, or contains invalid characters")
             letters.append(chr(letter))
         return "".join(letters)
@@ -114,15 +114,25 @@ def _read(path: Path, data: bytes, version: int, packing: bool, time) -> Dataset
         raise stream.fault("it contains only a grid or only a solution")
     stream.text()  # the title
     count = stream.whole()
-    if not 0 < count <= GREATEST_VARIABLE_COUNT:
+    if not 0 < count <= 10_000:
         raise stream.fault(f"it announces {count} variables")
     variables = [stream.text() for _ in range(count)]
     zones: list[_Zone] = []
-    while (marker := stream.real()) != END_OF_HEADER:
+    while (marker := stream.real()) != 357.0:
         if marker == ZONE:
             zones.append(_zone(stream, count, packing))
+        elif marker in (399.0, 499.0):
+            what = "a geometry" if marker == 399.0 else "a text"
+            raise ReadError(path, f"{what} is drawn in it", "write it again without texts and geometries")
+        elif marker in (599.0, 699.0, 799.0, 899.0):  # labels, a user's record, auxiliary data, those of a variable
+            for _ in range(stream.whole() if marker == 599.0 else marker == 699.0):
+                stream.text()
+            if marker == 899.0:
+                stream.whole()
+            if marker > 700.0:
+                stream.text(), stream.whole(), stream.text()
         else:
-            _words(stream, marker)
+            raise stream.fault(f"the header contains {marker!r} in place of a zone")
     if not zones:
         raise stream.fault("it has no zones")
     for number, zone in enumerate(zones):
@@ -138,24 +148,7 @@ def _read(path: Path, data: bytes, version: int, packing: bool, time) -> Dataset
     timed = len({zone.time for zone in zones}) > 1
     times = [zone.time if timed else None for zone in zones]
     strands = [zone.strand for zone in zones]
-    return at_time(path, variables, blocks, without_static(times, strands, STATIC), "Tecplot binary", time)
-
-
-def _words(stream: _Bytes, marker: float) -> None:
-    """Move past a record of the header that is not a zone."""
-    if marker in DRAWN:
-        raise ReadError(stream.path, f"{DRAWN[marker]} is drawn in it", "write it again without texts and geometries")
-    if marker == LABELS:
-        for _ in range(stream.whole()):
-            stream.text()
-    elif marker == USER:
-        stream.text()
-    elif marker in (AUXILIARY, OF_VARIABLE):
-        if marker == OF_VARIABLE:
-            stream.whole()
-        stream.text(), stream.whole(), stream.text()
-    else:
-        raise stream.fault(f"the header contains {marker!r} in place of a zone")
+    return at_time(path, variables, blocks, without_static(times, strands, -1), "Tecplot binary", time)
 
 
 def _zone(stream: _Bytes, count: int, packing: bool) -> _Zone:
@@ -200,11 +193,10 @@ def _data(stream: _Bytes, zone: _Zone, before: list[_Zone], count: int) -> None:
     connectivity = stream.whole()
     if max(connectivity, int(shared.max())) >= len(before):
         raise stream.fault(f"zone {zone.name!r} shares with a zone that is not there")
-    own = [k for k in range(count) if not passive[k] and shared[k] < 0]
-    ranges = stream.take("f8", 2 * len(own)).reshape(-1, 2)
+    stream.take("f8", 2 * int(((passive == 0) & (shared < 0)).sum()))  # the ranges of the values
     nodes = int(np.prod(zone.counts)) if zone.kind == 0 else zone.counts[0]
     for k in range(count):
-        size = _cell_count(zone) if zone.in_cells[k] else nodes
+        size = zone.cell_count if zone.in_cells[k] else nodes
         if shared[k] >= 0:
             zone.arrays.append(before[int(shared[k])].arrays[k])
             if len(zone.arrays[k]) != size:
@@ -212,36 +204,18 @@ def _data(stream: _Bytes, zone: _Zone, before: list[_Zone], count: int) -> None:
         elif passive[k]:
             zone.arrays.append(np.zeros(size))
         else:
-            values = (
-                _cell_values(stream, zone, KINDS[kinds[k]]) if zone.in_cells[k] else stream.take(KINDS[kinds[k]], nodes)
-            )
+            kind = KINDS[kinds[k]]
+            values = _cell_values(stream, zone, kind) if zone.in_cells[k] else stream.take(kind, nodes)
             zone.arrays.append(values.astype(np.float64))
-            _check_range(stream, zone, k, zone.arrays[k], ranges[own.index(k)])
     if zone.kind:
         if connectivity >= 0:
             zone.cells = before[connectivity].cells
             return
-        kind, corners = ELEMENTS[zone.kind]
+        element, corners = ELEMENTS[zone.kind]
         index = stream.take("i4", corners * zone.counts[1]).astype(np.int64)
         if index.min() < 0 or index.max() >= nodes:
             raise stream.fault(f"elements of zone {zone.name!r} refer to nodes beyond the {nodes} that there are")
-        zone.cells = element_cells(kind, index.reshape(-1, corners))
-
-
-def _check_range(stream: _Bytes, zone: _Zone, k: int, values: np.ndarray, announced: np.ndarray) -> None:
-    """Check values against the range that the file states; some writers state an empty range."""
-    low, high = (float(v) for v in announced)
-    if low >= high or not np.isfinite([low, high]).all() or not len(values):
-        return
-    slack = 1e-5 * max(abs(low), abs(high))
-    if not (np.isfinite(values).all() and values.min() >= low - slack and values.max() <= high + slack):
-        raise stream.fault(f"variable {k + 1} of zone {zone.name!r} leaves its own range {low:g} to {high:g}")
-
-
-def _cell_count(zone: _Zone) -> int:
-    if zone.kind:
-        return zone.counts[1]
-    return int(np.prod([max(n - 1, 1) for n in zone.counts]))
+        zone.cells = element_cells(element, index.reshape(-1, corners))
 
 
 def _cell_values(stream: _Bytes, zone: _Zone, kind: str) -> np.ndarray:

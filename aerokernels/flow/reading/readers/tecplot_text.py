@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from aerokernels.flow.reading.arrays import COLUMNS, PLACE, axes_of, length_of, plain_name
+from aerokernels.flow.reading.arrays import PLACE, Direction, coordinates_of, length_of
 from aerokernels.flow.reading.dataset import (
     HEXAHEDRON,
     LINE,
@@ -24,6 +24,7 @@ from aerokernels.flow.reading.dataset import (
     Dataset,
     ReadError,
     chosen_time,
+    starts_of,
     whole_number,
 )
 from aerokernels.flow.reading.readers.point_table import fortran_numbers
@@ -35,9 +36,6 @@ ELEMENTS = {
     "BRICK": (HEXAHEDRON, 8),
     "LINESEG": (LINE, 2),
 }
-_PAIR = re.compile(r'([A-Za-z][\w ]*?)\s*=\s*("[^"]*"|\((?:[^()]|\([^()]*\))*\)|[^\s,=]+)')
-_NUMBER = re.compile(r"^\s*[-+.\d]")
-_REPEAT = re.compile(r"(\d+)\*(\S+)")
 
 
 def read(path: Path, time: Any, options: Mapping[str, Any]) -> Dataset:
@@ -95,46 +93,36 @@ def _is_line(block: Block) -> bool:
 def _parts(path: Path, text: str):
     """Return the variables' names, and the header and numbers of each zone."""
     variables: list[str] = []
-    zones: list[tuple[dict[str, str], str]] = []
-    head: list[str] | None = None
-    body: list[str] = []
+    zones: list[tuple[list[str], list[str]]] = []  # the lines of the header, and those of numbers
     where = ""
-
-    def close() -> None:
-        if head is not None:
-            # A zone's header has fewer characters.
-            if len(written := " ".join(head)) > 10_000:
-                raise ReadError(path, f"the head of zone {len(zones) + 1} has {len(written)} letters", UNFINISHED)
-            zones.append((_pairs(written), "\n".join(body)))
-
+    others = ("TITLE", "FILETYPE", "DATASETAUXDATA", "TEXT", "GEOMETRY", "VARAUXDATA", "CUSTOMLABELS")
     for line in text.splitlines():
         plain = line.strip()
         if not plain or plain.startswith("#"):
             continue
         upper = plain.upper()
         if upper.startswith("ZONE"):
-            close()
-            head, body, where = [plain[4:]], [], "zone"
-        elif upper.startswith(
-            ("TITLE", "FILETYPE", "DATASETAUXDATA", "TEXT", "GEOMETRY", "VARAUXDATA", "CUSTOMLABELS")
-        ):
+            zones.append(([plain[4:]], []))
+            where = "zone"
+        elif upper.startswith(others):
             where = "other"
         elif upper.startswith("VARIABLES"):
             variables, where = _names(plain.split("=", 1)[-1]), "variables"
-        elif _NUMBER.match(plain) and where in ("zone", "numbers"):
-            body.append(plain)
+        elif where in ("zone", "numbers") and (plain[0] in "-+." or plain[0].isdigit()):
+            zones[-1][1].append(plain)
             where = "numbers"
         elif where == "variables":
             variables += _names(plain)
-        elif where == "zone" and head is not None:
-            if not upper.startswith("AUXDATA"):
-                head.append(plain)
+        elif where == "zone":
+            zones[-1][0].extend([] if upper.startswith("AUXDATA") else [plain])
         elif where == "numbers":
-            raise ReadError(path, f"{plain[:40]!r} is among the numbers of zone {len(zones) + 1}", UNFINISHED)
-    close()
+            raise ReadError(path, f"{plain[:40]!r} is among the numbers of zone {len(zones)}", UNFINISHED)
     if not variables or not zones:
         raise ReadError(path, "it has no VARIABLES or no ZONE", "give a data file of Tecplot")
-    return variables, zones
+    for number, (head, _) in enumerate(zones, start=1):
+        if (length := sum(map(len, head))) > 10_000:  # a zone's header has fewer characters
+            raise ReadError(path, f"the head of zone {number} has {length} letters", UNFINISHED)
+    return variables, [(_pairs(" ".join(head)), "\n".join(body)) for head, body in zones]
 
 
 def _names(text: str) -> list[str]:
@@ -142,7 +130,8 @@ def _names(text: str) -> list[str]:
 
 
 def _pairs(text: str) -> dict[str, str]:
-    return {re.sub(r"\s", "", key.split()[-1]).upper(): value.strip('"') for key, value in _PAIR.findall(text)}
+    pairs = re.findall(r'([A-Za-z][\w ]*?)\s*=\s*("[^"]*"|\((?:[^()]|\([^()]*\))*\)|[^\s,=]+)', text)
+    return {re.sub(r"\s", "", key.split()[-1]).upper(): value.strip('"') for key, value in pairs}
 
 
 def zone_block(path: Path, variables: list[str], head: dict[str, str], text: str, held: list) -> Block:
@@ -185,12 +174,11 @@ def zone_block(path: Path, variables: list[str], head: dict[str, str], text: str
     if any(len(arrays[k]) != (cells if k in in_cells else nodes) for k in shared):
         raise ReadError(path, f"{name} shares a variable of another size", UNFINISHED)
     connectivity = numbers[sum(width) :]
+    index = connectivity.astype(np.int64) - 1
     if corners:
-        index = connectivity.astype(np.int64) - 1
-        if (index + 1 != connectivity).any() or index.min() < 0 or index.max() >= nodes:
-            raise ReadError(path, f"elements of {name} refer to nodes beyond the {nodes} that there are", UNFINISHED)
         whole = element_cells(ELEMENTS[kind][0], index.reshape(cells, corners))
-    if whole is not None and whole.points.max(initial=0) >= nodes:
+    listed = np.empty(0, np.int64) if whole is None else whole.points
+    if (index + 1 != connectivity).any() or listed.min(initial=0) < 0 or listed.max(initial=0) >= nodes:
         raise ReadError(path, f"elements of {name} refer to nodes beyond the {nodes} that there are", UNFINISHED)
     held.append((arrays, whole))
     return assembled(path, variables, arrays, in_cells, shape, whole, name)
@@ -233,7 +221,7 @@ def element_cells(kind: int, corners: np.ndarray) -> Cells:
     if kind == QUAD and (twice := corners[:, 3] == corners[:, 2]).any():
         width = np.where(twice, 3, 4)
         flat = corners[np.arange(4) < width[:, None]]
-        return Cells(np.where(twice, TRIANGLE, QUAD).astype(np.uint8), np.concatenate([[0], np.cumsum(width)]), flat)
+        return Cells(np.where(twice, TRIANGLE, QUAD).astype(np.uint8), starts_of(width), flat)
     return Cells.of_one_type(kind, corners)
 
 
@@ -251,12 +239,10 @@ def assembled(path, variables, arrays, in_cells, shape, cells, name) -> Block:
     return Block(points, cells, shape, point, cell, None, name)
 
 
-def coordinate_columns(variables: list[str]) -> tuple[dict[int, int], tuple[float, float, float] | None]:
+def coordinate_columns(variables: list[str]) -> tuple[dict[int, int], Direction | None]:
     """Return the variable of the coordinate along each axis, {axis number: variable number}, and the symmetry axis."""
-    plain = [plain_name(v) for v in variables]
-    known = {axis: k for axis, names in COLUMNS.items() for k in reversed(range(len(plain))) if plain[k] in names}
-    axes, symmetry = axes_of(known)
-    return {PLACE[axis]: known[axis] for axis in axes}, symmetry
+    known, symmetry = coordinates_of(variables)
+    return {PLACE[axis]: variables.index(name) for axis, name in known.items()}, symmetry
 
 
 def _numbered(path: Path, key: str, numbers: str, count: int) -> set[int]:
@@ -298,7 +284,7 @@ def _numbers(path: Path, name: str, text: str, expected: int) -> np.ndarray:
     text = text.replace(",", " ")
     counts = None
     if "*" in text:
-        words = [_REPEAT.fullmatch(word) or word for word in text.split()]
+        words = [re.fullmatch(r"(\d+)\*(\S+)", word) or word for word in text.split()]
         repeats = [1 if isinstance(word, str) else int(word[1]) for word in words]
         _check_count(path, name, sum(repeats), expected)  # before expanding: a damaged count may be huge
         # Greatest ratio of a zone's numbers to written ones: a coordinate changes along the first index.

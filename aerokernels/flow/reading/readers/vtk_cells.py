@@ -15,7 +15,6 @@ from aerokernels.flow.reading.dataset import (
     CORNERS,
     DAMAGED,
     FLAT,
-    GREATEST_COORDINATE,
     HEXAHEDRON,
     LINE,
     PRISM,
@@ -27,20 +26,103 @@ from aerokernels.flow.reading.dataset import (
     Cells,
     Faces,
     ReadError,
+    entries_of,
+    starts_of,
 )
 from aerokernels.flow.reading.volumes.solids import FACES
 
 TENSOR = {70: (QUAD, 2), 72: (HEXAHEDRON, 3)}  # VTK's Lagrange cells, the linear cells between their nodes, dimensions
 # Other types keep their corners; at these point counts (first and second order) only nodes between them are lost.
 BY_CORNERS = {69: (TRIANGLE, 3, (3, 6, 7)), 71: (TETRAHEDRON, 4, (4, 10)), 73: (PRISM, 6, (6, 15, 18))}
-STRUCTURED_ORDER = {11: [0, 1, 3, 2, 4, 5, 7, 6], 8: [0, 1, 3, 2]}  # voxel and pixel corners in hexahedron, quad order
-LINEAR = {11: 12, 8: 9}
+# Voxel and pixel corners in the order of a hexahedron or quadrilateral.
+STRUCTURED = {11: (HEXAHEDRON, [0, 1, 3, 2, 4, 5, 7, 6]), 8: (QUAD, [0, 1, 3, 2])}
 # Quadratic cells, which list their corners first, and the linear cell of each.
 QUADRATIC = {21: 3, 35: 3, 22: 5, 34: 5, 23: 9, 28: 9, 30: 9, 24: 10, 25: 12, 29: 12, 33: 12, 26: 13, 31: 13, 32: 13,
              27: 14, 37: 14}  # fmt: skip
 NO_FLOW = (0, 1, 2, 3, 4, 51, 60, 68, 75)  # empty cells, points, lines and curves
-SAME = 1e-13  # of a mesh's size: points this close differ by rounding
-LEAST_SHARE = 0.05  # of the points: from this share of duplicates on, elements have points of their own
+
+
+def cells_of(path: Path | str, data, notes: dict[str, None]) -> tuple[Cells | None, np.ndarray | None]:
+    """Return the cells, and the file's cell that each came from if high-order cells were divided, else None."""
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+    from vtkmodules.vtkCommonCore import vtkVersion
+    from vtkmodules.vtkCommonDataModel import vtkPolyData
+
+    def listed(array) -> tuple[np.ndarray, np.ndarray]:
+        own = array.GetOffsetsArray(), array.GetConnectivityArray()
+        return vtk_to_numpy(own[0]).astype(np.int64), vtk_to_numpy(own[1]).astype(np.int64)
+
+    count = data.GetNumberOfCells()
+    if not count:
+        return None, None
+    if isinstance(data, vtkPolyData):
+        polygons = data.GetPolys().GetNumberOfCells()
+        if polygons not in (0, count):
+            raise ReadError(path, "it mixes polygons with lines or points", "give a surface of polygons, or a grid")
+        start, points = listed(data.GetPolys())
+        return Cells.polygons(np.diff(start), points) if polygons else None, None
+    start, points = listed(data.GetCells())
+    # VTK 9.6 renamed the method.
+    named_anew = (vtkVersion.GetVTKMajorVersion(), vtkVersion.GetVTKMinorVersion()) >= (9, 6)
+    types = data.GetCellTypes() if named_anew else data.GetCellTypesArray()
+    kinds = (np.array([data.GetCellType(0)]) if count == 1 else vtk_to_numpy(types)).astype(np.uint8)
+    corners = {kind: CORNERS.get(plain, 2) for kind, plain in QUADRATIC.items()}
+    corners |= {kind: own for kind, (_, own, _) in BY_CORNERS.items()}
+    between = [(kinds == kind) & (np.diff(start) > own) for kind, own in corners.items() if own > 2]
+    if second := int(sum(own.sum() for own in between)):
+        notes[f"{second} of {len(kinds)} cells are of second order: they are read by their corners alone"] = None
+    start, points, kinds = _linear(start, points, kinds)
+    start, points, kinds, parent = linear_cells(path, start, points, kinds)
+    if len(unknown := np.setdiff1d(kinds, [*NO_FLOW, *FLAT, *SOLID])):
+        raise ReadError(
+            path, f"it has cells of VTK's type {unknown[0]}, which are not read", "write triangles, quadrilaterals, "
+            "polygons, tetrahedra, hexahedra, prisms, pyramids or polyhedra"
+        )  # fmt: skip
+    if not (kinds == 42).any():
+        return Cells(kinds, start, points), parent
+    if parent is not None:
+        raise ReadError(path, "it has polyhedra and cells of high order", "write linear cells")
+    faces, of_cells = data.GetPolyhedronFaces(), data.GetPolyhedronFaceLocations()
+    if faces is None or of_cells is None or of_cells.GetNumberOfCells() != len(kinds):
+        raise ReadError(path, "its polyhedra have no faces", DAMAGED)
+    return Cells(kinds, start, points, _faces(path, listed(faces), listed(of_cells), (start, points, kinds))), None
+
+
+def _faces(path, faces, of_cells, cells) -> Faces:
+    """Return the faces of all cells; a face between two cells is listed twice, once for each."""
+    (begin, flat), (first, number), (start, points, kinds) = faces, of_cells, cells
+    if len(number) and (number.min() < 0 or number.max() >= len(begin) - 1):
+        raise ReadError(path, "its polyhedra name faces that are not there", DAMAGED)
+    width = np.diff(begin)[number]
+    widths, corners = [width], [flat[entries_of(begin[number], width)]]
+    owner = [np.repeat(np.arange(len(kinds)), np.diff(first))]
+    for kind, table in FACES.items():
+        own = np.flatnonzero(kinds == kind)
+        for face in table:
+            ring = list(dict.fromkeys(face))  # a triangle names its last corner twice
+            corners.append(points[start[own][:, None] + ring].ravel())
+            widths.append(np.full(len(own), len(ring)))
+            owner.append(own)
+    ends = starts_of(np.concatenate(widths))
+    return Faces(ends, np.concatenate(corners), np.concatenate(owner), np.empty(0, np.int64))
+
+
+def _linear(start, points, kinds):
+    """Convert voxels and pixels to hexahedra and quadrilaterals, and quadratic cells to their corners."""
+    for kind, (plain, order) in STRUCTURED.items():
+        own = np.flatnonzero(kinds == kind)
+        if len(own):
+            entry = start[own][:, None] + np.arange(len(order))
+            points = points.copy()
+            points[entry] = points[entry[:, order]]
+            kinds = np.where(kinds == kind, plain, kinds).astype(np.uint8)
+    if np.isin(kinds, list(QUADRATIC)).any():
+        keep = np.diff(start)
+        for kind, plain in QUADRATIC.items():
+            keep[kinds == kind] = {LINE: 2, **CORNERS}[plain]
+            kinds = np.where(kinds == kind, plain, kinds).astype(np.uint8)
+        points, start = points[entries_of(start[:-1], keep)], starts_of(keep)
+    return start, points, kinds
 
 
 def linear_cells(path, start: np.ndarray, points: np.ndarray, kinds: np.ndarray):
@@ -62,10 +144,8 @@ def linear_cells(path, start: np.ndarray, points: np.ndarray, kinds: np.ndarray)
     types = np.concatenate([np.full(len(own) * corners.shape[1], kind, np.uint8) for own, kind, corners in parts])
     widths = np.concatenate([np.full(len(own) * corners.shape[1], corners.shape[2]) for own, _, corners in parts])
     flat = np.concatenate([corners.ravel() for _, _, corners in parts])
-    begin = np.concatenate([[0], np.cumsum(widths)])[:-1][order]
-    start = np.concatenate([[0], np.cumsum(widths[order])])
-    at = np.arange(start[-1]) + np.repeat(begin - start[:-1], widths[order])
-    return start, flat[at], types[order], parent[order]
+    at = entries_of(starts_of(widths)[:-1][order], widths[order])
+    return starts_of(widths[order]), flat[at], types[order], parent[order]
 
 
 def _parts(path, kind: int, count: int) -> tuple[int, np.ndarray]:
@@ -97,15 +177,6 @@ def _between_nodes(nodes: int, axes: int) -> np.ndarray:
     return np.stack(cut, axis=1)
 
 
-def _is_damaged(block: Block) -> bool:
-    """Return whether coordinates or point numbers are invalid; later stages reject such blocks."""
-    assert block.cells is not None
-    numbers = [block.cells.points, *([] if block.cells.faces is None else [block.cells.faces.points])]
-    with np.errstate(invalid="ignore"):
-        placed = bool((np.abs(block.points) < GREATEST_COORDINATE).all())
-    return not placed or any(len(own) and (own.min() < 0 or own.max() >= len(block.points)) for own in numbers)
-
-
 def _are_apart(points: np.ndarray) -> bool:
     """Return whether no points share a place, by a quick hash."""
     size = max(float(np.ptp(points, axis=0).max()), 1e-300)
@@ -120,10 +191,10 @@ def joined(block: Block) -> tuple[Block, str | None]:
 
     Points of blanked cells alone, such as the ghost cells of a piece, do not count in the mean of a place.
     """
-    cells = block.cells
-    if block.shape is not None or cells is None or _is_damaged(block) or _are_apart(block.points):
+    cells, blank = block.cells, block.blank
+    if block.shape is not None or cells is None or _are_apart(block.points):
         return block, None
-    near = SAME * float(np.ptp(block.points, axis=0).max())
+    near = 1e-13 * float(np.ptp(block.points, axis=0).max())  # points this close differ by rounding
     labels = np.empty(block.points.shape, np.int64)
     for axis, places in enumerate(block.points.T):
         order = np.argsort(places)
@@ -131,11 +202,15 @@ def joined(block: Block) -> tuple[Block, str | None]:
     _, first, number = np.unique(labels, axis=0, return_index=True, return_inverse=True)
     number, twice = number.ravel(), len(block.points) - len(first)
     said = "elements that have points of their own are written"
-    if twice < LEAST_SHARE * len(block.points):
+    if twice < 0.05 * len(block.points):  # from this share of duplicates on, elements have points of their own
         said = "the pieces of a partitioned mesh are written"
         if not _are_of_pieces(cells, number):
             return block, None
-    counts = _counting(block)
+    of_cells = blank is not None and len(blank) == len(cells)
+    counts = np.ones(len(block.points))
+    if blank is not None and of_cells:
+        counts[:] = 0.0
+        counts[cells.points[np.repeat(~blank, np.diff(cells.start))]] = 1.0
     weight = np.where(np.bincount(number, counts) > 0.0, 0.0, 1.0)[number] + counts
     total = np.bincount(number, weight)
 
@@ -146,31 +221,16 @@ def joined(block: Block) -> tuple[Block, str | None]:
             found = np.stack([np.bincount(number, own * weight) / total for own in kept], axis=1)
         return found.reshape(-1, *values.shape[1:])
 
-    blank = block.blank
-    if blank is not None and len(blank) == len(block.points) != len(cells):
-        blank = mean(blank) > 0.0
     faces = None if cells.faces is None else replace(cells.faces, points=number[cells.faces.points])
-    made = replace(
+    whole = replace(
         block,
         points=block.points[first],
         cells=replace(cells, points=number[cells.points], faces=faces),
         point_data={name: mean(values) for name, values in block.point_data.items()},
-        blank=blank,
+        blank=blank if blank is None or of_cells else mean(blank) > 0.0,
     )
-    return made, (
-        f"{twice} of {len(block.points)} points coincide with another, as {said}: each place has the mean of the "
-        "values there"
-    )
-
-
-def _counting(block: Block) -> np.ndarray:
-    """Return 1 for points of cells that are not blanked, else 0, shape (point_count,)."""
-    assert block.cells is not None
-    counts = np.ones(len(block.points))
-    if block.blank is not None and len(block.blank) == len(block.cells):
-        counts[:] = 0.0
-        counts[block.cells.points[np.repeat(~block.blank, np.diff(block.cells.start))]] = 1.0
-    return counts
+    note = f"{twice} of {len(block.points)} points coincide with another, as {said}"
+    return whole, f"{note}: each place has the mean of the values there"
 
 
 def _are_of_pieces(cells: Cells, number: np.ndarray) -> bool:
@@ -187,111 +247,3 @@ def _are_of_pieces(cells: Cells, number: np.ndarray) -> bool:
     links = coo_array((np.ones(len(first), np.int8), (first, cells.points)), (count, count))
     pieces = connected_components(links, directed=False)[1]
     return len(np.unique(np.stack([number, pieces]), axis=1).T) == count
-
-
-def cells_of(path: Path | str, data, notes: dict[str, None]) -> tuple[Cells | None, np.ndarray | None]:
-    """Return the cells, and the file's cell that each came from if high-order cells were divided, else None."""
-    from vtkmodules.util.numpy_support import vtk_to_numpy
-    from vtkmodules.vtkCommonDataModel import vtkPolyData
-
-    if not data.GetNumberOfCells():
-        return None, None
-    if isinstance(data, vtkPolyData):
-        return _polygons(path, data), None
-    array = data.GetCells()
-    start = vtk_to_numpy(array.GetOffsetsArray()).astype(np.int64)
-    points = vtk_to_numpy(array.GetConnectivityArray()).astype(np.int64)
-    kinds = np.array([data.GetCellType(0)]) if len(start) == 2 else vtk_to_numpy(_types(data))
-    kinds = kinds.astype(np.uint8)
-    if second := _read_by_corners(kinds, np.diff(start)):
-        notes[f"{second} of {len(kinds)} cells are of second order: they are read by their corners alone"] = None
-    start, points, kinds = _linear(start, points, kinds)
-    start, points, kinds, parent = linear_cells(path, start, points, kinds)
-    if len(unknown := np.setdiff1d(kinds, [*NO_FLOW, *FLAT, *SOLID])):
-        raise ReadError(
-            path, f"it has cells of VTK's type {unknown[0]}, which are not read", "write triangles, quadrilaterals, "
-            "polygons, tetrahedra, hexahedra, prisms, pyramids or polyhedra"
-        )  # fmt: skip
-    faces = None
-    if (kinds == 42).any():
-        if parent is not None:
-            raise ReadError(path, "it has polyhedra and cells of high order", "write linear cells")
-        faces = _polyhedra(path, data, start, points, kinds)
-    return Cells(kinds, start, points, faces), parent
-
-
-def _types(data):
-    from vtkmodules.vtkCommonCore import vtkVersion
-
-    # VTK 9.6 renamed the method.
-    named_anew = (vtkVersion.GetVTKMajorVersion(), vtkVersion.GetVTKMinorVersion()) >= (9, 6)
-    return data.GetCellTypes() if named_anew else data.GetCellTypesArray()
-
-
-def _polygons(path: Path | str, data) -> Cells | None:
-    from vtkmodules.util.numpy_support import vtk_to_numpy
-
-    array = data.GetPolys()
-    count = array.GetNumberOfCells()
-    if not count:
-        return None
-    if count != data.GetNumberOfCells():
-        raise ReadError(path, "it mixes polygons with lines or points", "give a surface of polygons, or a grid")
-    start = vtk_to_numpy(array.GetOffsetsArray()).astype(np.int64)
-    return Cells(np.full(count, 7, np.uint8), start, vtk_to_numpy(array.GetConnectivityArray()).astype(np.int64))
-
-
-def _linear(start, points, kinds):
-    """Convert voxels and pixels to hexahedra and quadrilaterals, and quadratic cells to their corners."""
-    for kind, order in STRUCTURED_ORDER.items():
-        own = np.flatnonzero(kinds == kind)
-        if len(own):
-            place = start[own][:, None] + np.array(order)
-            points = points.copy()
-            points[start[own][:, None] + np.arange(len(order))] = points[place]
-            kinds = np.where(kinds == kind, LINEAR[kind], kinds).astype(np.uint8)
-    if np.isin(kinds, list(QUADRATIC)).any():
-        width = np.diff(start)
-        keep = width.copy()
-        for kind, plain in QUADRATIC.items():
-            keep[kinds == kind] = {LINE: 2, **CORNERS}[plain]
-            kinds = np.where(kinds == kind, plain, kinds).astype(np.uint8)
-        within = np.arange(len(points)) - np.repeat(start[:-1], width)
-        points = points[within < np.repeat(keep, width)]
-        start = np.concatenate([[0], np.cumsum(keep)])
-    return start, points, kinds
-
-
-def _read_by_corners(kinds: np.ndarray, width: np.ndarray) -> int:
-    """Return how many cells of the flow have points between their corners that are left out."""
-    corners = {**{kind: CORNERS.get(plain, 2) for kind, plain in QUADRATIC.items()},
-               **{kind: count for kind, (_, count, _) in BY_CORNERS.items()}}  # fmt: skip
-    return sum(int(((kinds == kind) & (width > count)).sum()) for kind, count in corners.items() if count > 2)
-
-
-def _polyhedra(path, data, start: np.ndarray, points: np.ndarray, kinds: np.ndarray) -> Faces:
-    """Return the faces of all cells; a face between two cells is listed twice, once for each."""
-    from vtkmodules.util.numpy_support import vtk_to_numpy
-
-    faces, of_cells = data.GetPolyhedronFaces(), data.GetPolyhedronFaceLocations()
-    if faces is None or of_cells is None or of_cells.GetNumberOfCells() != len(kinds):
-        raise ReadError(path, "its polyhedra have no faces", DAMAGED)
-    begin, flat, first, number = (
-        vtk_to_numpy(array).astype(np.int64)
-        for own in (faces, of_cells)
-        for array in (own.GetOffsetsArray(), own.GetConnectivityArray())
-    )
-    if len(number) and (number.min() < 0 or number.max() >= len(begin) - 1):
-        raise ReadError(path, "its polyhedra name faces that are not there", DAMAGED)
-    width = np.diff(begin)[number]
-    at = np.arange(width.sum()) + np.repeat(begin[number] - (np.cumsum(width) - width), width)
-    widths, corners, owner = [width], [flat[at]], [np.repeat(np.arange(len(kinds)), np.diff(first))]
-    for kind, table in FACES.items():
-        own = np.flatnonzero(kinds == kind)
-        for face in table:
-            ring = list(dict.fromkeys(face))  # a triangle names its last corner twice
-            corners.append(points[start[own][:, None] + ring].ravel())
-            widths.append(np.full(len(own), len(ring)))
-            owner.append(own)
-    ends = np.concatenate([[0], np.cumsum(np.concatenate(widths))])
-    return Faces(ends, np.concatenate(corners), np.concatenate(owner), np.empty(0, np.int64))

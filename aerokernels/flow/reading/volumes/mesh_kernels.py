@@ -44,15 +44,12 @@ def densities_at_nodes(
     low = value
     high = value
     slope = wp.vec3d(wp.float64(0.0), wp.float64(0.0), wp.float64(0.0))
-    entry = start_in[held]
-    end = start_in[held + 1]
-    while entry < end:
+    for entry in range(int(start_in[held]), int(start_in[held + 1])):
         near = near_in[column_in[entry]]
         # The weights sum to zero: differences keep the digits of a nearly uniform density.
         slope += (near - value) * weight_in[entry]
         low = wp.min(low, near)
         high = wp.max(high, near)
-        entry += wp.int64(1)
     constant = value - wp.dot(middle_in[held] - origin, slope)
     half = wp.float64(0.5)
     per_row = wp.float64(1.0) / wp.float64(row_count)
@@ -123,32 +120,27 @@ def slope_weights(
 ):
     """Compute the weights of each row's values in the least-squares slope, and the mean of the row's points."""
     row = first + wp.tid()
-    begin = start_in[row]
-    end = start_in[row + 1]
+    begin = int(start_in[row])
+    end = int(start_in[row + 1])
     if begin == end:
         return
-    count = int(end - begin)
     total = wp.vec3d()
-    for n in range(count):
-        k = begin + wp.int64(n)
+    for k in range(begin, end):
         total += point_in[column_in[k]]
-    centre = total / wp.float64(count)
+    centre = total / wp.float64(end - begin)
     square = wp.mat33d()
-    for n in range(count):
-        k = begin + wp.int64(n)
+    for k in range(begin, end):
         step = point_in[column_in[k]] - centre
         square += wp.outer(step, step)
     inverse = inverse_or_zero(square)
     # One correction step removes rounding errors in the slope of a linear function, which matter in flat cells.
     found = wp.mat33d()
-    for n in range(count):
-        k = begin + wp.int64(n)
+    for k in range(begin, end):
         step = point_in[column_in[k]] - centre
         found += wp.outer(inverse * step, step)
     if wp.trace(inverse) > wp.float64(0.0):
         inverse = wp.float64(2.0) * inverse - found * inverse
-    for n in range(count):
-        k = begin + wp.int64(n)
+    for k in range(begin, end):
         weight_out[k] = inverse * (point_in[column_in[k]] - centre)
     centre_out[row] = centre
 
@@ -170,22 +162,19 @@ def convex_weights(
     weights are equal.
     """
     row = first + wp.tid()
-    begin = start_in[row]
-    end = start_in[row + 1]
+    begin = int(start_in[row])
+    end = int(start_in[row + 1])
     inside_out[row] = 0
     if begin == end:
         return
-    count = int(end - begin)
-    equal = wp.float64(1.0) / wp.float64(count)
+    equal = wp.float64(1.0) / wp.float64(end - begin)
     at = point_in[row]
     total = wp.vec3d()
-    for n in range(count):
-        k = begin + wp.int64(n)
+    for k in range(begin, end):
         total += middle_in[column_in[k]] - at
     mean = total * equal
     square = wp.mat33d()
-    for n in range(count):
-        k = begin + wp.int64(n)
+    for k in range(begin, end):
         step = middle_in[column_in[k]] - at - mean
         square += wp.outer(step, step)
     inverse = inverse_or_zero(square)
@@ -193,15 +182,13 @@ def convex_weights(
     turn = inverse * mean
     least = wp.float64(1.0)
     missed = wp.vec3d()
-    for n in range(count):
-        k = begin + wp.int64(n)
+    for k in range(begin, end):
         step = middle_in[column_in[k]] - at
         weight = equal - wp.dot(turn, step - mean)
         missed += weight * step
     turn += inverse * missed  # correct for rounding
     missed = wp.vec3d()
-    for n in range(count):
-        k = begin + wp.int64(n)
+    for k in range(begin, end):
         step = middle_in[column_in[k]] - at
         weight = equal - wp.dot(turn, step - mean)
         weight_out[k] = weight
@@ -217,14 +204,12 @@ def convex_weights(
     steps = int(0)
     while rank == 1 and agreed == 0 and steps < NEWTON_STEPS:
         highest = wp.float64(-1.0e300)
-        for n in range(count):
-            k = begin + wp.int64(n)
+        for k in range(begin, end):
             highest = wp.max(highest, wp.dot(tilt, middle_in[column_in[k]] - at))
         share = wp.float64(0.0)
         slope = wp.vec3d()
         bend = wp.mat33d()
-        for n in range(count):
-            k = begin + wp.int64(n)
+        for k in range(begin, end):
             step = middle_in[column_in[k]] - at
             weight = wp.exp(wp.dot(tilt, step) - highest)
             share += weight
@@ -246,24 +231,20 @@ def convex_weights(
         steps += 1
     share = wp.float64(0.0)
     highest = wp.float64(-1.0e300)
-    for n in range(count):
-        k = begin + wp.int64(n)
+    for k in range(begin, end):
         highest = wp.max(highest, wp.dot(tilt, middle_in[column_in[k]] - at))
-    for n in range(count):
-        k = begin + wp.int64(n)
+    for k in range(begin, end):
         weight = equal
         if agreed == 1:
             weight = wp.exp(wp.dot(tilt, middle_in[column_in[k]] - at) - highest)
         weight_out[k] = weight
         share += weight
     missed = wp.vec3d()
-    for n in range(count):
-        k = begin + wp.int64(n)
+    for k in range(begin, end):
         weight_out[k] = weight_out[k] / share
         missed += weight_out[k] * (middle_in[column_in[k]] - at)
     if agreed == 1 and wp.length(missed) <= exact:
         inside_out[row] = 1
         return
-    for n in range(count):
-        k = begin + wp.int64(n)
+    for k in range(begin, end):
         weight_out[k] = equal

@@ -76,12 +76,16 @@ class EmptyNodes:
 
     def __init__(self, held: np.ndarray, shape):
         """Find the nodes, and the known nodes from which each is extrapolated."""
+        from scipy.ndimage import binary_dilation
+
         known = held.copy()
         strides = (shape[1] * shape[2], shape[2], 1)
         self._layers: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []  # nodes, and rows of up to three known ones
-        # Layers of nodes into which the density is extrapolated, in a body and beyond the mesh.
-        for depth in range(8):
-            empty = _beside(known, shape)
+        for depth in range(8):  # layers into which the density is extrapolated, in a body and beyond the mesh
+            inside = known.reshape(shape)
+            if inside.all():
+                break
+            empty = np.flatnonzero(binary_dilation(inside) & ~inside).astype(np.int32)
             if not len(empty):
                 break
             place = np.unravel_index(empty, shape)
@@ -118,12 +122,3 @@ class EmptyNodes:
             rise = np.where(near[2] >= 0, lesser(rise, two - three), rise)
             total = np.bincount(row, np.maximum(one + rise, LEAST_SHARE * one), len(node))
             density[node] = total / np.bincount(row, minlength=len(node))
-
-
-def _beside(known: np.ndarray, shape) -> np.ndarray:
-    """Return the nodes that are not known and have a known node beside them."""
-    from scipy.ndimage import binary_dilation
-
-    inside = known.reshape(shape)
-    near = np.zeros(shape, bool) if inside.all() else binary_dilation(inside) & ~inside
-    return np.flatnonzero(near).astype(np.int32)

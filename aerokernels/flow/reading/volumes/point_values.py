@@ -14,6 +14,8 @@ from typing import Any
 
 import numpy as np
 
+from aerokernels.flow.reading.dataset import entries_of, starts_of
+
 LEAST_SHARE = 0.1  # of the least average around a point on the rim: lower bound of its value
 
 
@@ -55,11 +57,8 @@ class Rows:
 
     def select(self, row: np.ndarray) -> tuple["Rows", np.ndarray]:
         """Return some of the rows in a given order, and the positions of their entries in `column`."""
-        begin, width = self.start[row], self.width[row]
-        start = np.zeros(len(row) + 1, np.int64)
-        np.cumsum(width, out=start[1:])
-        entry = np.arange(start[-1]) + np.repeat(begin - start[:-1], width)
-        return Rows(start, self.column[entry]), entry
+        entry = entries_of(self.start[row], self.width[row])
+        return Rows(starts_of(self.width[row]), self.column[entry]), entry
 
     def spread(self, each: np.ndarray) -> np.ndarray:
         """Return the value of its row for each entry."""
@@ -116,8 +115,7 @@ class PointValues:
 
         kept = corners
         if blank is not None:
-            start = np.concatenate([[0], np.cumsum(np.where(blank, 0, corners.width))])
-            kept = Rows(start, corners.column[corners.spread(~blank)])
+            kept = Rows(starts_of(np.where(blank, 0, corners.width)), corners.column[corners.spread(~blank)])
         cells = kept.transposed(len(points))
         weight, inside = np.empty(len(cells.column)), np.zeros(len(points), np.int32)
         points = np.ascontiguousarray(points)
@@ -163,7 +161,10 @@ def _beyond(at_cells, at_points, middle, points, inside, rim):
         inner.data = inside[inner.indices]
         inner.eliminate_zeros()
         rows = Rows.of_matrix(inner)
-        found, full = _values_at(rows, points, points[rim[kept]])
+        at = points[rim[kept]]  # the value of the least-squares line there
+        centre = np.where(rows.width[:, None] > 0, rows.means(points), at)
+        slope, full, _ = _slope_along(rows, points, at - centre)
+        found = rows.spread(1.0 / np.maximum(rows.width, 1)) + slope
         good = full >= rank[kept]
         some, entry = rows.select(np.flatnonzero(good))
         far.append((kept[good], some))
@@ -175,7 +176,7 @@ def _beyond(at_cells, at_points, middle, points, inside, rim):
     width = np.zeros(len(rim), np.int64)
     for row, some in far:
         width[row] = some.width
-    start = np.concatenate([[0], np.cumsum(width)])
+    start = starts_of(width)
     column, together = np.empty(start[-1], np.int32), np.empty(start[-1])
     for (row, some), found in zip(far, far_weight, strict=True):
         _, place = Rows(start, column).select(row)
@@ -205,20 +206,14 @@ def _slope_along(rows: Rows, place: np.ndarray, along: np.ndarray) -> tuple[np.n
     return found, good.sum(axis=1), basis
 
 
-def _values_at(rows: Rows, place: np.ndarray, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return each row's weights in the value of the least-squares line at a place (n, 3), and the line's rank."""
-    centre = np.where(rows.width[:, None] > 0, rows.means(place), at)
-    found, rank, _ = _slope_along(rows, place, at - centre)
-    return rows.spread(1.0 / np.maximum(rows.width, 1)) + found, rank
-
-
 def _together(parts: list[tuple]) -> tuple:
     """Concatenate rows and the arrays of their entries."""
     if not parts:
         return Rows(np.zeros(1, np.int64), np.empty(0, np.int32)), np.empty(0), np.empty((0, 3))
-    start = np.concatenate([[0], *(rows.width for rows, *_ in parts)]).cumsum()
     column = np.concatenate([rows.column for rows, *_ in parts])
-    return Rows(start, column), *(np.concatenate(each) for each in list(zip(*parts, strict=True))[1:])
+    return Rows(starts_of(np.concatenate([rows.width for rows, *_ in parts])), column), *(
+        np.concatenate(each) for each in list(zip(*parts, strict=True))[1:]
+    )
 
 
 @dataclass(frozen=True, eq=False)

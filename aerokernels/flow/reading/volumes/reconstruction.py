@@ -34,28 +34,25 @@ class Linear:
         rise = np.einsum("nk,nk->n", places, self.slope[cell])
         return np.clip(self.constant[cell] + rise, self.low[cell], self.high[cell])
 
-    @classmethod
-    def joined(cls, parts: list["Linear"]) -> "Linear":
-        """Concatenate the cells of several blocks."""
-        return cls(*(np.concatenate([getattr(part, entry.name) for part in parts]) for entry in fields(cls)))
-
 
 class Reconstruction:
     """The weights of the linear functions in the cells of a block, which depend on its mesh alone."""
 
     def __init__(self, block: Block, points: np.ndarray, where: str, facts: CellFacts):
         """Compute the weights of a block with points in the optical frame [m] and values in cells or at points."""
+        from aerokernels.flow.reading.volumes.mesh_kernels import launch, slope_weights
+
+        points = np.ascontiguousarray(points)
         self.where = where
         self.count = block.cell_count if where == "cell" else len(points)
         self.rows = cell_corners(block)
-        self.weight, self.centre = _fitted(self.rows, points)
+        # The weights of the corners in the least-squares slope, and the means of the corners.
+        self.weight, self.centre = np.empty((len(self.rows.column), 3)), np.zeros((block.cell_count, 3))
+        launch(slope_weights, block.cell_count, self.rows.start, self.rows.column, points, self.weight, self.centre)
         self.middle = facts.middle if where == "cell" else self.centre
-        self._of_points: PointValues | None = None
         self.points = points
-        if where == "point":
-            self._corners = self.rows
-        else:
-            self._of_points = PointValues.of(self.rows, self.middle, points, block.blank)
+        # From densities of the cells, or of the points, to values at the points, or means over the corners of the cells
+        self._between = self.rows if where == "point" else PointValues.of(self.rows, self.middle, points, block.blank)
 
     def forget_slopes(self) -> None:
         """Free the weights of the slopes: `values` does not need them."""
@@ -65,9 +62,9 @@ class Reconstruction:
     def values(self, density: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the average of each cell and the values at the points, for densities of the cells or the points."""
         given = np.ascontiguousarray(density, dtype=np.float64)
-        if self._of_points is None:
-            return self._corners.means(given), given
-        return given, self._of_points.values(given)
+        if isinstance(self._between, Rows):
+            return self._between.means(given), given
+        return given, self._between.values(given)
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,16 +130,6 @@ def _points_of_faces(faces: Faces, cell_count: int, point_count: int) -> Rows:
     of = csr_array((np.ones(len(cell), bool), (cell, face)), shape=(cell_count, face_count))
     true = np.ones(len(faces.points), bool)
     return Rows.of_matrix(of @ csr_array((true, faces.points, faces.start), shape=(face_count, point_count)))
-
-
-def _fitted(rows: Rows, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return corner weights in the least-squares slope, shape (entry_count, 3), and the means of the corners."""
-    from aerokernels.flow.reading.volumes.mesh_kernels import launch, slope_weights
-
-    count = len(rows.start) - 1
-    weight, centre = np.empty((len(rows.column), 3)), np.zeros((count, 3))
-    launch(slope_weights, count, rows.start, rows.column, np.ascontiguousarray(points), weight, centre)
-    return weight, centre
 
 
 @dataclass(frozen=True, eq=False)
@@ -269,7 +256,8 @@ class MeasuringLines:
         span = 0.0
         if len(node):
             each = zip(self._parts, [values[k] for k in self._order], strict=True)
-            linear = Linear.joined([part.linear(value, near, self._low) for part, (value, near) in each])
+            found = [part.linear(value, near, self._low) for part, (value, near) in each]
+            linear = Linear(*(np.concatenate([getattr(own, name.name) for own in found]) for name in fields(Linear)))
             truth = linear.at(self._of, self._at - self._low)
             change[node] = self._between @ density - truth
             flat[node] = linear.value[self._of] - truth
@@ -299,11 +287,8 @@ class MeasuringLines:
 def unresolved(lines: np.ndarray, deficit: np.ndarray, cell: np.ndarray, span: float) -> tuple[np.ndarray, np.ndarray]:
     """Return the likely and the greatest error of each line [kg/m2] due to `deficit`, shape (line_count,) each.
 
-    Args:
-        lines: Contribution of `deficit` to each place of each line [kg/m2], shape (line_count, place_count).
-        deficit: Deficit of the function of the cell there [kg/m3], likewise.
-        cell: Numbers of the cells, likewise.
-        span: The range of the density [kg/m3].
+    For each place of each line, shape (line_count, place_count), are given its contribution to the line [kg/m2], the
+    deficit of the function of the cell there [kg/m3] and the cell's number; `span` is the range of the density [kg/m3].
     """
     # In a curved density the deficit of a linear function with the right average is up to h^2 / 12 times the second
     # derivative on a line off the centroids of the cells; at the corners it is h^2 / 4, which is what is measured.

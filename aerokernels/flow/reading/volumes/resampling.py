@@ -39,10 +39,6 @@ class Resampling:
         """Rasterise the cells of a file that was read into a grid.
 
         `moved` are the points of its blocks in the optical frame [m], each (n, 3).
-
-        Raises:
-            ReadError: Cells inside out, duplicate points, no node in a cell.
-            ValueError: A spacing or a region that does not give a grid.
         """
         path, blocks = reading.path, list(reading.dataset.blocks)
         low, step, shape = choose_grid(path, blocks, moved, reading.options["spacing"], reading.options["region"])
@@ -104,8 +100,7 @@ class Resampling:
             ValueError: Arrays that do not fit the mesh, or densities that no gas has.
         """
         given = [densities] if isinstance(densities, np.ndarray) else list(densities)
-        if given and np.ndim(given[0]) == 0:
-            given = [np.asarray(given)]
+        given = [np.asarray(given)] if given and np.ndim(given[0]) == 0 else given
         if len(given) != len(self._parts):
             raise ValueError(
                 f"{len(given)} arrays of densities for {len(self._parts)} blocks of cells: give one for each"
@@ -161,9 +156,11 @@ class Resampling:
 
     def field(self, reading) -> GridDensity:
         """Return the density field of a file on this mesh; its provenance states the changes due to resampling."""
-        found = self.apply([own for own, _ in reading.densities], ambient_density=reading.ambient)
+        found = self.apply([own for own, _ in reading.densities], ambient_density=reading.options["ambient_density"])
         measured = found.resampling
         assert isinstance(measured, VolumeResampling)
+        walls = sorted({patch.name for patch in reading.dataset.patches if patch.kind == "wall"})
+        unused = ", ".join(walls[:3]) + (", ..." if len(walls) > 3 else "")
         said = [
             *reading.described(),
             f"resampled to {' x '.join(map(str, self.shape))} nodes of "
@@ -171,22 +168,13 @@ class Resampling:
             f"{measured.density_rms:.2g} kg/m3 rms, columns along z by {measured.column_rms:.2g} kg/m2 rms",
             *([f"{self.outside_share:.1%} of the nodes {OUTSIDE}"] if self.outside_share else []),
             *([] if self.body is None else [f"a body of {len(self.body.triangles)} triangles"]),
-            *_walls_in_words(reading),
+            *([f"the solver's values at walls ({unused}) are not used in volumes: the cells beside them count"]
+              if walls and self._small is not None else []),
             f"ambient {found.ambient_density:.6g} kg/m3",
-        ]
+        ]  # fmt: skip
         object.__setattr__(found, "composition", self._composition(reading, found.ambient_density))
         object.__setattr__(found, "provenance", f"{reading.path}: {'; '.join(said)}")
         return found
-
-
-def _walls_in_words(reading) -> list[str]:
-    """Return a note that wall values of the file, if any, are not used for volumes."""
-    averages = all(where == "cell" for _, where in reading.densities)
-    walls = sorted({patch.name for patch in reading.dataset.patches if patch.kind == "wall"})
-    if not (averages and walls):
-        return []
-    named = ", ".join(walls[:3]) + (", ..." if len(walls) > 3 else "")
-    return [f"the solver's values at walls ({named}) are not used in volumes: the cells beside them count"]
 
 
 def _first_numbers(blocks: Sequence[Block], moved: Sequence[np.ndarray]) -> list[int]:
@@ -194,14 +182,11 @@ def _first_numbers(blocks: Sequence[Block], moved: Sequence[np.ndarray]) -> list
 
     Where blocks overlap, the cell with the greatest number wins, which is then the finer one.
     """
-
-    def coarseness(k: int) -> int:
-        extent = np.ptp(moved[k], axis=0).prod() if len(moved[k]) else 0.0
-        size = extent / max(blocks[k].cell_count, 1)
-        return round(math.log2(size)) if size > 0.0 else 0
-
+    extents = [np.ptp(points, axis=0).prod() if len(points) else 0.0 for points in moved]
+    sizes = [extent / max(block.cell_count, 1) for extent, block in zip(extents, blocks, strict=True)]
+    coarseness = [round(math.log2(size)) if size > 0.0 else 0 for size in sizes]
     firsts, number = [0] * len(blocks), 0
-    for k in sorted(range(len(blocks)), key=coarseness, reverse=True):
+    for k in sorted(range(len(blocks)), key=coarseness.__getitem__, reverse=True):
         firsts[k] = number
         number += blocks[k].cell_count
     return firsts
@@ -223,17 +208,12 @@ def _asked(reading) -> tuple:
     return grid, reading.options["walls"], reading.frame, reading.scale
 
 
-DEFAULT_NODES = 8_000_000  # of a grid whose spacing the caller did not choose
-NODE_LIMIT = 200_000_000
-LEAST_NODES = 5
-
-
 def choose_grid(path, blocks, moved, spacing, region):
     """Return first node [m], spacing [m] and shape of the grid for blocks with points `moved` to the optical frame [m].
 
-    Raises:
-        ValueError: A spacing or a region that does not give a grid.
+    The limits are of a grid whose spacing the caller did not choose.
     """
+    default_nodes, least_nodes = 8_000_000, 5
     low = np.min([points.min(axis=0) for points in moved], axis=0)
     high = np.max([points.max(axis=0) for points in moved], axis=0)
     whole = high - low
@@ -247,23 +227,21 @@ def choose_grid(path, blocks, moved, spacing, region):
     if spacing is None:
         cells = max(sum(block.cell_count for block in blocks), 1)
         size = float((np.prod(whole) / cells) ** (1.0 / 3.0))
-        step = max(size, float((extent.prod() / DEFAULT_NODES) ** (1.0 / 3.0)))
-        # An axis along which the mesh is thinner still gets LEAST_NODES nodes; the other axes get fewer in return.
-        thin = extent < step * (LEAST_NODES - 1)
+        step = max(size, float((extent.prod() / default_nodes) ** (1.0 / 3.0)))
+        # An axis along which the mesh is thinner still gets least_nodes nodes; the other axes get fewer in return.
+        thin = extent < step * (least_nodes - 1)
         if thin.any() and not thin.all():
             long = extent[~thin]
-            step = max(step, float((long.prod() * LEAST_NODES ** thin.sum() / DEFAULT_NODES) ** (1.0 / len(long))))
+            step = max(step, float((long.prod() * least_nodes ** thin.sum() / default_nodes) ** (1.0 / len(long))))
         wanted = np.full(3, step)
     else:
         form = "spacing must be positive: metres along every axis, or three numbers"
         wanted = np.broadcast_to(_metres(spacing, form, (), (3,)), (3,))
         if not (np.isfinite(wanted).all() and (wanted > 0.0).all()):
             raise ValueError(f"spacing must be positive, got {spacing!r}")
-    nodes = np.maximum(np.ceil(extent / wanted * (1.0 - 1e-9)) + 1.0, LEAST_NODES)
-    if nodes.prod() > NODE_LIMIT:
-        raise ValueError(
-            f"spacing {spacing!r} m asks for {nodes.prod():.3g} nodes, more than {NODE_LIMIT:.1g}: take a wider one"
-        )
+    nodes = np.maximum(np.ceil(extent / wanted * (1.0 - 1e-9)) + 1.0, least_nodes)
+    if nodes.prod() > 2e8:
+        raise ValueError(f"spacing {spacing!r} m asks for {nodes.prod():.3g} nodes, more than 2e+08: take a wider one")
     shape = tuple(int(n) for n in nodes)
     return low, extent / (nodes - 1.0), shape
 
@@ -295,14 +273,10 @@ def check_solids(path, block: Block, points: np.ndarray, facts: CellFacts) -> No
     if (volume == 0.0).any() and block.shape is None:
         wrong = np.flatnonzero(solid)[volume == 0.0]
         raise ReadError(path, f"{len(wrong)} cells have no volume, the first is cell {wrong[0]}", "repair the mesh")
-    if block.shape is None and (pair := _double_points(points)) is not None:
-        raise ReadError(
-            path, f"points {pair[0]} and {pair[1]} lie in the same place", "merge duplicate nodes of the mesh"
-        )
-
-
-def _double_points(points: np.ndarray) -> tuple[int, int] | None:
-    key = points @ np.array([1.0, math.pi, math.e])
-    order = np.argsort(key, kind="stable")
+    if block.shape is not None:
+        return
+    order = np.argsort(points @ np.array([1.0, math.pi, math.e]), kind="stable")
     same = np.flatnonzero((points[order[1:]] == points[order[:-1]]).all(axis=1))
-    return (int(order[same[0]]), int(order[same[0] + 1])) if len(same) else None
+    if len(same):
+        one, other = order[same[0]], order[same[0] + 1]
+        raise ReadError(path, f"points {one} and {other} lie in the same place", "merge duplicate nodes of the mesh")

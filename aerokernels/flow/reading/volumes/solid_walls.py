@@ -9,12 +9,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from aerokernels.flow.reading.dataset import Block, Polygons, ReadError, wall_patches
+from aerokernels.flow.reading.dataset import Block, Polygons, ReadError, starts_of, wall_patches
 from aerokernels.flow.reading.planes.polygons import joined
 from aerokernels.flow.reading.volumes.solids import FACES, NodeGrid, corner_chunks
 from aerokernels.medium import SolidBody
-
-CLOSE = 1e-9  # of the field's size: closer points are the same
 
 
 def solid_body(reading, moved: Sequence[np.ndarray], grid: NodeGrid) -> SolidBody | None:
@@ -22,21 +20,19 @@ def solid_body(reading, moved: Sequence[np.ndarray], grid: NodeGrid) -> SolidBod
 
     `moved` are the points of the blocks in the optical frame [m], each (n, 3); the cells were rasterised into `grid`.
     """
-    path, dataset, move = reading.path, reading.dataset, reading.moved
+    path, dataset = reading.path, reading.dataset
     known = [patch for patch in dataset.patches if patch.polygons is not None]
-    walls = [
-        patch.polygons for patch in wall_patches(path, known, reading.options["walls"]) if patch.polygons is not None
-    ]
+    walls = [own for patch in wall_patches(path, known, reading.options["walls"]) if (own := patch.polygons)]
     if walls:
-        parts = [Polygons(move(own.points), own.start) for own in walls]
+        parts = [Polygons(reading.moved(own.points), own.start) for own in walls]
     elif (grid.cell >= 0).all():
         return None
     else:
         parts = [boundary_polygons(block, points) for block, points in zip(dataset.blocks, moved, strict=True)]
     size = float(max(np.ptp(np.concatenate(moved), axis=0).max(), 1e-300))
     try:
-        vertices, triangles = _triangles(parts, CLOSE * size)
-        return _body(vertices, triangles, grid, size)
+        vertices, triangles = _triangles(parts, 1e-9 * size)
+        return _body(vertices, triangles, grid, size) if len(triangles) else None
     except ValueError as fault:
         if not walls:  # without wall patches, faces that form no surface leave it open what is a hole
             return None
@@ -87,7 +83,7 @@ def _triangles(parts: list[Polygons], near: float) -> tuple[np.ndarray, np.ndarr
     np.add.at(key, distinct[:, 0], label[distinct[:, 1]])
     _, back, count = np.unique(key, return_inverse=True, return_counts=True)
     alone = count[back.ravel()] == 1
-    start = np.concatenate([[0], np.cumsum(width)])
+    start = starts_of(width)
     made = []
     for corners in np.unique(width[alone]):
         own = np.flatnonzero(alone & (width == corners))
@@ -107,8 +103,6 @@ def _triangles(parts: list[Polygons], near: float) -> tuple[np.ndarray, np.ndarr
 
 def _body(vertices: np.ndarray, triangles: np.ndarray, grid: NodeGrid, size: float) -> SolidBody | None:
     """Return the closed surfaces with the flow outside, as one body."""
-    if not len(triangles):
-        return None
     triangles, part = _turned_alike(triangles)
     found = []
     for number in range(part.max() + 1):
@@ -124,7 +118,7 @@ def _body(vertices: np.ndarray, triangles: np.ndarray, grid: NodeGrid, size: flo
             found.append((whole, own))
     if not found:
         return None
-    shift = np.cumsum([0] + [len(whole) for whole, _ in found])
+    shift = starts_of([len(whole) for whole, _ in found])
     everything = np.concatenate([whole for whole, _ in found])
     used, corners = np.unique(
         np.concatenate([own + first for (_, own), first in zip(found, shift, strict=False)]), return_inverse=True

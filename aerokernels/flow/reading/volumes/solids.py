@@ -9,11 +9,11 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import partial
 from threading import Lock
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from aerokernels.flow.reading.dataset import CORNERS, HEXAHEDRON, POLYHEDRON, PRISM, PYRAMID, TETRAHEDRON, Block
+from aerokernels.flow.reading.dataset import CORNERS, HEXAHEDRON, POLYHEDRON, PRISM, PYRAMID, TETRAHEDRON, Block, Faces
 from aerokernels.process.machine import core_count
 from aerokernels.process.threads import in_turn
 
@@ -76,11 +76,44 @@ class Chunk:
 class _Polyhedra:
     """Polyhedra with the geometry of their faces, and the faces of each cell."""
 
-    face_area: np.ndarray  # area vectors, out of the owner, shape (face_count, 3)
-    face_centre: np.ndarray  # shape (face_count, 3)
-    face_box: np.ndarray  # lowest and highest corner of each face, shape (face_count, 2, 3)
+    area: np.ndarray  # area vectors of the faces, out of the owner, shape (face_count, 3)
+    centre: np.ndarray  # shape (face_count, 3)
+    box: np.ndarray  # lowest and highest corner of each face, shape (face_count, 2, 3)
     incident: np.ndarray  # faces of the cells, sorted by cell; bits are inverted for faces that point inward
     start: np.ndarray  # first entry of each cell in `incident`, shape (cell_count + 1,)
+
+    @classmethod
+    def of(cls, faces: Faces, count: int, points: np.ndarray) -> "_Polyhedra":
+        """Compute the geometry of the faces of `count` cells."""
+        width, begin = np.diff(faces.start), faces.start[:-1]
+        at = points[faces.points]
+        mean = np.add.reduceat(at, begin, axis=0) / width[:, None]
+        following = np.arange(1, len(at) + 1)
+        following[faces.start[1:] - 1] = begin
+        spoke = at - np.repeat(mean, width, axis=0)
+        triangle = 0.5 * np.cross(spoke, spoke[following])
+        area = np.add.reduceat(triangle, begin, axis=0)
+        # The centroid of the face: of the triangles around its mean, weighted by area.
+        unit = area / np.maximum(np.linalg.norm(area, axis=1), 1e-300)[:, None]
+        share = np.einsum("nk,nk->n", triangle, np.repeat(unit, width, axis=0))
+        third = (spoke + spoke[following]) / 3.0
+        shift = np.add.reduceat(share[:, None] * third, begin, axis=0)
+        centre = mean + shift / np.maximum(np.add.reduceat(share, begin), 1e-300)[:, None]
+        box = np.stack([np.minimum.reduceat(at, begin, axis=0), np.maximum.reduceat(at, begin, axis=0)], axis=1)
+        cell = np.concatenate([faces.owner, faces.neighbour])
+        face = np.concatenate([np.arange(len(faces.owner)), ~np.arange(len(faces.neighbour))])
+        order = np.argsort(cell, kind="stable")
+        return cls(area, centre, box, face[order], np.searchsorted(cell[order], np.arange(count + 1)))
+
+    def solids(self, cell: np.ndarray, face_count: int) -> Solids:
+        """Compute volumes and centroids of some cells, of `face_count` faces each."""
+        face = self.incident[self.start[cell] + np.arange(face_count)[:, None]]
+        inward = face < 0
+        face = np.where(inward, ~face, face)
+        area = np.where(inward, -1.0, 1.0) * np.moveaxis(self.area[face], -1, 0)
+        centre, box = np.moveaxis(self.centre[face], -1, 0), self.box[face]
+        low, high = box[:, :, 0].min(axis=0).T, box[:, :, 1].max(axis=0).T
+        return _finished(cell, area, centre, low, high, centre.mean(axis=1))
 
 
 def corner_chunks(block: Block) -> Iterator[Chunk]:
@@ -113,13 +146,14 @@ def solid_chunks(block: Block, across: np.ndarray) -> Iterator[Callable[[], Soli
     for chunk in corner_chunks(block):
         yield partial(chunk.solids, across)
     cells = block.cells
-    if cells is not None and cells.faces is not None and (own := np.flatnonzero(cells.types == POLYHEDRON)).size:
-        faces = _polyhedra(block, across.T)
-        width = np.diff(faces.start)[own]
-        for face_count in np.unique(width):
-            same = own[width == face_count]
-            for first in range(0, len(same), CHUNK):
-                yield partial(_of_faces, faces, same[first : first + CHUNK], int(face_count))
+    if cells is None or cells.faces is None or not (own := np.flatnonzero(cells.types == POLYHEDRON)).size:
+        return
+    faces = _Polyhedra.of(cells.faces, len(cells), across.T)
+    width = np.diff(faces.start)[own]
+    for face_count in np.unique(width):
+        same = own[width == face_count]
+        for first in range(0, len(same), CHUNK):
+            yield partial(faces.solids, same[first : first + CHUNK], int(face_count))
 
 
 def _structured(shape: tuple[int, int, int]) -> Iterator[Chunk]:
@@ -169,47 +203,6 @@ def _finished(cell, area, centre, low, high, inner) -> Solids:
     return Solids(cell, area, centre, low, high, volume, inner + np.where(np.isfinite(shift), shift, 0.0))
 
 
-def _polyhedra(block: Block, points: np.ndarray) -> _Polyhedra:
-    assert block.cells is not None and block.cells.faces is not None
-    faces, count = block.cells.faces, len(block.cells)
-    width = np.diff(faces.start)
-    at = points[faces.points]
-    begin = faces.start[:-1]
-    mean = np.add.reduceat(at, begin, axis=0) / width[:, None]
-    following = np.arange(1, len(at) + 1)
-    following[faces.start[1:] - 1] = begin
-    spoke = at - np.repeat(mean, width, axis=0)
-    triangle = 0.5 * np.cross(spoke, spoke[following])
-    area = np.add.reduceat(triangle, begin, axis=0)
-    # The centroid of the face: of the triangles around its mean, weighted by area.
-    unit = area / np.maximum(np.linalg.norm(area, axis=1), 1e-300)[:, None]
-    share = np.einsum("nk,nk->n", triangle, np.repeat(unit, width, axis=0))
-    third = (spoke + spoke[following]) / 3.0
-    shift = np.add.reduceat(share[:, None] * third, begin, axis=0)
-    centre = mean + shift / np.maximum(np.add.reduceat(share, begin), 1e-300)[:, None]
-    box = np.stack([np.minimum.reduceat(at, begin, axis=0), np.maximum.reduceat(at, begin, axis=0)], axis=1)
-    inner = len(faces.neighbour)
-    cell = np.concatenate([faces.owner, faces.neighbour])
-    face = np.concatenate([np.arange(len(faces.owner)), ~np.arange(inner)])
-    order = np.argsort(cell, kind="stable")
-    start = np.searchsorted(cell[order], np.arange(count + 1))
-    return _Polyhedra(area, centre, box, face[order], start)
-
-
-def _of_faces(faces: _Polyhedra, cell: np.ndarray, face_count: int) -> Solids:
-    face = faces.incident[faces.start[cell] + np.arange(face_count)[:, None]]
-    inward = face < 0
-    face = np.where(inward, ~face, face)
-    area = np.where(inward, -1.0, 1.0) * np.moveaxis(faces.face_area[face], -1, 0)
-    centre, box = np.moveaxis(faces.face_centre[face], -1, 0), faces.face_box[face]
-    low, high = box[:, :, 0].min(axis=0).T, box[:, :, 1].max(axis=0).T
-    return _finished(cell, area, centre, low, high, centre.mean(axis=1))
-
-
-PAIRS = 400_000  # pairs of a cell and a node in its box that are tested together
-ON_FACE = 1e-9  # of a cell's size: a node this close is on the face
-
-
 @dataclass(frozen=True, eq=False)
 class NodeGrid:
     """A uniform grid of nodes, and the cell that contains each."""
@@ -217,13 +210,12 @@ class NodeGrid:
     low: np.ndarray  # the first node [m], shape (3,)
     spacing: np.ndarray  # [m], shape (3,)
     shape: tuple[int, int, int]  # nodes along x, y, z
-    cell: np.ndarray = field(default_factory=lambda: np.empty(0, dtype=np.int32))  # -1 for none, z fastest
+    cell: np.ndarray = field(init=False)  # -1 for none, z fastest, int32
     lock: Any = field(default_factory=Lock)  # held while nodes are given their cells
 
     def __post_init__(self):
         """Start with no cell for any node."""
-        if not len(self.cell):
-            object.__setattr__(self, "cell", np.full(int(np.prod(self.shape)), -1, dtype=np.int32))
+        object.__setattr__(self, "cell", np.full(int(np.prod(self.shape)), -1, dtype=np.int32))
 
     def positions(self, node: np.ndarray) -> np.ndarray:
         """Return coordinates [m] of nodes by their number, shape (n, 3)."""
@@ -231,8 +223,7 @@ class NodeGrid:
         return self.low + index * self.spacing
 
 
-@dataclass(eq=False)
-class CellFacts:
+class CellFacts(NamedTuple):
     """Volumes and centroids of all cells of a block."""
 
     volume: np.ndarray  # [m3], shape (cell_count,)
@@ -259,7 +250,8 @@ def rasterise(block: Block, points: np.ndarray, grids: list[NodeGrid], first_cel
 
 def _rasterise_some(solids: Solids, grid: NodeGrid, first_cell: int, blank: np.ndarray | None) -> None:
     shape, step, low = np.array(grid.shape)[:, None], grid.spacing[:, None], grid.low[:, None]
-    slack = ON_FACE * (solids.high - solids.low).max(axis=0) + 1e-12 * grid.spacing.max()
+    # A node this close to a face, of the cell's size, is on it.
+    slack = 1e-9 * (solids.high - solids.low).max(axis=0) + 1e-12 * grid.spacing.max()
     begin = np.clip(np.ceil((solids.low - slack - low) / step), 0, shape).astype(np.int64)
     end = np.clip(np.floor((solids.high + slack - low) / step), -1, shape - 1).astype(np.int64)
     span = np.maximum(end - begin + 1, 0)
@@ -281,7 +273,7 @@ def _rasterise_some(solids: Solids, grid: NodeGrid, first_cell: int, blank: np.n
     first = 0
     while first < len(some):
         before = ends[first - 1] if first else 0
-        last = max(first + 1, int(np.searchsorted(ends, before + PAIRS, "right")))
+        last = max(first + 1, int(np.searchsorted(ends, before + 400_000, "right")))  # pairs tested together
         part = slice(first, last)
         _assign_inside(grid, cell[part], begin[:, part], span[:, part], pairs[part], middle[:, part],
               normal[:, :, part], bound[:, part])  # fmt: skip

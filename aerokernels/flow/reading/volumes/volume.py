@@ -34,12 +34,7 @@ from aerokernels.process.threads import in_threads
 
 
 def volume_field(reading, shared=None) -> GridDensity:
-    """Return the density of a volume on a uniform grid.
-
-    Raises:
-        ReadError: A mesh without solid cells, with cells inside out or duplicate points.
-        ValueError: A spacing or a region that does not give a grid.
-    """
+    """Return the density of a volume on a uniform grid; `shared` keeps the map from its mesh to its grid."""
     dataset, path = reading.dataset, reading.path
     if len(dataset.blocks) == 1 and reading.options["spacing"] is None and reading.options["region"] is None:
         grid = uniform_grid(reading, *reading.densities[0])
@@ -66,7 +61,7 @@ def volume_field(reading, shared=None) -> GridDensity:
 
 
 def _on_uniform_grid(reading, density: np.ndarray, low, step, measured) -> GridDensity:
-    ambient = reading.ambient or float(np.median(density[:, :, -1]))
+    ambient = reading.options["ambient_density"] or float(np.median(density[:, :, -1]))
     provenance = f"{reading.path}: {'; '.join([*reading.described(), f'ambient {ambient:.6g} kg/m3'])}"
     composition = None
     if (fractions := reading.fractions) is not None:
@@ -151,8 +146,6 @@ def _is_even(edges: list[np.ndarray], layers: list[np.ndarray], steps: list[np.n
 # mean over a cell of the spline through values F exp(i w x / h) at the faces.
 NEAR = 1.0 / 12.0
 FAR = (239.0 / 1728.0, -29.0 / 864.0, 7.0 / 1728.0)
-FIRST_CELL = (24.0 / 9.0, -19.0 / 9.0, 5.0 / 9.0, -1.0 / 9.0)  # outer face of the cubic through average and three faces
-SLAB = 1 << 20  # averages processed at a time
 
 
 def at_corners(average: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -183,7 +176,7 @@ def _along(average: np.ndarray, smooth: np.ndarray, axis: int) -> np.ndarray:
     found = np.empty(shape)
     weight = integral_weights(shape[axis])
     across = 1 if axis == 0 else 0
-    size = max(1, SLAB * average.shape[across] // max(average.size, 1))
+    size = max(1, (1 << 20) * average.shape[across] // max(average.size, 1))
 
     def work(first: int) -> None:
         part = tuple(slice(first, first + size) if k == across else slice(None) for k in range(average.ndim))
@@ -241,7 +234,8 @@ def _set_edge(faces: np.ndarray, average: np.ndarray, smooth: np.ndarray) -> Non
     if len(average) < 3:  # two cells cannot tell a slope from a jump
         faces[0] = own
         return
-    cubic = sum(share * (each - own) for share, each in zip(FIRST_CELL, (own, *faces[1:4]), strict=True))
+    weights = (24.0 / 9.0, -19.0 / 9.0, 5.0 / 9.0, -1.0 / 9.0)  # of the cubic through average and three faces
+    cubic = sum(share * (each - own) for share, each in zip(weights, (own, *faces[1:4]), strict=True))
     faces[0] = np.maximum(
         own + np.where(smooth, cubic, 0.5 * lesser(own - average[1], average[1] - average[2])), LEAST_SHARE * own
     )
@@ -255,9 +249,6 @@ def _keep_sum(faces: np.ndarray, average: np.ndarray, weight: np.ndarray) -> Non
     room = np.maximum(np.where(lacks > 0.0, high - faces[1:-1], faces[1:-1] - low), 0.0)
     slack = np.tensordot(weight[1:-1], room, axes=1)
     faces[1:-1] += np.clip(lacks / np.where(slack > 0.0, slack, 1.0), -0.5, 0.5) * room
-
-
-SIDES = np.array([[-0.5, 0.5]])
 
 
 def estimated_error(average: np.ndarray, smooth: np.ndarray, step: np.ndarray) -> VolumeResampling:
@@ -300,6 +291,6 @@ def _deficits(near: np.ndarray) -> np.ndarray:
     for axis in (1, 3, 5):
         slope = np.diff(corner.mean(axis=tuple({1, 3, 5} - {axis}), keepdims=True), axis=axis)
         shape = [2 if k == axis else 1 for k in range(6)]
-        differ = differ + slope * SIDES.reshape(shape)
+        differ = differ + slope * np.array([-0.5, 0.5]).reshape(shape)
     rms = np.sqrt(np.mean(differ**2, axis=(1, 3, 5)))
     return np.copysign(rms, differ.mean(axis=(1, 3, 5)))

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from aerokernels.process.kernel_cache import NoCacheError, why_untrusted, why_unusable
+from aerokernels.process.kernel_cache import NoCacheError, why_unusable
 
 from ....process.machine import patient_threads
 from ....process.opened import OPENED
@@ -86,7 +86,7 @@ def _has_cache() -> bool:
     import platformdirs  # PyOpenCL's own dependency, and the folder it uses
 
     folder = Path(platformdirs.user_cache_dir("pytools", "pytools"))
-    return not (why_unusable(folder) or why_untrusted(folder))
+    return not why_unusable(folder)
 
 
 def list_devices() -> list[BackendInfo]:

@@ -34,10 +34,6 @@ LINE_GROUP = 32  # speed only
 REPEATED = 1 << 12
 # Position of Control among the arguments: after the structs Field and Bounds.
 CONTROL = 2
-# Kernels in which a work-group shares one group of rays: work-items per group.
-SHARED = {"sum_rays": WORK_GROUP}
-# Kernels of grids that fill a CPU's vectors with neighbouring lines or places.
-IN_LANES = ("spline_lines", "column_maxima")
 # The memory layouts of the structs that are passed by value.
 LAYOUTS = {
     (struct, precision): np.dtype(
@@ -115,13 +111,9 @@ class Engine(AnyEngine):
 
     def _named(self, name: str) -> Kernel:
         """Return a kernel of PROGRAMS."""
-        program = next(program for program, names in PROGRAMS.items() if name in names)
-        width = lane_count(self.session, "float64") if program == "grid_tables" else 1
-        options = build_options(precision="float64", lanes=width) if width > 1 else ()
-        lanes = width if name in IN_LANES else 1
-        group = PACKET_GROUP if lanes > 1 else LINE_GROUP if name == "spline_lines" else WORK_GROUP
-        built = build(self.session, f"{program}.cl", options)
-        return Kernel(self.session, built, name, lanes, SHARED.get(name, 1), group)
+        program = build(self.session, f"{next(file for file, names in PROGRAMS.items() if name in names)}.cl")
+        items = WORK_GROUP if name == "sum_rays" else 1  # a work-group sums one group of rays
+        return Kernel(self.session, program, name, 1, items, LINE_GROUP if name == "spline_lines" else WORK_GROUP)
 
     def another(self, kernel: Kernel) -> Kernel:
         """Return another kernel object for the same work."""
@@ -254,11 +246,6 @@ class Engine(AnyEngine):
                 "device"
             )
         return self.put(numbers)
-
-    def round_into(self, coefficients: Any, rounded: Any, count: int, precision: str) -> None:
-        """See interface.py."""
-        program = build(self.session, "round_coefficients.cl", build_options(precision=precision))
-        self.launch(Kernel(self.session, program, "round_coefficients"), [coefficients], [rounded], count)
 
 
 class SentToGPU(Sent):

@@ -6,8 +6,6 @@ which no `except` can catch. So before the driver is opened, each file is compar
 and of its checksum if these differ. If a file is not in the record yet, its structure is checked, which detects a file
 that is cut or partly zero. The folder of a program with a damaged file is removed, and PoCL builds it again; so it does
 all programs where there is no record, or a damaged one.
-
-A folder that another user owns or may write is not used: its libraries would run as this user.
 """
 
 import io
@@ -20,7 +18,7 @@ import zlib
 from contextlib import suppress
 from pathlib import Path
 
-from aerokernels.process.kernel_cache import is_whole, spare_cache, why_untrusted, why_unusable
+from aerokernels.process.kernel_cache import is_whole, spare_cache, why_unusable
 
 VARIABLE = "POCL_CACHE_DIR"
 RECORD = "aerokernels-checked.json"  # beside PoCL's folders, which have names of two letters
@@ -41,14 +39,14 @@ def cache_folder() -> Path:
 def make_safe() -> None:
     """Remove damaged programs from the cache, once per process and before its driver is opened.
 
-    If that is impossible, if the folder cannot be written, if another user can write it or if the disk is full, this
-    process gets its own cache in the folder for temporary files. All cases are reported as a RuntimeWarning.
+    If that is impossible, if the folder cannot be written or if the disk is full, this process gets its own cache in
+    the folder for temporary files. All cases are reported as a RuntimeWarning.
 
     Raises:
         NoCacheError: No folder for temporary files can take kernels either.
     """
     folder = cache_folder()
-    why = why_unusable(folder) or why_untrusted(folder)
+    why = why_unusable(folder)
     damaged = [] if why else remove_damaged(folder)
     if left := [path for path in damaged if path.exists()]:
         why = f"{left[0]} is damaged and cannot be removed"

@@ -252,12 +252,6 @@ class Engine(AnyEngine):
             pass
         return made
 
-    def round_into(self, coefficients: wp.array, made: wp.array, count: int, precision: str) -> None:
-        """See interface.py."""
-        kernel = grid_tables.build_rounding_kernel(Scene(precision))
-        self._load(kernel)
-        self.launch(kernel, [coefficients], [made], count)
-
 
 class SentToGPU(Sent):
     """An array in pinned memory and its buffer on a GPU."""

@@ -13,7 +13,7 @@ from aerokernels.tracing.tasks.family import EQUAL
 from ....lines import FACES
 from ....result import output_mask
 from ....status import NOT_DELIVERED, RayStatus
-from ..library import Scene, built_once
+from ..library import TYPES, Scene, built_once
 from .outputs import build_write_outputs
 
 # The outputs that a block's header has for all its rays.
@@ -22,19 +22,10 @@ MOST_REGISTERS = 128
 COSTS = output_mask(frozenset(("step_error", "step_count", "evaluation_count")))
 
 
+BoxCrossing = TYPES["float64"].kinds["BoxCrossing"]
 FACE_COUNT = len(FACES)
 PLANAR, AXISYMMETRIC, VOLUME = (SHAPES[name] for name in ("planar", "axisymmetric", "volume"))
 NO_STOP, PLANE = STOPS["none"], STOPS["plane"]
-
-
-@wp.struct
-class BoxCrossing:
-    """Distances along a line at which it enters and leaves the box [m], and the faces by which it does."""
-
-    enter: wp.float64
-    leave: wp.float64
-    entry_face: int
-    exit_face: int
 
 
 @wp.func

@@ -1,16 +1,10 @@
-"""Warp kernels that prepare a grid: its spline, and the greatest values in blocks of cells (tracing/grid_tables.py).
-
-Their OpenCL twins are the kernels of the same names in kernels/, whose comments describe the arguments.
-"""
+"""Warp kernels that prepare a grid: its spline, and the greatest values in blocks of cells (tracing/grid_tables.py)."""
 
 import warp as wp
 
-from ..library import Scene, built_once
-
-# Nodes that are read ahead of the elimination of a spline: each step would otherwise wait for memory.
-# (Warp unrolls loops of up to 16.)
-HALF = 16
-AHEAD = 2 * HALF  # speed only
+# Nodes that are read ahead of the elimination of a spline: each step would otherwise wait for a GPU's memory. Warp
+# unrolls loops of up to 16.
+AHEAD = 16  # speed only
 Ahead = wp.types.vector(length=AHEAD, dtype=wp.float64)
 
 Doubles = wp.array(dtype=wp.float64)
@@ -61,17 +55,14 @@ def spline_lines(
     pivots = Ahead()
     begin = first
     while begin < last:
-        for half in range(2):
-            for k in range(HALF):
-                node = wp.min(begin + half * HALF + k, last - 1) - 1
-                ahead[half * HALF + k] = value_at(values_in, value + node * pitch, ambient)
-                pivots[half * HALF + k] = inverse_in[node]
-        for half in range(2):
-            for k in range(HALF):
-                row = begin + half * HALF + k
-                if row < last:
-                    before = six * ahead[half * HALF + k] - before * pivots[half * HALF + k]
-                    coefficients_out[made + row * pitch] = before
+        for k in range(AHEAD):
+            node = wp.min(begin + k, last - 1) - 1
+            ahead[k] = value_at(values_in, value + node * pitch, ambient)
+            pivots[k] = inverse_in[node]
+        for k in range(AHEAD):
+            if begin + k < last:
+                before = six * ahead[k] - before * pivots[k]
+                coefficients_out[made + (begin + k) * pitch] = before
         begin += AHEAD
     outermost = value_at(values_in, value + last * pitch, ambient)
     inward = value_at(values_in, value + (last - 1) * pitch, ambient)
@@ -80,17 +71,14 @@ def spline_lines(
     coefficients_out[made + last * pitch] = after
     begin = last - 1
     while begin >= first:
-        for half in range(2):
-            for k in range(HALF):
-                row = wp.max(begin - half * HALF - k, first)
-                ahead[half * HALF + k] = coefficients_out[made + row * pitch]
-                pivots[half * HALF + k] = inverse_in[row]
-        for half in range(2):
-            for k in range(HALF):
-                row = begin - half * HALF - k
-                if row >= first:
-                    after = (ahead[half * HALF + k] - after) * pivots[half * HALF + k]
-                    coefficients_out[made + row * pitch] = after
+        for k in range(AHEAD):
+            row = wp.max(begin - k, first)
+            ahead[k] = coefficients_out[made + row * pitch]
+            pivots[k] = inverse_in[row]
+        for k in range(AHEAD):
+            if begin - k >= first:
+                after = (ahead[k] - after) * pivots[k]
+                coefficients_out[made + (begin - k) * pitch] = after
         begin -= AHEAD
     if even != 0:
         mirrored = coefficients_out[made + 2 * pitch]
@@ -194,14 +182,8 @@ def block_maxima(values_in: Doubles, count: int, pitch: int, block: int, first_p
     maxima_out[place] = greatest_size
 
 
-@built_once()
-def build_rounding_kernel(scene: Scene):
-    """Build the kernel that rounds coefficients to a precision."""
-    real = scene.types.real
-
-    @wp.kernel(module="unique", enable_backward=False)
-    def round_coefficients(values_in: Doubles, first_place: int, values_out: wp.array(dtype=real)):
-        place = wp.tid() + first_place
-        values_out[place] = real(values_in[place])
-
-    return round_coefficients
+@wp.kernel(enable_backward=False)
+def round_coefficients(values_in: Doubles, first_place: int, values_out: wp.array(dtype=wp.float32)):
+    """Round coefficients for kernels in single precision."""
+    place = wp.tid() + first_place
+    values_out[place] = wp.float32(values_in[place])

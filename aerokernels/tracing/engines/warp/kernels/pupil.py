@@ -149,7 +149,7 @@ def launch_pupil(
     row_count: int,
     column_count: int,
     table_in: Doubles,
-    seeds: wp.array2d(dtype=wp.uint32),
+    seeds: wp.array(dtype=wp.uint32),
     order_in: Ints,
     per_replicate: int,
     generator: int,
@@ -177,8 +177,8 @@ def launch_pupil(
     if generator > 0:
         count = wp.float64(per_replicate)
         across = wp.int64(index) * wp.int64(generator) % wp.int64(per_replicate)
-        u = (wp.float64(index) + (wp.float64(seeds[replicate, 0]) + wp.float64(0.5)) * unit) / count
-        v = wp.float64(across) / count + (wp.float64(seeds[replicate, 1]) + wp.float64(0.5)) * unit
+        u = (wp.float64(index) + (wp.float64(seeds[2 * replicate]) + wp.float64(0.5)) * unit) / count
+        v = wp.float64(across) / count + (wp.float64(seeds[2 * replicate + 1]) + wp.float64(0.5)) * unit
         if v >= wp.float64(1.0):
             v = v - wp.float64(1.0)
         weight = wp.float64(1.0)
@@ -190,8 +190,8 @@ def launch_pupil(
             v = periodic_place(v)
         weight_out[ray] = weight
     else:
-        u = (wp.float64(scramble(reverse_bits(index), seeds[replicate, 0])) + wp.float64(0.5)) * unit
-        v = (wp.float64(scramble(second_axis(index), seeds[replicate, 1])) + wp.float64(0.5)) * unit
+        u = (wp.float64(scramble(reverse_bits(index), seeds[2 * replicate])) + wp.float64(0.5)) * unit
+        v = (wp.float64(scramble(second_axis(index), seeds[2 * replicate + 1])) + wp.float64(0.5)) * unit
     place = place_on_pupil(shape, row_count, column_count, table_in, u, v)
     position_out[ray] = center + place[0] * first + place[1] * second
     direction_out[ray] = look
