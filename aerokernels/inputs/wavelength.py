@@ -63,17 +63,11 @@ def field_wavelength(own: float | None, requested: SupportsFloat | None) -> floa
 def check_spectrum(wavelengths, weights=None) -> tuple[np.ndarray, np.ndarray]:
     """Return vacuum wavelengths [m], shape (n,), and weights that sum to 1.
 
-    <<<<<<< HEAD
-        Args:
-            wavelengths: One or several.
-            weights: Fractions of the light's energy, shape (n,), of any sum. None: equal.
-    =======
-        `weights` are fractions of the light's energy of any sum, shape (n,) or with `colours` (n, colours); None: equal.
-    >>>>>>> main
+    `weights` are fractions of the light's energy of any sum, shape (n,); None: equal.
 
     Raises:
-            TypeError: As `check_wavelength`.
-            ValueError: As `check_wavelength`; no wavelengths; weights of another shape, negative, not finite or all 0.
+        TypeError: As `check_wavelength`.
+        ValueError: As `check_wavelength`; no wavelengths; weights of another shape, negative, not finite or all 0.
     """
     if wavelengths is None:
         raise ValueError("weights need their wavelengths: give both")
