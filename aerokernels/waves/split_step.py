@@ -5,10 +5,7 @@ and half a step of free space (J. A. Fleck, J. R. Morris, M. D. Feit, Appl. Phys
 of second order in the step. Layers are sampled once: half as many steps cost only their transforms.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
-from importlib import import_module
-from typing import Any
 
 import numpy as np
 
@@ -39,7 +36,6 @@ def split_step(
     tolerance: float = 1e-3,
     step_count: int | None = None,
     paraxial: bool = False,
-    device: str | None = None,
     precision: str = "float64",
 ) -> Wave:
     """Propagate a wave through a field: its Strehl ratio, focus and shadow without the approximation of rays.
@@ -55,7 +51,6 @@ def split_step(
         tolerance: Requested error of the amplitude due to the steps, rms over the rms amplitude.
         step_count: Number of steps; None takes as many as the tolerance needs.
         paraxial: Whether to use the paraxial equation for free space.
-        device: "cpu" (None) by SciPy, or "gpu" by PyTorch.
         precision: "float64" or "float32" for the transforms. In both cases the plane wave's phase is removed and the
             phase of a step is computed in float64.
 
@@ -86,7 +81,6 @@ def split_step(
     if step_count is not None:
         check_count(step_count, "step_count")
     check_choice(precision, "precision", PRECISIONS)
-    library = fourier_library(device)
     with clocked() as seconds:
         with stage("plan"):
             begin, end = path_range(field, wave)
@@ -94,9 +88,8 @@ def split_step(
             check_memory(count, wave.amplitude.size)
             sampled = mean_layers(field, wave, begin, end, count)
         warn_of_wrapping(wave.amplitude, wave.pixel, wave.wavelength, end, wave.ambient_index)
-        with stage("upload"):
-            layers = Layers.of(*sampled, end - begin, paraxial, PRECISIONS[precision], library)
         with stage("kernel"):
+            layers = Layers(*sampled, end - begin, paraxial, PRECISIONS[precision])
             start = propagated(wave, begin, paraxial)
             found, coarse, steps, error = _refined(layers, start, tolerance, step_count)
             sparse = every_second_pixel(light, wave, window)
@@ -211,62 +204,15 @@ def _changes(light: Wave, path: np.ndarray, other: np.ndarray) -> tuple[float, f
     return of_amplitude, abs(replace(light, amplitude=one).strehl() - replace(light, amplitude=two).strehl())
 
 
-@dataclass(frozen=True)
-class ArrayLibrary:
-    """NumPy with SciPy's transforms, or PyTorch on a device."""
-
-    module: Any
-    fft: Any
-    array: Callable[[np.ndarray], Any]  # converts a NumPy array to the library's array
-    numpy: Callable[[Any], np.ndarray]
-
-
-def fourier_library(device: str | None = None) -> ArrayLibrary:
-    """Return SciPy for "cpu" (None), and PyTorch for "gpu", if it is installed and finds one."""
-    if device not in (None, "cpu", "gpu"):
-        raise ValueError(f"device {device!r} is not known: choose one of cpu, gpu")
-    if device != "gpu":
-        from scipy import fft
-
-        return ArrayLibrary(np, fft, np.asarray, np.asarray)
-    try:
-        torch: Any = import_module("torch")
-        if torch.cuda.is_available():
-            return torch_library(torch, "cuda")
-    except Exception:  # not installed, or no driver: each version raises its own error
-        pass
-    raise ValueError("device 'gpu': install PyTorch for your GPU, or take device='cpu'")
-
-
-def torch_library(torch: Any, device: str) -> ArrayLibrary:
-    """Return PyTorch on one of its devices."""
-    return ArrayLibrary(
-        torch,
-        torch.fft,
-        lambda array: torch.as_tensor(array, device=device),
-        lambda tensor: np.asarray(tensor.cpu().numpy()),
-    )
-
-
 @dataclass(frozen=True, eq=False)
 class Layers:
-    """Layers of a field with free space between them, copied to a device once: every step stays there."""
+    """Layers of a field with free space between them."""
 
-    paths: Any  # optical paths [m], shape (count, rows, columns)
-    opaque: Any  # where light ends, of the same shape; None for nowhere
+    paths: np.ndarray  # optical paths [m], shape (count, rows, columns)
+    opaque: np.ndarray | None  # where light ends, of the same shape; None for nowhere
     length: float  # of all layers [m]
     paraxial: bool
-    kind: type  # of the amplitude, complex128 or complex64
-    library: ArrayLibrary
-
-    @classmethod
-    def of(
-        cls, paths: np.ndarray, opaque: np.ndarray | None, length: float, paraxial: bool, kind: type, library=None
-    ) -> "Layers":
-        """Copy sampled layers to the device of a library; None for SciPy."""
-        library = library or fourier_library()
-        dark = None if opaque is None else library.array(opaque)
-        return cls(library.array(paths), dark, length, paraxial, kind, library)
+    kind: type = np.complex64  # of the amplitude
 
     def every_second(self) -> "Layers":
         """Return the layers at every second pixel."""
@@ -276,28 +222,29 @@ class Layers:
 
     def through(self, wave: Wave, steps: int) -> np.ndarray:
         """Return the amplitude after all layers in so many steps; adjacent half steps of free space are merged."""
-        library, kind = self.library, self.kind
+        from scipy.fft import fft2, ifft2
+
         step, each = self.length / steps, len(self.paths) // steps
         shape = wave.amplitude.shape
         exponent = transfer_exponent(shape, wave.pixel, wave.wavelength, wave.ambient_index, self.paraxial)
-        half, whole = (library.array(np.exp(part * step * exponent).astype(kind)) for part in (0.5, 1.0))
-        spectrum = library.fft.fft2(library.array(wave.amplitude.astype(kind)))
+        half, whole = (np.exp(part * step * exponent).astype(self.kind) for part in (0.5, 1.0))
+        spectrum = fft2(wave.amplitude.astype(self.kind))
         spectrum *= half
         for number in range(steps):
             part = slice(number * each, (number + 1) * each)
-            amplitude = library.fft.ifft2(spectrum)
+            amplitude = ifft2(spectrum)
             amplitude *= self._phase_factor(part, 2.0 * np.pi / wave.wavelength)
             if self.opaque is not None:
-                amplitude[self.opaque[part].any(0)] = 0.0
-            spectrum = library.fft.fft2(amplitude)
+                amplitude[self.opaque[part].any(axis=0)] = 0.0
+            spectrum = fft2(amplitude)
             spectrum *= half if number == steps - 1 else whole
-        return library.numpy(library.fft.ifft2(spectrum)).astype(np.complex128)
+        return np.asarray(ifft2(spectrum)).astype(np.complex128)
 
-    def _phase_factor(self, part: slice, wave_number: float) -> Any:
+    def _phase_factor(self, part: slice, wave_number: float) -> np.ndarray:
         """Return exp(i k p) of the summed path p of some layers for a wave number k [1/m]."""
-        own, single = self.library.module, self.kind is np.complex64
-        phase = wave_number * self.paths[part].sum(0, dtype=own.float64)
+        single = self.kind is np.complex64
+        phase = wave_number * self.paths[part].sum(axis=0, dtype=np.float64)
         # In single precision sine and cosine are ten times as fast, once whole turns are removed in double precision.
-        phase -= 2.0 * np.pi * own.round(phase / (2.0 * np.pi))
-        phase = own.asarray(phase, dtype=own.float32 if single else own.float64)
-        return own.cos(phase) + own.asarray(1j, dtype=own.complex64 if single else own.complex128) * own.sin(phase)
+        phase -= 2.0 * np.pi * np.round(phase / (2.0 * np.pi))
+        phase = np.asarray(phase, dtype=np.float32 if single else np.float64)
+        return np.asarray(np.cos(phase) + np.asarray(1j, dtype=self.kind) * np.sin(phase))

@@ -190,7 +190,7 @@ class Slabs:
     def wave_sum(self, count: int) -> complex:
         """Return the sum of the wave behind so many screens over that of the light."""
         start = propagated(self.wave, self.first, paraxial=True)
-        layers = Layers.of(self.paths, self.opaque, self.last - self.first, True, np.complex64)
+        layers = Layers(self.paths, self.opaque, self.last - self.first, paraxial=True)
         return complex(layers.through(start, count).sum()) / float(self.light.sum())
 
     def ray_strehl(self, count: int, straight: bool) -> float:
