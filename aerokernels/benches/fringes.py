@@ -16,7 +16,7 @@ from ..inputs.arguments import checked
 from ..inputs.checks import warn_caller
 from ..medium import IndexField
 from .bench import Bench, light_of_source
-from .line_of_sight import LineOfSight, check_exposure, check_turn, line_of_sight
+from .line_of_sight import LineOfSight, check_exposure, check_turn, traced_light
 from .picture import TracedPicture
 from .picture_error import SomeLight, shared_attributes
 
@@ -62,7 +62,7 @@ class Interferogram(TracedPicture):
 
 @checked
 def interferogram(
-    field: IndexField,
+    field: IndexField | LineOfSight,
     *,
     fringe_spacing: float | None = None,
     fringe_angle: float = 0.5 * math.pi,
@@ -75,7 +75,7 @@ def interferogram(
     """Make an interferogram of a field.
 
     Args:
-        field: any field; a planar one needs `width` and a view along x.
+        field: any field, of which a planar one needs `width` and a view along x; or light that was traced through one.
         fringe_spacing: distance between undisturbed fringes [m] (finite fringe); None for the infinite fringe.
         fringe_angle: direction across the undisturbed fringes, from the picture's right toward its up [rad].
         phase: of the undisturbed fringes at the middle of the picture [waves]; 0 is bright.
@@ -90,32 +90,27 @@ def interferogram(
         UserWarning: in more than a hundredth of the picture fringes are narrower than two rays.
 
     Raises:
-        ValueError: an argument is out of range; the message names it and the remedy.
+        ValueError: an argument is out of range, or the fringes are too fine for the pixels.
     """
     fringes = Fringes(fringe_spacing, fringe_angle, phase, visibility)
     check_exposure(exposure)
+    shared: dict[str, Any] = {}
     if bench is None:
-        return _picture(line_of_sight(field, **options), fringes, exposure)
-    light, middle, known = light_of_source(field, bench, 0.0, lambda traced, point: fringes.light(traced), options)
-    return _picture(middle, fringes, exposure, light, bench=bench, known=known, is_same=len(bench.points()[1]) == 1)
-
-
-@checked
-def fringe_picture(
-    traced: LineOfSight,
-    *,
-    fringe_spacing: float | None = None,
-    fringe_angle: float = 0.5 * math.pi,
-    phase: float = 0.0,
-    visibility: float = 1.0,
-    exposure: float = 1.0,
-) -> Interferogram:
-    """Make the interferogram of traced light; arguments and errors as in `interferogram`.
-
-    Raises:
-        ValueError: as in `interferogram`; or the fringes are too fine for the pixels.
-    """
-    return _picture(traced, Fringes(fringe_spacing, fringe_angle, phase, visibility), check_exposure(exposure))
+        traced = traced_light(field, options)
+        light = fringes.light(traced)
+    else:
+        light, traced, known = light_of_source(field, bench, 0.0, lambda rays, point: fringes.light(rays), options)
+        shared = {"bench": bench, "known": known, "is_same": len(bench.points()[1]) == 1}
+    _warn_of_narrow(traced, fringes)
+    return Interferogram(
+        opd=traced.pixel_mean(traced.opd),
+        wavelength=traced.wavelength,
+        fringe_spacing=None if fringe_spacing is None else float(fringe_spacing),
+        fringe_angle=float(fringe_angle),
+        phase=float(phase),
+        visibility=float(visibility),
+        **shared_attributes(fringes, traced, light, exposure, **shared),
+    )
 
 
 @dataclass(frozen=True)
@@ -164,23 +159,6 @@ class Fringes:
             right, up = (place - at for place, at in zip((across, along), middle, strict=True))
             waves = waves + (right * math.cos(self.angle) + up * math.sin(self.angle)) / self.spacing
         return np.asarray(waves)
-
-
-def _picture(
-    traced: LineOfSight, fringes: Fringes, exposure: float, light: np.ndarray | None = None, **shared: Any
-) -> Interferogram:
-    """Return the picture of traced light, or of a bench's `light`."""
-    light = fringes.light(traced) if light is None else light
-    _warn_of_narrow(traced, fringes)
-    return Interferogram(
-        opd=traced.pixel_mean(traced.opd),
-        wavelength=traced.wavelength,
-        fringe_spacing=None if fringes.spacing is None else float(fringes.spacing),
-        fringe_angle=float(fringes.angle),
-        phase=float(fringes.phase),
-        visibility=float(fringes.visibility),
-        **shared_attributes(fringes, traced, light, exposure, **shared),
-    )
 
 
 def _warn_of_narrow(traced: LineOfSight, fringes: Fringes) -> None:

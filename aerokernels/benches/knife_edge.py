@@ -15,7 +15,7 @@ from ..display.shown import ROUNDING, shown
 from ..inputs.arguments import checked
 from ..medium import IndexField
 from .bench import Bench, light_of_source
-from .line_of_sight import LineOfSight, check_exposure, check_turn, line_of_sight
+from .line_of_sight import LineOfSight, check_exposure, check_turn, traced_light
 from .picture import TracedPicture
 from .picture_error import OF_CORNERS, SomeLight, light_on_squares, shared_attributes
 from .shadowgraph import spread
@@ -122,7 +122,7 @@ class KnifeEdge:
 
 @checked
 def schlieren(
-    field: IndexField,
+    field: IndexField | LineOfSight,
     *,
     knife_edge: str | float = "vertical",
     cut_off: float = 0.5,
@@ -134,7 +134,7 @@ def schlieren(
     """Make a schlieren picture of a field.
 
     Args:
-        field: any field; a planar one needs `width` and a view along x.
+        field: any field, of which a planar one needs `width` and a view along x; or light that was traced through one.
         knife_edge: "vertical" shows changes along the picture's horizontal, "horizontal" those along its vertical; or
             the direction in which a deflection brightens, as an angle from the picture's right toward its up [rad]: the
             edge is across that direction, and pi is a vertical edge inserted from the other side.
@@ -151,7 +151,11 @@ def schlieren(
     edge = KnifeEdge(knife_edge, cut_off, sensitivity)
     check_exposure(exposure)
     if bench is None:
-        return _picture(line_of_sight(field, **options), edge, exposure)
+        traced = traced_light(field, options)
+        if edge.sensitivity is None:
+            edge = edge.with_full_range(traced.deflection[traced.through])
+        light = traced.pixel_mean(np.where(traced.through, edge.passed(traced.deflection), 0.0))
+        return _finished(edge, traced, light, exposure)
     if sensitivity is not None:
         raise ValueError(f"sensitivity = {sensitivity}: the bench's source and focal length give it; leave it out")
     edge = replace(edge, sensitivity=bench.sensitivity, bench=bench)
@@ -165,26 +169,6 @@ def schlieren(
     light, middle, known = light_of_source(field, bench, edge.bright, light_of, options)
     of_error = {"square": max(middle.window.pitch), "curved": OF_CORNERS}
     return _finished(edge, middle, light, exposure, bench=bench, known=known, **of_error)
-
-
-@checked
-def knife_edge_picture(
-    traced: LineOfSight,
-    *,
-    knife_edge: str | float = "vertical",
-    cut_off: float = 0.5,
-    sensitivity: float | None = None,
-    exposure: float = 1.0,
-) -> SchlierenImage:
-    """Make the schlieren picture of traced light; arguments and errors as in `schlieren`."""
-    return _picture(traced, KnifeEdge(knife_edge, cut_off, sensitivity), check_exposure(exposure))
-
-
-def _picture(traced: LineOfSight, edge: KnifeEdge, exposure: float) -> SchlierenImage:
-    if edge.sensitivity is None:
-        edge = edge.with_full_range(traced.deflection[traced.through])
-    light = traced.pixel_mean(np.where(traced.through, edge.passed(traced.deflection), 0.0))
-    return _finished(edge, traced, light, exposure)
 
 
 def _finished(

@@ -367,6 +367,15 @@ def line_of_sight(
     return found
 
 
+def traced_light(field: IndexField | LineOfSight, options: dict[str, Any]) -> LineOfSight:
+    """Trace light through a field with options of `line_of_sight`; light that was traced before is taken as it is."""
+    if not isinstance(field, LineOfSight):
+        return line_of_sight(field, **options)
+    if options:
+        raise TypeError(f"{next(iter(options))} is an option of line_of_sight, and this light was traced before")
+    return field
+
+
 def _is_symmetric(field: IndexField, window: Window, heights: np.ndarray) -> bool:
     """Return whether the picture is symmetric: a body of revolution seen from the side, with its axis in the middle."""
     sideways = abs(abs(float(window.right[2])) - 1.0) < 1e-12

@@ -16,7 +16,7 @@ from ..medium import IndexField
 from ..pupils import Pupil
 from ..tracing.pupil.air import GREATEST_SHARE
 from .bench import Bench, blurred, check_source
-from .line_of_sight import LineOfSight, Window, check_exposure, line_of_sight, ray_lines
+from .line_of_sight import LineOfSight, Window, check_exposure, ray_lines, traced_light
 from .picture import TracedPicture
 from .picture_error import SPREAD, SomeLight, light_on_squares, shared_attributes
 
@@ -56,7 +56,7 @@ class Shadowgraph(TracedPicture):
 
 @checked
 def shadowgraph(
-    field: IndexField,
+    field: IndexField | LineOfSight,
     *,
     distance: float,
     source_angle: float = 0.0,
@@ -67,7 +67,7 @@ def shadowgraph(
     """Make a shadowgraph of a field.
 
     Args:
-        field: any field; a planar one needs `width` and a view along x.
+        field: any field, of which a planar one needs `width` and a view along x; or light that was traced through one.
         distance: from the field's middle to the screen, along the light [m]. A camera may be focused on a plane inside
             the field or in front of it: then this is small or negative, and the rays are extended straight back.
         source_angle: full angle that the source, a disc, subtends as seen from the field [rad]: it blurs by distance
@@ -87,28 +87,27 @@ def shadowgraph(
         if source_angle:
             raise ValueError(f"source_angle = {source_angle}: the bench's source gives it; leave it out")
         screen = Screen(distance, bench.angle, bench.source)
-    return _picture(line_of_sight(field, **options), screen, exposure, bench)
-
-
-@checked
-def shadow_picture(
-    traced: LineOfSight,
-    *,
-    distance: float,
-    source_angle: float = 0.0,
-    exposure: float = 0.5,
-    source: str | Pupil = "disc",
-) -> Shadowgraph:
-    """Make the shadowgraph of traced light; arguments and errors as in `shadowgraph`.
-
-    `source` is the source's shape, as in a `Bench`.
-    """
-    return _picture(traced, Screen(distance, source_angle, source), check_exposure(exposure))
+    traced = traced_light(field, options)
+    if min(traced.through.shape) < 2:
+        raise ValueError(f"a shadowgraph needs at least 2 x 2 rays, got {traced.through.shape}: raise pixel_count")
+    irradiance, known = screen.light(traced), traced.known
+    if traced.doubtful is not None and traced.doubtful.any():
+        known = known & (screen.light(traced, traced.doubtful.astype(np.float64)) <= GREATEST_SHARE)
+    square = max(*traced.window.pitch, abs(screen.distance) * screen.source_angle)
+    return Shadowgraph(
+        irradiance=irradiance,
+        distance=float(screen.distance),
+        source_angle=float(screen.source_angle),
+        source=screen.source,
+        **shared_attributes(
+            screen, traced, irradiance, exposure, bench=bench, known=known, square=square, curved=SPREAD
+        ),
+    )
 
 
 @dataclass(frozen=True)
 class Screen:
-    """A screen and the source whose light falls on it: the arguments of `shadow_picture` of the same names."""
+    """A screen and the source whose light falls on it: the arguments of `shadowgraph` of the same names."""
 
     distance: float
     source_angle: float = 0.0
@@ -138,24 +137,6 @@ class Screen:
     def light_of(self, some: SomeLight) -> np.ndarray:
         """Return the light of some pixels, shape (pixels,)."""
         return light_on_squares(some, self.landing(some))
-
-
-def _picture(traced: LineOfSight, screen: Screen, exposure: float, bench: Bench | None = None) -> Shadowgraph:
-    if min(traced.through.shape) < 2:
-        raise ValueError(f"a shadowgraph needs at least 2 x 2 rays, got {traced.through.shape}: raise pixel_count")
-    irradiance, known = screen.light(traced), traced.known
-    if traced.doubtful is not None and traced.doubtful.any():
-        known = known & (screen.light(traced, traced.doubtful.astype(np.float64)) <= GREATEST_SHARE)
-    square = max(*traced.window.pitch, abs(screen.distance) * screen.source_angle)
-    return Shadowgraph(
-        irradiance=irradiance,
-        distance=float(screen.distance),
-        source_angle=float(screen.source_angle),
-        source=screen.source,
-        **shared_attributes(
-            screen, traced, irradiance, exposure, bench=bench, known=known, square=square, curved=SPREAD
-        ),
-    )
 
 
 def spread(traced: LineOfSight, shift: np.ndarray, share: np.ndarray | None = None) -> np.ndarray:

@@ -99,11 +99,11 @@ def test_light_that_was_not_traced_here_has_no_known_error():
     """NaN, not 0; what a picture needs for its error travels with it."""
     from dataclasses import replace
 
-    from aerokernels.benches import knife_edge_picture
+    from aerokernels.benches import schlieren
 
     light = line_of_sight(lump(4e-3), **VIEW)
-    told = knife_edge_picture(light, sensitivity=1e4)
-    assert np.isnan(knife_edge_picture(replace(light, light=None), sensitivity=1e4).error).all()
+    told = schlieren(light, sensitivity=1e4)
+    assert np.isnan(schlieren(replace(light, light=None), sensitivity=1e4).error).all()
     np.testing.assert_array_equal(pickle.loads(pickle.dumps(told)).error, told.error)
     assert (told.error > 0.0).all()
 
