@@ -7,7 +7,7 @@ Reference: W. Merzkirch, Flow Visualization, 2nd ed. (Academic Press, 1987), sec
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -19,9 +19,6 @@ from .bench import Bench, light_of_source
 from .line_of_sight import LineOfSight, check_exposure, check_turn, traced_light
 from .picture import TracedPicture
 from .picture_error import SomeLight, shared_attributes
-
-if TYPE_CHECKING:
-    import xarray
 
 
 @shown
@@ -45,19 +42,17 @@ class Interferogram(TracedPicture):
     phase: float
     visibility: float
 
-    def to_xarray(self) -> "xarray.Dataset":
-        """Return the picture as a dataset with units."""
-        return self._dataset(
-            {"opd": ("pixel", self.opd, "m", "optical path difference against the ambient medium")},
-            {
-                "kind": "interferogram",
-                "wavelength_m": self.wavelength,
-                "fringe_spacing_m": float("inf") if self.fringe_spacing is None else self.fringe_spacing,
-                "fringe_angle_rad": self.fringe_angle,
-                "phase_waves": self.phase,
-                "visibility": self.visibility,
-            },
-        )
+    KIND: ClassVar[str] = "interferogram"
+    MAPS: ClassVar[dict[str, tuple[str, str, str]]] = {
+        "opd": ("pixel", "m", "optical path difference against the ambient medium")
+    }
+    NUMBERS: ClassVar[dict[str, str]] = {
+        "wavelength_m": "wavelength",
+        "fringe_spacing_m": "fringe_spacing",
+        "fringe_angle_rad": "fringe_angle",
+        "phase_waves": "phase",
+        "visibility": "visibility",
+    }
 
 
 @checked

@@ -7,7 +7,7 @@ Reference: G. S. Settles, Schlieren and Shadowgraph Techniques (Springer, 2001),
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -19,9 +19,6 @@ from .line_of_sight import LineOfSight, check_exposure, check_turn, traced_light
 from .picture import TracedPicture
 from .picture_error import OF_CORNERS, SomeLight, light_on_squares, shared_attributes
 from .shadowgraph import spread
-
-if TYPE_CHECKING:
-    import xarray
 
 
 @shown
@@ -43,20 +40,16 @@ class SchlierenImage(TracedPicture):
     cut_off: float
     sensitivity: float
 
-    def to_xarray(self) -> "xarray.Dataset":
-        """Return the picture as a dataset with units."""
-        return self._dataset(
-            {
-                "deflection": ("pixel direction", self.deflection, "rad", "deflection of the light"),
-                "opd": ("pixel", self.opd, "m", "optical path difference against the ambient medium"),
-            },
-            {
-                "kind": "schlieren",
-                "knife_edge": self.knife_edge,
-                "cut_off": self.cut_off,
-                "sensitivity_per_rad": self.sensitivity,
-            },
-        )
+    KIND: ClassVar[str] = "schlieren"
+    MAPS: ClassVar[dict[str, tuple[str, str, str]]] = {
+        "deflection": ("pixel direction", "rad", "deflection of the light"),
+        "opd": ("pixel", "m", "optical path difference against the ambient medium"),
+    }
+    NUMBERS: ClassVar[dict[str, str]] = {
+        "knife_edge": "knife_edge",
+        "cut_off": "cut_off",
+        "sensitivity_per_rad": "sensitivity",
+    }
 
 
 @dataclass(frozen=True)

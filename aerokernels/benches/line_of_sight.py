@@ -141,8 +141,7 @@ class LineOfSight:
         blocked: rays that met the body.
         wavelength: vacuum wavelength [m].
         focus: coordinate of the focal plane along the light [m].
-        doubtful: rays that failed, or lack more than the tolerance by cuts through disturbed air; None for
-            none.
+        doubtful: rays that failed, or lack more than the tolerance by cuts through disturbed air.
         light: the light that was traced, to trace it again for the error of a picture.
     """
 
@@ -155,8 +154,8 @@ class LineOfSight:
     blocked: np.ndarray
     wavelength: float
     focus: float
-    doubtful: np.ndarray | None = None
-    light: "ParallelLight | None" = None
+    doubtful: np.ndarray
+    light: "ParallelLight"
 
     @property
     def ray_grid(self) -> tuple[np.ndarray, np.ndarray]:
@@ -189,8 +188,6 @@ class LineOfSight:
     @property
     def known(self) -> np.ndarray:
         """Mask of the pixels whose light is known: at most a thousandth of their rays is doubtful, shape (ny, nx)."""
-        if self.doubtful is None:
-            return np.ones((len(self.window.vertical), len(self.window.horizontal)), dtype=bool)
         return np.asarray(self.pixel_mean(self.doubtful.astype(np.float64)) <= GREATEST_SHARE)
 
 

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -70,15 +70,25 @@ class TracedPicture(PictureView):
         """
         return np.full(self.intensity.shape, np.nan) if self.measure_error is None else self.measure_error()
 
-    def _dataset(
-        self, extra: dict[str, tuple[str, np.ndarray, str, str]], attributes: dict[str, object]
-    ) -> "xarray.Dataset":
-        """Return `picture_dataset` with marked pixels, exposure and axes."""
-        marks = {"blocked": ("pixel", self.blocked.astype(np.int8), "1", "1 where the body hides the light")}
+    # The kind of picture; maps beside the brightness by name: dimensions, unit, meaning; attributes by name.
+    KIND: ClassVar[str]
+    MAPS: ClassVar[dict[str, tuple[str, str, str]]]
+    NUMBERS: ClassVar[dict[str, str]]
+
+    def to_xarray(self) -> "xarray.Dataset":
+        """Return the picture as a dataset with units."""
+        maps = {name: (kind, getattr(self, name), unit, words) for name, (kind, unit, words) in self.MAPS.items()}
+        maps["blocked"] = ("pixel", self.blocked.astype(np.int8), "1", "1 where the body hides the light")
         if self.known is not None:
-            marks["known"] = ("pixel", self.known.astype(np.int8), "1", "0 where the light is not known")
-        own = {"exposure": self.exposure, "right": self.right, "up": self.up}
-        return picture_dataset(self, {**extra, **marks}, {**attributes, **own})
+            maps["known"] = ("pixel", self.known.astype(np.int8), "1", "0 where the light is not known")
+        numbers = {name: getattr(self, own) for name, own in self.NUMBERS.items()}
+        # No spacing is that of the infinite fringe; a pupil as a source is its text.
+        numbers = {
+            name: np.inf if one is None else one if isinstance(one, (int, float)) else str(one)
+            for name, one in numbers.items()
+        }
+        shared = {"exposure": self.exposure, "right": self.right, "up": self.up}
+        return picture_dataset(self, maps, {"kind": self.KIND, **numbers, **shared})
 
 
 @checked

@@ -64,7 +64,7 @@ def shared_attributes(
     """Return the attributes of a `TracedPicture` of some light, shape (ny, nx), as a bench's sensor sees it.
 
     `traced` are the rays that were traced, of a bench those of its source's middle point. `known` is by default theirs;
-    `of_error` has arguments of `picture_error`. Without the light that was traced, no error is known.
+    `of_error` has arguments of `picture_error`.
     """
     light = exposure * light
     brightness = np.clip(light, 0.0, 1.0)
@@ -76,9 +76,7 @@ def shared_attributes(
         "known": traced.known if known is None else known,
         "intensity": exposed,
         "exposure": float(exposure),
-        "measure_error": None
-        if traced.light is None
-        else partial(picture_error, brightness, hidden, traced.light, kind, exposure, **of_error),
+        "measure_error": partial(picture_error, brightness, hidden, traced.light, kind, exposure, **of_error),
     }
 
 

@@ -6,7 +6,7 @@ Settles, Schlieren and Shadowgraph Techniques (Springer, 2001), chapter 6.
 """
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -19,9 +19,6 @@ from .bench import Bench, blurred, check_source
 from .line_of_sight import LineOfSight, Window, check_exposure, ray_lines, traced_light
 from .picture import TracedPicture
 from .picture_error import SPREAD, SomeLight, light_on_squares, shared_attributes
-
-if TYPE_CHECKING:
-    import xarray
 
 
 @shown
@@ -41,17 +38,15 @@ class Shadowgraph(TracedPicture):
     source_angle: float
     source: str | Pupil = "disc"
 
-    def to_xarray(self) -> "xarray.Dataset":
-        """Return the picture as a dataset with units."""
-        return self._dataset(
-            {"irradiance": ("pixel", self.irradiance, "1", "light on the screen over undisturbed light")},
-            {
-                "kind": "shadowgraph",
-                "distance_m": self.distance,
-                "source_angle_rad": self.source_angle,
-                "source": str(self.source),
-            },
-        )
+    KIND: ClassVar[str] = "shadowgraph"
+    MAPS: ClassVar[dict[str, tuple[str, str, str]]] = {
+        "irradiance": ("pixel", "1", "light on the screen over undisturbed light")
+    }
+    NUMBERS: ClassVar[dict[str, str]] = {
+        "distance_m": "distance",
+        "source_angle_rad": "source_angle",
+        "source": "source",
+    }
 
 
 @checked
@@ -91,7 +86,7 @@ def shadowgraph(
     if min(traced.through.shape) < 2:
         raise ValueError(f"a shadowgraph needs at least 2 x 2 rays, got {traced.through.shape}: raise pixel_count")
     irradiance, known = screen.light(traced), traced.known
-    if traced.doubtful is not None and traced.doubtful.any():
+    if traced.doubtful.any():
         known = known & (screen.light(traced, traced.doubtful.astype(np.float64)) <= GREATEST_SHARE)
     square = max(*traced.window.pitch, abs(screen.distance) * screen.source_angle)
     return Shadowgraph(

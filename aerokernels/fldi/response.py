@@ -101,12 +101,9 @@ class FLDIResponse:
             for name, (unit, text) in words.items()
         }
         coordinates = {} if self.time is None else {"time": ("time", self.time, {"units": "s"})}
-        attributes = {
-            "separation_m": self.instrument.separation,
-            "waist_m": self.instrument.waist,
-            "divergence_rad": self.instrument.divergence,
-            "wavelength": self.instrument.wavelength,
-        }
+        numbers = {"separation_m": "separation", "waist_m": "waist", "divergence_rad": "divergence"}
+        attributes = {name: getattr(self.instrument, own) for name, own in numbers.items()}
+        attributes["wavelength"] = self.instrument.wavelength
         return xarray.Dataset(variables, coordinates, attributes)
 
     def plot(self, axes=None):

@@ -87,7 +87,7 @@ def split_step(
             count = layer_count(field, end - begin, step_count)
             check_memory(count, wave.amplitude.size)
             sampled = mean_layers(field, wave, begin, end, count)
-        warn_of_wrapping(wave.amplitude, wave.pixel, wave.wavelength, end, wave.ambient_index)
+        warn_of_wrapping(wave, end)
         with stage("kernel"):
             layers = Layers(*sampled, end - begin, paraxial, PRECISIONS[precision])
             start = propagated(wave, begin, paraxial)

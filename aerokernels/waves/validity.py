@@ -125,8 +125,10 @@ def validity(
     feature = finest_phase(np.where(slabs.light > 0.0, slabs.path, np.nan), slabs.wave.pixel, wavelength)
     crossed, curvature, near = crossings_of(slabs.path, slabs.wave.pixel, slabs.light, slabs.disturbed)
     traced = None
-    if wavefront is not None and not slabs.blocked and _is_whole(wavefront, wavelength):
-        traced = wavefront.strehl()
+    if wavefront is not None and not slabs.blocked and wavefront.wavelength == wavelength and len(wavefront.opd) >= 32:
+        # Its Strehl ratio must be that of all the pupil's light, with no term but piston removed.
+        if set(wavefront.removed) <= {"piston"} and wavefront.blocked <= 1e-3:
+            traced = wavefront.strehl()
     # Where rays have crossed only traced rays are meaningful. Before they cross, a map's pixels may hide a grating.
     resolved = wavefront is not None and feature >= 4.0 * wavefront.pixel
     by_traced = traced is not None and (crossed > 0.0 or (near > 0.01 and resolved))
@@ -143,12 +145,6 @@ def validity(
         rim_fresnel_number=_rim_fresnel_number(slabs),
         error=error,
     )
-
-
-def _is_whole(wavefront: Wavefront, wavelength: float) -> bool:
-    """Return whether a map's Strehl ratio is that of all the pupil's light, with no term but piston removed."""
-    whole = set(wavefront.removed) <= {"piston"} and wavefront.blocked <= 1e-3
-    return whole and wavefront.wavelength == wavelength and len(wavefront.opd) >= 32
 
 
 def _rim_fresnel_number(slabs: "Slabs") -> float:
