@@ -183,7 +183,7 @@ def light_below(shape: Pupil, place: np.ndarray, low: float, high: float) -> np.
 
 
 def light_of_source(
-    field: IndexField,
+    field: IndexField | LineOfSight,
     bench: Bench,
     bright: float,
     light_of: Callable[[LineOfSight, np.ndarray], np.ndarray],
@@ -194,6 +194,8 @@ def light_of_source(
     Points are across an edge that brightens toward the angle `bright` from right toward up [rad]. Also returns the rays
     of the middlemost point, and a mask of the pixels whose light is known for all points.
     """
+    if isinstance(field, LineOfSight):
+        raise TypeError("a bench traces light of its own: give the field in place of light that was traced")
     points, shares = bench.points()
     right, up = math.cos(bright), math.sin(bright)
     tilts = points @ np.array([[right, up], [-up, right]])

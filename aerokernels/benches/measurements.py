@@ -292,8 +292,8 @@ def _on_axis(
     found = along[0] + pitch * places
     try:
         curve, covariance, used = fit_curve(height, found, 2, 0.5 * abs(pitch))
-    except ValueError as error:
-        raise ValueError(f"{what}: {error}") from None
+    except ValueError as fault:
+        raise ValueError(f"{what}: {fault}") from None
     steps = is_staircase(picture.intensity[rows, ::step][known], places[known])
     error = math.hypot(math.sqrt(covariance[0, 0]), abs(pitch) * math.sqrt(1.0 / 12.0) * steps)
     return float(curve[0]), error, np.stack([found[used], height[used] + axis], axis=1)

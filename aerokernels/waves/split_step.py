@@ -227,7 +227,8 @@ class Layers:
         step, each = self.length / steps, len(self.paths) // steps
         shape = wave.amplitude.shape
         exponent = transfer_exponent(shape, wave.pixel, wave.wavelength, wave.ambient_index, self.paraxial)
-        half, whole = (np.exp(part * step * exponent).astype(self.kind) for part in (0.5, 1.0))
+        half: np.ndarray = np.exp(0.5 * step * exponent).astype(self.kind)
+        whole: np.ndarray = np.exp(step * exponent).astype(self.kind)
         spectrum = fft2(wave.amplitude.astype(self.kind))
         spectrum *= half
         for number in range(steps):
