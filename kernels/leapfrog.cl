@@ -34,11 +34,11 @@ static inline truths have_clearance(
 }
 #endif
 
-// Where a packet's rays enter the disturbed air, in cells from the grid's first node (x, y from the axis), their
-// directions, and the lengths of their paths in it [m].
+// Where a packet's rays enter the disturbed air, and the lengths of their paths in it [m].
 typedef struct {
     Starts starts;
-    reals x0, y0, z0, dx, dy, dz, length;
+    Path path;
+    reals length;
     reals kick[3];  // momentum across the rays, by refraction where they leave the body
 } Entries;
 
@@ -46,6 +46,7 @@ APART Entries enter(
     const Field *field,
     const Arrays *arrays,
     const Bounds *bounds,
+    const Control *control,
     int first,
     int ray_count,
     __global const double *position_in,
@@ -57,21 +58,21 @@ APART Entries enter(
     const truths runs = in.starts.runs;
     const Triples entry = ahead_of(p, in.starts.part.enter, d);
     const doubles zero = (doubles)0.0;
-    in.x0 = TO_REALS(CHOOSE64(zero, (entry.x - bounds->origin[0]) / bounds->spacing[0], runs));
-    in.y0 = TO_REALS(CHOOSE64(zero, (entry.y - bounds->origin[1]) / bounds->spacing[1], runs));
-    in.z0 = TO_REALS(CHOOSE64(zero, (entry.z - bounds->origin[2]) / bounds->spacing[2], runs));
-    in.dx = TO_REALS(d.x);
-    in.dy = TO_REALS(d.y);
-    in.dz = TO_REALS(d.z);
     in.length = TO_REALS(CHOOSE64(zero, in.starts.part.leave - in.starts.part.enter, runs));
+    const Path path = {
+        TO_REALS(CHOOSE64(zero, (entry.x - bounds->origin[0]) / bounds->spacing[0], runs)),
+        TO_REALS(CHOOSE64(zero, (entry.y - bounds->origin[1]) / bounds->spacing[1], runs)),
+        TO_REALS(CHOOSE64(zero, (entry.z - bounds->origin[2]) / bounds->spacing[2], runs)),
+        TO_REALS(d.x), TO_REALS(d.y), TO_REALS(d.z), in.length / (real)control->sample_count};  // its sums start at 0
+    in.path = path;
     in.kick[0] = in.kick[1] = in.kick[2] = (reals)R(0.0);
 #if HAS_BODY
-    const reals s = sample_packet(field, arrays, in.x0, in.y0, in.z0).value;
+    const reals s = sample_packet(field, arrays, path.x0, path.y0, path.z0).value;
     const reals cosine = TO_REALS(inner(in.starts.normal, d)), before = (real)bounds->ambient * cosine;
     const reals kick = CHOOSE((reals)R(0.0), LEAVING_KICK(before, s), before > R(0.0));
-    in.kick[0] = kick * (TO_REALS(in.starts.normal.x) - cosine * in.dx);
-    in.kick[1] = kick * (TO_REALS(in.starts.normal.y) - cosine * in.dy);
-    in.kick[2] = kick * (TO_REALS(in.starts.normal.z) - cosine * in.dz);
+    in.kick[0] = kick * (TO_REALS(in.starts.normal.x) - cosine * path.dx);
+    in.kick[1] = kick * (TO_REALS(in.starts.normal.y) - cosine * path.dy);
+    in.kick[2] = kick * (TO_REALS(in.starts.normal.z) - cosine * path.dz);
 #endif
     return in;
 }
@@ -87,7 +88,7 @@ APART void leave(
     __global const double *position_in,
     __global const double *direction_in,
     const Entries *in,
-    const Flight *flight,
+    const Flying *flight,
     const RayOutputs *outputs,
     __global int *rejected_count_out)
 {
@@ -95,13 +96,11 @@ APART void leave(
     const double ambient = bounds->ambient;
     const reals length = in->length;
     const Starts *starts = &in->starts;
-    const reals missed = unresolved_of(
-        field, arrays, control, in->x0, in->y0, in->z0, in->dx, in->dy, in->dz, length, flight->q[0], flight->q[1],
-        flight->q[2]);
+    const reals missed = unresolved_of(field, arrays, control, &in->path, length, flight->q);
 
     const Triples p = load_triples(position_in, first, ray_count), d = load_triples(direction_in, first, ray_count);
     const truths runs = starts->runs, uniform = starts->uniform;
-    const doubles step = TO_DOUBLES(flight->h), rest64 = TO_DOUBLES(flight->slowness);
+    const doubles step = TO_DOUBLES(flight->path.h), rest64 = TO_DOUBLES(flight->slowness);
     const reals rest = flight->slowness, none = (reals)R(0.0);
     doubles path = step * (TO_DOUBLES(flight->paths) - TO_DOUBLES(flight->paths_carry));
     doubles longitudinal_deficit = step * (TO_DOUBLES(flight->deficits) - TO_DOUBLES(flight->deficits_carry));
@@ -165,7 +164,7 @@ APART void leave(
     reals lateral_error = GREATER(
         flight->error, steep_tail * (tail / TO_REALS(fabs(cosine))) * LESSER(tail * cells, none_left));
     // Error of the direction from the path between the last sample and the surface.
-    const reals off_tail = rest * steep_tail * LESSER((tail + R(0.5) * flight->h) * cells, none_left);
+    const reals off_tail = rest * steep_tail * LESSER((tail + R(0.5) * flight->path.h) * cells, none_left);
     const reals lead_rate = lead / rest;
     reals momentum[3];
     const reals toward[3] = {TO_REALS(d.x), TO_REALS(d.y), TO_REALS(d.z)};
@@ -238,8 +237,8 @@ APART void leave(
         lateral_error, left, (left > LEFT_SHARE * control->tolerance) & !(lateral_error > left));
 #if CUBES
     // The errors of the cubes' polynomials at the samples, and the effect of their slopes up to the stop.
-    const reals sway = flight->off_slope * (length + TO_REALS(onward));
-    lateral_error += flight->off + (sway - flight->off_moment) * TO_REALS(greatest_tangent);
+    const reals sway = flight->path.off_slope * (length + TO_REALS(onward));
+    lateral_error += flight->path.off + (sway - flight->path.off_moment) * TO_REALS(greatest_tangent);
 #endif
     if (arrays->step_bound_start[0] >= 0) {
         const doubles farther = arrival.flight + starts->part.leave - starts->part.enter;
@@ -272,16 +271,15 @@ __kernel void leapfrog(TRACED_ARGUMENTS, __global int *rejected_count_out)
 #pragma unroll
     for (int packet = 0; packet < PACKETS; packet++) {
         // Unused packets repeat the last ray, as unused lanes do.
-        in[packet] = enter(&field, &arrays, &bounds, first + packet * LANES, ray_count, position_in, direction_in);
-        rays[packet] = take_off(
-            &control, ambient, in[packet].x0, in[packet].y0, in[packet].z0, in[packet].dx, in[packet].dy, in[packet].dz,
-            in[packet].length, in[packet].kick);
+        in[packet] = enter(
+            &field, &arrays, &bounds, &control, first + packet * LANES, ray_count, position_in, direction_in);
+        rays[packet] = take_off(ambient, &in[packet].path, in[packet].kick);
     }
     take_samples(&field, &arrays, &control, ambient, rays);
 #pragma unroll
     for (int packet = 0; packet < PACKETS; packet++) {
-        const Flight flight = land(&control, ambient, &rays[packet]);
+        land(&control, ambient, &rays[packet]);
         leave(&field, &arrays, &bounds, &control, first + packet * LANES, ray_count, position_in, direction_in,
-              &in[packet], &flight, &outputs, rejected_count_out);
+              &in[packet], &rays[packet], &outputs, rejected_count_out);
     }
 }

@@ -112,7 +112,8 @@ def root() -> Path:
 @pytest.fixture(params=["opencl", "warp"])
 def both_backends(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
     """The test runs twice, and "auto" takes OpenCL at first and then Warp; skipped where there is only one of them."""
-    from aerokernels.tracing.engines.choice import VARIABLES, choose_backend
+    from aerokernels.series.look import VARIABLES
+    from aerokernels.tracing.engines.choice import choose_backend
 
     for variable in VARIABLES.values():
         monkeypatch.setenv(variable, request.param)

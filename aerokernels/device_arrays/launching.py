@@ -13,7 +13,7 @@ from typing import Any
 import warp as wp
 
 from aerokernels.files.writing import FULL
-from aerokernels.process.kernel_cache import NoCacheError
+from aerokernels.process.quiet_warp import NoCacheError
 
 from ..process.opened import OPENED, Locked
 

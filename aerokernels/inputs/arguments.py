@@ -88,9 +88,7 @@ def _checking(function: Callable, name: str, described: Any, documented: Any) ->
                 is_changed = is_changed or arguments[parameter] is not value
         try:
             return function(*bound.args, **bound.kwargs) if is_changed else function(*given, **named)
-        except ArithmeticError as error:
-            raise ValueError(_out_of_range(name, arguments, error)) from error
-        except (AttributeError, TypeError, ValueError, IndexError) as error:
+        except (ArithmeticError, AttributeError, TypeError, ValueError, IndexError) as error:
             if _is_ours(error):
                 raise
             # Objects are checked last, because many functions report more about an object than its class.
@@ -100,7 +98,7 @@ def _checking(function: Callable, name: str, described: Any, documented: Any) ->
                 if only_dlpack(value):
                     what = f"{parameter} is a {type(value).__name__} that NumPy cannot read"
                     raise TypeError(f"{what}: copy it to the host (in {name})") from error
-            if _BARE.search(str(error)):
+            if isinstance(error, ArithmeticError) or _BARE.search(str(error)):
                 raise ValueError(_out_of_range(name, arguments, error)) from error
             raise
 
@@ -167,17 +165,14 @@ def _unknown_name(signature: inspect.Signature, named: Iterable[str]) -> str:
 
 
 def _out_of_range(name: str, arguments: dict[str, Any], error: Exception) -> str:
-    extreme = [f"{key} = {shown(value)}" for key, value in arguments.items() if _is_extreme(value)]
+    numbers = {key: value for key, value in arguments.items() if is_number(value) or type(value) is int}
+    extreme = [
+        f"{key} = {shown(value)}"
+        for key, value in numbers.items()
+        if value != value or abs(value) > GREAT or 0 < abs(value) < SMALL
+    ]
     what = ", ".join(extreme) or "its arguments"
     return f"{name} cannot be computed from {what}: a number is out of all proportion ({error})"
-
-
-def _is_extreme(value: Any) -> bool:
-    if is_number(value) or type(value) is int:
-        return bool(value != value or abs(value) > GREAT or 0 < abs(value) < SMALL)
-    if isinstance(value, (list, tuple)) and len(value) <= 16:
-        return any(_is_extreme(one) for one in value)
-    return False
 
 
 def _out_of_proportion(value: Any, parameter: str, owner: str) -> str:

@@ -15,8 +15,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
 
+# Signals by which a user, a batch system or a closing terminal requests a command to end.
 STOPPING = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
-"""Signals by which a user, a batch system or a closing terminal requests a command to end."""
 
 WAITED_FOR = ("<frozen importlib", *(f"{os.sep}{name}{os.sep}" for name in ("h5py", "h5netcdf", "matplotlib")))
 
@@ -24,18 +24,13 @@ WAITED_FOR = ("<frozen importlib", *(f"{os.sep}{name}{os.sep}" for name in ("h5p
 def heeded(number: int) -> bool:
     """Return whether a signal counts: under `nohup` a closing terminal's signal is ignored from the start.
 
-    An interrupt always counts. Scripts start background commands with interrupts ignored, which would leave only
-    SIGTERM to end a recording there.
+    An interrupt always counts: scripts start background commands with interrupts ignored.
     """
     return number in (signal.SIGINT, signal.SIGTERM) or signal.getsignal(number) is not signal.SIG_IGN
 
 
 def raise_interrupts() -> list[int]:
-    """Make the signals that count raise KeyboardInterrupt in the caller, for the rest of the process.
-
-    Returns:
-        A list to which each signal's number is added when it is raised.
-    """
+    """Make the signals that count raise KeyboardInterrupt in the caller from now on; return a list of those raised."""
     raised: list[int] = []
     waiting: list[int] = []
     base = sys._getframe(1)

@@ -22,8 +22,14 @@ from aerokernels.medium import QuadMesh
 from aerokernels.medium.averages.kept_averages import conserving_values, cut_and_kept
 from aerokernels.medium.grid import local_coordinates
 from aerokernels.medium.refined import cells_of_four, quarters
-from aerokernels.series.plane_values import PlaneValues, nodes_along, tensor_rows, thinned, to_coefficients
-from aerokernels.series.sheared_lattice import ShearedLattice
+from aerokernels.series.sheared_lattice import (
+    PlaneValues,
+    ShearedLattice,
+    nodes_along,
+    tensor_rows,
+    thinned,
+    to_coefficients,
+)
 
 LINEAR = ("cubic", "linear")  # interpolants that are linear in the samples
 MOST_ENTRIES = 8_000_000  # of the sparse matrix: 100 MB
@@ -213,31 +219,12 @@ class LineIntegrals:
 
 def basis_integrals(places: np.ndarray, count: int, interpolation: str) -> np.ndarray:
     """Return integrals of an axis's basis functions from its first node to places [cells], shape (n, coefficients)."""
-    cell = np.minimum(np.maximum(places, 0.0).astype(np.int64), count - 2)
-    u = np.clip(places - cell, 0.0, 1.0)
-    v = 1.0 - u
-    if interpolation == "linear":
-        part, whole = np.stack([u - 0.5 * u**2, 0.5 * u**2]), np.array([0.5, 0.5])
-    else:
-        whole = np.array([1.0, 11.0, 11.0, 1.0]) / 24.0
-        part = np.stack(
-            [
-                (1.0 - v**4) / 24.0,
-                (0.75 * u**4 - 2.0 * u**3 + 4.0 * u) / 6.0,
-                11.0 / 24.0 - (0.75 * v**4 - 2.0 * v**3 + 4.0 * v) / 6.0,
-                u**4 / 24.0,
-            ]
-        )
-    support = len(whole)
-    # Whole cells before the place: the cumulative sum of each cell's contribution to each coefficient.
-    each = np.zeros((count, count + support - 2))
-    for k in range(count - 1):
-        each[k + 1, k : k + support] = whole
-    found = np.cumsum(each, axis=0)[cell]
-    rows = np.arange(len(places))
-    for j in range(support):
-        found[rows, cell + j] += part[j]
-    return found
+    from scipy.interpolate import BSpline
+
+    degree = 3 if interpolation == "cubic" else 1
+    knots = np.arange(-degree, count + degree)
+    integral = BSpline(knots, np.eye(count + degree - 1), degree).antiderivative()
+    return np.asarray(integral(places) - integral(0.0))
 
 
 def contracted(samples: np.ndarray, weights: np.ndarray, axis: int) -> np.ndarray:

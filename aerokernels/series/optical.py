@@ -11,7 +11,7 @@ import numpy as np
 
 from aerokernels import __version__
 from aerokernels.inputs.checks import warn_caller
-from aerokernels.series.map_errors import NAMES, WRONG, Chosen
+from aerokernels.series.snapshot import NAMES, WRONG, Chosen
 
 from ..flow import GridMesh, Series
 from ..flow.series import mark_of
@@ -91,7 +91,7 @@ def optical_series(
         where the first snapshot ends in disturbed air, which the maps take as the whole flow. Lazy where `out` is
         given.
         Pixels whose rays end on a body, and with method="linear" those whose rays leave the grid sideways or miss it,
-        are not valid, and in no number. Errors are computed on some snapshots (map_errors.py), the part of the
+        are not valid, and in no number. Errors are computed on some snapshots (snapshot.py), the part of the
         pixels on each (pupil_grid.py).
 
     Warns:

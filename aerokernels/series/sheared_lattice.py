@@ -21,10 +21,11 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from scipy import sparse
 
 from aerokernels.medium import spline
+from aerokernels.medium.spline import node_values
 from aerokernels.process.machine import core_count
-from aerokernels.series.plane_values import PlaneValues
 
 BEYOND = 3  # cells beyond an edge to which samples are extrapolated, by the cubic through the last four
 AT_ONCE = 1_000_000  # samples at a time; speed only
@@ -37,14 +38,14 @@ class ShearedLattice:
         """Compute the geometry.
 
         Args:
-            shape: Nodes along each axis of the volume, four or more.
+            shape: Nodes along each axis of the volume, four or more; those along `axis` count the planes.
             axis: The main axis, across the planes.
-            places: Where the lines cross the plane `middle` [cells], shape (n, 2).
+            places: Where the lines cross the plane number `middle` [cells], shape (n, 2).
             slope: Their shift from one plane to the next [cells], shape (2,).
-            middle: Number of that plane.
+            middle: See `places`.
             weights: Of the planes [m], shape (plane_count,).
             within: Which lines are needed; the others' sums are zero, shape (n,).
-            averages: The samples are cell averages.
+            averages: Whether the samples are cell averages.
         """
         self._axis = axis
         self._counts = counts = [shape[k] for k in range(3) if k != axis]
@@ -190,3 +191,107 @@ def _parts(shift: np.ndarray, blends, weights: np.ndarray, count: int) -> list[t
 def _cost(parts: list[tuple[slice, np.ndarray, np.ndarray]]) -> float:
     """Return the work of a division of the planes; shifting a value of P costs as much as 50 multiplications."""
     return sum(len(matrix) * (matrix.shape[1] + 50.0) for _, _, matrix in parts)
+
+
+REST = 1e-13
+SPARSEST = 4.0  # grid points for each place on the grid; above it places are interpolated one by one; speed only
+
+
+def to_coefficients(count: int, interpolation: str, even: bool, cell_averages: bool) -> np.ndarray:
+    """Return the matrix from the samples of an axis to its coefficients, shape (coefficient_count, count)."""
+    unit = np.eye(count)
+    samples = to_nodes(count, interpolation, even) if cell_averages else unit
+    return samples if interpolation == "linear" else spline.spline_along(samples, 0, even)
+
+
+def to_nodes(count: int, interpolation: str, even: bool) -> np.ndarray:
+    """Return the matrix from averages over the cells of an axis to values at its nodes, shape (count, count)."""
+    unit = np.eye(count)
+    return np.stack([node_values(unit[:, k], interpolation, even) for k in range(count)], axis=1)
+
+
+def nodes_along(samples: np.ndarray, axes: Any, interpolation: str, even: bool) -> np.ndarray:
+    """Convert cell averages to values at the nodes along some of the axes, in the samples' own precision."""
+    for axis in axes:
+        matrix = to_nodes(samples.shape[axis], interpolation, even and axis == 0).astype(samples.dtype)
+        if axis == samples.ndim - 1:
+            samples = samples @ matrix.T
+        else:
+            flat = samples.reshape(*samples.shape[: axis + 1], -1)
+            samples = np.matmul(matrix, flat).reshape(samples.shape)
+    return samples
+
+
+def basis_rows(places: np.ndarray, count: int, interpolation: str) -> tuple[np.ndarray, np.ndarray]:
+    """Return the first coefficient and the weights of places [cells] along an axis, shapes (n,) and (n, support)."""
+    held = np.clip(places, 0.0, count - 1.0)
+    cell = np.minimum(held.astype(np.int64), count - 2)
+    return cell, spline.weights(interpolation, held - cell)[0].T
+
+
+def thinned(matrix: np.ndarray) -> sparse.csr_matrix:
+    """Return a matrix without its entries below REST of the greatest one."""
+    return sparse.csr_matrix(np.where(np.abs(matrix) > REST * np.abs(matrix).max(initial=0.0), matrix, 0.0))
+
+
+class PlaneValues:
+    """The map from the samples of a plane to the values at points of it."""
+
+    def __init__(
+        self,
+        places: np.ndarray,
+        counts: Any,
+        within: np.ndarray,
+        interpolation: str,
+        even: bool = False,
+        cell_averages: bool = False,
+        inverted: tuple[bool, ...] = (False, False),
+    ):
+        """Compute the map for points at `places` [cells], shape (n, 1 or 2); values are zero where not `within`.
+
+        `counts` are the nodes along each axis; an `even` plane is mirrored at the first node of its first one. Along
+        `inverted` axes the samples are sums of the spline's basis functions.
+        """
+        inverses = []
+        for axis, count in enumerate(counts):
+            once = to_coefficients(count, interpolation, even and axis == 0, False)
+            twice = once @ once[1:-1] if inverted[axis] else once
+            inverses.append(twice @ to_nodes(count, interpolation, even and axis == 0) if cell_averages else twice)
+        self._within = within
+        unique = [np.unique(np.round(places[:, k], 9), return_inverse=True) for k in range(len(counts))]
+        cells = int(np.prod([len(values) for values, _ in unique]))
+        self._index: np.ndarray | None = None
+        if len(counts) == 1 or cells <= SPARSEST * len(places):
+            self._maps = [
+                thinned(tensor_rows(values[:, None], [count], interpolation) @ inverse)
+                for (values, _), count, inverse in zip(unique, counts, inverses, strict=True)
+            ]
+            self._index = np.ravel_multi_index([where for _, where in unique], [len(values) for values, _ in unique])
+        else:
+            self._maps = [thinned(inverse) for inverse in inverses]
+            self._rows = tensor_rows(places, counts, interpolation)
+
+    def __call__(self, plane: np.ndarray) -> np.ndarray:
+        """Return values at the points, shape (n,), float64."""
+        found = np.asarray(plane, np.float64)
+        for axis, one in enumerate(self._maps):
+            found = one @ found if axis == 0 else (one @ np.ascontiguousarray(found.T)).T
+        values = self._rows @ found.ravel() if self._index is None else np.take(found, self._index)
+        return np.where(self._within, values, 0.0)
+
+
+def tensor_rows(places: np.ndarray, counts, interpolation: str, keep: np.ndarray | None = None) -> sparse.csr_matrix:
+    """Return the matrix from a plane's coefficients to values at places [cells], shape (n, axes); 0 unless `keep`."""
+    columns = np.zeros((len(places), 1), dtype=np.int64)
+    values = np.ones((len(places), 1)) if keep is None else keep[:, None].astype(np.float64)
+    size = 1
+    for axis, count in enumerate(counts):
+        cell, weight = basis_rows(places[:, axis], count, interpolation)
+        support = weight.shape[1]
+        total = count + support - 2
+        column = cell[:, None] + np.arange(support)
+        columns = (columns[:, :, None] * total + column[:, None, :]).reshape(len(places), -1)
+        values = (values[:, :, None] * weight[:, None, :]).reshape(len(places), -1)
+        size *= total
+    starts = np.arange(len(places) + 1) * columns.shape[1]
+    return sparse.csr_matrix((values.ravel(), columns.ravel(), starts), shape=(len(places), size))

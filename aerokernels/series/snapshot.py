@@ -4,32 +4,39 @@ On straight rays OPD = K \int (rho - rho_ambient) ds is linear in the density (G
 pass over its samples. The neglected bending and displacement of the rays are measured by full traces of some rays. They
 grow with the square of the slopes of the wavefront, -1/2 \int theta^2 ds, so they are measured again whenever the
 slopes have grown. Where they are above the tolerance the snapshot is traced in full.
+
+Errors are the numbers of some rays, computed again as each cause changes these, of a few snapshots, evenly spread, and
+of those whose wavefront is much steeper or flatter than before. Each other one takes those of the nearest in time.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
 import numpy as np
 
+from aerokernels.display.quantities import combine
+from aerokernels.flow import DensityField, Series, refractivity_model
+from aerokernels.flow.gas import GREATEST_DENSITY, LEAST_DENSITY
 from aerokernels.inputs.kinds import refuse_half_precision
-from aerokernels.series.line_integrals import MeshIntegrals
-from aerokernels.series.map_errors import map_errors, straight_variants
-from aerokernels.tracing.stop import plane_beyond
-
-from ..flow import DensityField, Series, refractivity_model
-from ..flow.gas import GREATEST_DENSITY, LEAST_DENSITY
-from ..medium import IndexField, QuadMesh
-from ..medium.refined import has_seam
-from ..rays import Pupil, RayBundle
-from ..tracing.engines.choice import choose_backend
-from ..tracing.pupil.air import PupilAir, pupil_air
-from ..tracing.trace import trace
-from ..tracing.variants.causes import Variants, few_rows, sample_size
-from ..wavefronts import remove_terms
-from .line_integrals import LineIntegrals, NotLinearError
-from .pupil_grid import PupilGrid
+from aerokernels.medium import IndexField, QuadMesh
+from aerokernels.medium.refined import has_seam
+from aerokernels.rays import Pupil, RayBundle
+from aerokernels.series.line_integrals import LineIntegrals, MeshIntegrals, NotLinearError
+from aerokernels.series.pupil_grid import MapReader, PupilGrid
+from aerokernels.tracing import Plane
+from aerokernels.tracing.cuts import lost
+from aerokernels.tracing.engines.choice import choose_backend
+from aerokernels.tracing.plan import TracePlan
+from aerokernels.tracing.planning import backend_for
+from aerokernels.tracing.pupil.air import PupilAir, pupil_air
+from aerokernels.tracing.step_bound import step_allowance
+from aerokernels.tracing.stop import plane_beyond, stop_distance
+from aerokernels.tracing.trace import rerun, trace
+from aerokernels.tracing.variants.causes import Variants, errors, few_rows, of_a_ray, sample_size, variants
+from aerokernels.tracing.variants.paths import Rays
+from aerokernels.wavefronts import remove_terms
 
 METHODS = ("auto", "linear", "trace")
 GROWN = 1.5  # growth of the squared slopes after which the bending is measured again
@@ -261,3 +268,80 @@ class Snapshots:
         reached = np.isfinite(traced.opd) & traced.ok
         opd = np.where(reached, traced.opd, np.nan)
         return SnapshotResult(opd, reached, True, self._slope(opd, reached), lambda: traced.variants)
+
+
+# The numbers, in order; and with the optical path difference of a ray, what has an error.
+NAMES = ("strehl", "boresight_x", "boresight_y", "piston", "opd_rms", "opd_rms_with_tilt")
+WRONG = (*NAMES, "error")
+LEAST_STEP = 128
+
+
+def map_errors(
+    found: Variants | None, points: np.ndarray, wavelength: float, remove: tuple[str, ...]
+) -> dict[str, float]:
+    """Return the errors of WRONG, by some rays at `points` across the look direction [m]; NaN where none is known."""
+    if found is None:
+        return dict.fromkeys(WRONG, float("nan"))
+    reader = MapReader(points, found.weight, remove, wavelength)
+    by_cause = errors(lambda rays: reader(rays.opd).numbers, found)
+    totals = [combine({cause: error[k] for cause, error in by_cause.items()})["total"] for k in range(len(NAMES))]
+    of_opd = of_a_ray(lambda rays: reader(rays.opd).opd, found)["total"]
+    return {**dict(zip(NAMES, totals, strict=True)), "error": of_opd}
+
+
+class Chosen:
+    """Says of one snapshot after another whether errors are computed for it: of 8 places at most, and of 8 others.
+
+    Places are LEAST_STEP or more apart, so that errors take little of the time.
+    """
+
+    def __init__(self, total: int):
+        """Begin with the first snapshot of `total`."""
+        self._step = LEAST_STEP
+        while self._step * 8 < total:
+            self._step *= 2
+        self._number, self._more, self._slope = 0, 0, np.nan
+
+    def __call__(self, slope: float) -> bool:
+        """Whether the next snapshot is one of them; `slope` is the mean square of its wavefront's slopes."""
+        other = self._number > 0 and not self._slope / 3.0 <= slope <= self._slope * 3.0
+        other = other and self._more < 8
+        if other or self._number == 0:
+            self._slope = slope
+        self._more += other
+        self._number += 1
+        return bool((self._number - 1) % self._step == 0 or other)
+
+
+def nearest_in_time(errors: np.ndarray) -> np.ndarray:
+    """Return errors of all snapshots, shape (n,), from those that were computed; the others are NaN."""
+    known = np.flatnonzero(np.isfinite(errors))
+    if not len(known):
+        return np.full(len(errors), np.nan)
+    place = np.arange(len(errors))
+    return np.asarray(errors[known[np.abs(place[:, None] - known).argmin(axis=1)]])
+
+
+def straight_variants(
+    field: IndexField,
+    rays: RayBundle,
+    opd: np.ndarray,
+    until: Plane,
+    wavelength: float,
+    tolerance: float,
+    options: Mapping[str, Any],
+) -> Variants:
+    """Return how rays, in random order, change by cause; that of "step" is what full traces bring besides `opd` [m].
+
+    `opd` is that along straight lines, shape (n,), and `options` are backend and device of the full traces.
+    """
+    backend = backend_for(field, options.get("backend") or "auto")
+    backend, device, _ = choose_backend(backend, options.get("device"))
+    allowance = step_allowance(field, "adaptive", None, None)
+    plan = TracePlan("adaptive", backend, device, "float64", allowance, None, tolerance)
+    way = stop_distance(rays.position, rays.direction, until)
+    base = Rays(np.asarray(opd, np.float64), rays.direction, rays.position + way[:, None] * rays.direction)
+    weight = np.broadcast_to(np.asarray(rays.weight, np.float64), way.shape)
+    beyond = lost(field, rays, until)
+    run = rerun(until, wavelength)
+    return variants(field, rays, base, plan, until, run, weight=weight / weight.sum(), lost=beyond)

@@ -7,17 +7,21 @@ import numpy as np
 
 from aerokernels.pupils import Disc
 from aerokernels.series.modes import (
+    Mean,
     Modes,
     Spectrum,
     about_mean,
     integral_length,
+    mean_of,
     mean_spectrum,
+    root_of,
     sample_rate,
+    standard_errors,
+    student_share,
     two_point_correlation,
     welch,
 )
 from aerokernels.series.pupil_grid import MapReader
-from aerokernels.series.uncertainty import Mean, mean_of, root_of, standard_errors, student_share
 
 BLOCKS = 10  # blocks of the series, whose differences give the error of numbers that are not plain means
 

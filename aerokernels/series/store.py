@@ -20,7 +20,7 @@ import numpy as np
 from aerokernels.display.plain_text import cut
 from aerokernels.files.writing import FULL, draft_of, in_room, only_writer
 from aerokernels.process.foreign_files import fault_text
-from aerokernels.series.map_errors import nearest_in_time
+from aerokernels.series.snapshot import nearest_in_time
 
 if TYPE_CHECKING:
     import xarray
@@ -130,11 +130,8 @@ class ZarrStore(MemoryStore):
     ):
         """Open a store, or prepare one.
 
-        Args:
-            path: The store.
-            template: Coordinates, weights and attributes.
-            define: Returns what distinguishes a run through so many snapshots from others with the same store.
-            is_unchanged: Whether a snapshot is the one that was stored with these codes of its stamp and its mark.
+        `define` returns what distinguishes a run through so many snapshots from others with the same store, and
+        `is_unchanged` whether a snapshot is the one that was stored with these codes of its stamp and its mark.
 
         Raises:
             ValueError: The path is something else, or a store of another series.

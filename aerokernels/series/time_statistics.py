@@ -17,7 +17,7 @@ from ..inputs.arguments import checked, seconds
 from ..inputs.checks import check_count, check_positive
 from ..inputs.wavelength import DEFAULT_WAVELENGTH, check_wavelength
 from ..wavefronts import weighted_mean
-from .modes import orthogonal_modes
+from .modes import Mean, about_mean_of, deviations_of, mean_of, orthogonal_modes, root_of, standard_errors
 from .pupil_grid import MapReader
 from .statistic_parts import (
     Table,
@@ -31,7 +31,6 @@ from .statistic_parts import (
     spread_map,
     terms_of,
 )
-from .uncertainty import Mean, about_mean_of, deviations_of, mean_of, root_of, standard_errors
 
 if TYPE_CHECKING:
     import xarray
@@ -52,7 +51,7 @@ def statistics(
 
     Means are over the snapshots, each of which counts once. Standard errors account for the correlation of snapshots
     and for a series too short to tell it: two of them are meant to contain the truth in 95 of 100 series, which few
-    independent snapshots do not quite reach (see uncertainty.py). Variances about a mean in time are corrected for
+    independent snapshots do not quite reach (see modes.py). Variances about a mean in time are corrected for
     the error of that mean. The errors of the maps' own numbers, as `optical_series` gives them, are added
     (statistic_parts.py). The attribute `independent_count` says how many independent snapshots there are, `drifting`
     lists the variables that drift. Below four snapshots errors are NaN.

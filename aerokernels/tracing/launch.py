@@ -159,7 +159,6 @@ class Trials:
     def __call__(self, *asked: tuple[int, float, float]) -> list[dict[str, np.ndarray]]:
         """Return the outputs for each (number of samples, quadrature scale, trajectory scale), see TracePlan."""
         names, count = self.names, self.count
-        many = [self.prepared, *(self.prepared.again() for _ in asked[1:])]
         with stage("upload"):
             reading = self.prepared.engine.fetched([_empty(name, count) for _ in asked for name in names])
             buffers = iter(reading.buffers)
@@ -167,11 +166,11 @@ class Trials:
                 self.prepared.allocate(count, without=names) | {name: next(buffers) for name in names} for _ in asked
             ]
         with stage("kernel"):
-            for prepared, (samples, quadrature, trajectory), outputs in zip(many, asked, results, strict=True):
-                prepared.tune(
+            for (samples, quadrature, trajectory), outputs in zip(asked, results, strict=True):
+                self.prepared.tune(
                     sample_count=samples, quadrature_error_scale=quadrature, trajectory_error_scale=trajectory
                 )
-                prepared.launch(self.starts, outputs, count)
+                self.prepared.launch(self.starts, outputs, count)
             reading.start()
             arrays = iter(reading.taken())
             return [{name: next(arrays) for name in names} for _ in asked]

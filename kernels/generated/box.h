@@ -7,6 +7,7 @@
 
 #include "prelude.h"
 
+// The part of `span` in which a coordinate of a line is between two bounds; reversed if there is none.
 static inline double2 slab(double low, double high, double p, double d, double2 span)
 {
     if (d == 0.0) {
@@ -85,6 +86,26 @@ static inline double4 surface_distance(const Bounds *bounds, int k, double3 p)
     }
     return out;
 }
+
+#if STOP == NONE && CONTROLLED
+
+// Number of the box's face nearest to a place.
+static inline int nearest_face(const Bounds *bounds, double3 p)
+{
+    int nearest = 0;
+    double least = 1e+300;
+    #pragma unroll
+    for (int k = 0; k < FACE_COUNT; k++) {
+        const double miss = fabs(surface_distance(bounds, k, p).x);
+        if (miss < least) {
+            least = miss;
+            nearest = k;
+        }
+    }
+    return nearest;
+}
+
+#endif
 
 // Distance outside surface k, and its gradient per cell.
 static inline real4 surface(const Control *control, int k, int3 cell, real3 frac)

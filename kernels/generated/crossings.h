@@ -6,24 +6,11 @@
 #define CROSSINGS_H
 
 #include "prelude.h"
+#include "generated/box.h"
 
 #define NEVER 1e+300
 
 #if GEOMETRY == VOLUME && HAS_BODY
-
-// The part of `span` in which a coordinate of a line is between two bounds; reversed if there is none.
-static inline double2 within_slab(double place, double along, double low, double high, double2 span)
-{
-    if (along == 0.0) {
-        if (place < low || place > high) {
-            return (double2)(NEVER, -1e+300);
-        }
-        return span;
-    }
-    const double one = (low - place) / along;
-    const double other = (high - place) / along;
-    return (double2)(greater64(span.x, lesser64(one, other)), lesser64(span.y, greater64(one, other)));
-}
 
 // Whether a line may pass a box between t = first and last. The box is enlarged by `margin` on every side.
 static inline int passes_volume_box(WallLine line, double3 low, double3 high, double margin, double first, double last)
@@ -31,8 +18,8 @@ static inline int passes_volume_box(WallLine line, double3 low, double3 high, do
     double2 span = (double2)(first, last);
     #pragma unroll
     for (int k = 0; k < 3; k++) {
-        span = within_slab(
-            pick64(line.point, k), pick64(line.toward, k), pick64(low, k) - margin, pick64(high, k) + margin, span);
+        span = slab(
+            pick64(low, k) - margin, pick64(high, k) + margin, pick64(line.point, k), pick64(line.toward, k), span);
     }
     return span.x <= span.y;
 }
@@ -87,7 +74,6 @@ static inline int passes_box(WallLine line, double4 box, double margin, double f
     return greater64(near, lesser64(one, other)) <= lesser64(far, greater64(one, other));
 }
 
-// Whether a line may pass the box of a node of the tree.
 static inline int passes_node(
     const Field *field, const Arrays *arrays, WallLine line, int node, double margin, double first, double last)
 {
@@ -173,7 +159,6 @@ static inline double corner_side(WallLine line, double place, double height)
 
 #if GEOMETRY == PLANAR && HAS_BODY
 
-// Crossings of a line with a segment.
 static inline Crossings segment_crossings(WallLine line, double4 segment, int entries_only)
 {
     Crossings out = (Crossings){0};
@@ -278,7 +263,6 @@ static inline Crossings segment_crossings(WallLine line, double4 segment, int en
 
 #if GEOMETRY != VOLUME && HAS_BODY
 
-// Crossings of a line with a piece of the surface.
 static inline Crossings piece_crossings(const Field *field, const Arrays *arrays, WallLine line, int piece)
 {
     return segment_crossings(line, vload4(piece, arrays->wall), 0);
@@ -361,7 +345,6 @@ static inline WallLine wall_line(double3 p, double3 d)
 
 #elif HAS_BODY
 
-// WallLine of a line.
 static inline WallLine wall_line(double3 p, double3 d)
 {
     WallLine line = (WallLine){0};

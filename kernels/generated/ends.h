@@ -113,16 +113,7 @@ APART StartOfResult start_of(const Field *field, const Arrays *arrays, const Bou
 // Number of the surface on which the undisturbed ray ends.
 static inline int surface_of(const Bounds *bounds, Interval interval, double3 p, double3 d)
 {
-    int nearest = 0;
-    double least = 1e+300;
-    #pragma unroll
-    for (int k = 0; k < FACE_COUNT; k++) {
-        const double miss = fabs(surface_distance(bounds, k, p + interval.t_exit * d).x);
-        if (miss < least) {
-            least = miss;
-            nearest = k;
-        }
-    }
+    const int nearest = nearest_face(bounds, p + interval.t_exit * d);
     return nearest;
 }
 

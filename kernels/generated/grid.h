@@ -9,6 +9,7 @@
 
 #define STRIDE (INTERPOLATION == MONOTONE ? 2 : 1)
 #define SUPPORT (INTERPOLATION == LINEAR ? 2 : 4)
+#define LAST_AXIS (GEOMETRY == VOLUME ? 2 : 1)
 
 #if !ON_MESH
 
@@ -177,7 +178,6 @@ static inline real3 plane_sample(const Field *field, const Arrays *arrays, int a
 
 #if GEOMETRY == PLANAR && !ON_MESH
 
-// Potential s = (n^2 - a^2) / 2 and its gradient [1/m].
 APART real4 sample(const Field *field, const Arrays *arrays, int3 cell, real3 frac, int current_cell)
 {
     const SplitResult a_and_u = split(frac.y, cell.y, field->row[0]);
@@ -192,7 +192,6 @@ APART real4 sample(const Field *field, const Arrays *arrays, int3 cell, real3 fr
 
 #elif GEOMETRY != VOLUME && !ON_MESH
 
-// Potential s = (n^2 - a^2) / 2 and its gradient [1/m].
 APART real4 sample(const Field *field, const Arrays *arrays, int3 cell, real3 frac, int current_cell)
 {
     const real radius = sqrt(frac.x * frac.x + frac.y * frac.y);
@@ -214,38 +213,26 @@ APART real4 sample(const Field *field, const Arrays *arrays, int3 cell, real3 fr
     return (real4)(s.x, outward * frac.x, outward * frac.y, s.z * field->inverse_spacing[2]);
 }
 
-#elif !ON_MESH && METHOD == PAPER
-
-// Step length of eq 5 in the cell of the point [m].
-static inline real paper_step(const Field *field, const Arrays *arrays, int3 cell, real3 frac, int current_cell)
-{
-    const int a = clamp(cell.x + floor_of(frac.x), 0, field->row[0]);
-    const int b = clamp(cell.y + floor_of(frac.y), 0, field->row[1]);
-    const int c = clamp(cell.z + floor_of(frac.z), 0, field->row[2]);
-    return arrays->paper_step[(a * (field->row[1] + 1) + b) * (field->row[2] + 1) + c];
-}
-
 #endif
 
-#if GEOMETRY == PLANAR && !ON_MESH && METHOD == PAPER
+#if !ON_MESH && METHOD == PAPER
 
 // Step length of eq 5 in the cell of the point [m].
 static inline real paper_step(const Field *field, const Arrays *arrays, int3 cell, real3 frac, int current_cell)
 {
-    const int a = clamp(cell.y + floor_of(frac.y), 0, field->row[0]);
-    const int b = clamp(cell.z + floor_of(frac.z), 0, field->row[1]);
-    return arrays->paper_step[a * (field->row[1] + 1) + b];
-}
-
-#elif GEOMETRY != VOLUME && !ON_MESH && METHOD == PAPER
-
-// Step length of eq 5 in the cell of the point [m].
-static inline real paper_step(const Field *field, const Arrays *arrays, int3 cell, real3 frac, int current_cell)
-{
+    const int c = clamp(cell.z + floor_of(frac.z), 0, field->row[LAST_AXIS]);
+#if GEOMETRY == VOLUME
+    const int a = clamp(cell.x + floor_of(frac.x), 0, field->row[0]);
+    const int b = clamp(cell.y + floor_of(frac.y), 0, field->row[1]);
+    return arrays->paper_step[(a * (field->row[1] + 1) + b) * (field->row[2] + 1) + c];
+#elif GEOMETRY == PLANAR
+    const int b = clamp(cell.y + floor_of(frac.y), 0, field->row[0]);
+    return arrays->paper_step[b * (field->row[1] + 1) + c];
+#else
     const real radius = sqrt(frac.x * frac.x + frac.y * frac.y);
-    const int a = clamp(floor_of(radius), 0, field->row[0]);
-    const int b = clamp(cell.z + floor_of(frac.z), 0, field->row[1]);
-    return arrays->paper_step[a * (field->row[1] + 1) + b];
+    const int b = clamp(floor_of(radius), 0, field->row[0]);
+    return arrays->paper_step[b * (field->row[1] + 1) + c];
+#endif
 }
 
 #endif

@@ -81,7 +81,6 @@ static inline real2 plane_point(real3 frac)
 
 #elif ON_MESH
 
-// Point in the plane of the mesh; positions on a mesh are in metres.
 static inline real2 plane_point(real3 frac)
 {
     return (real2)(sqrt(frac.x * frac.x + frac.y * frac.y), frac.z);

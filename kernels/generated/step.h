@@ -177,7 +177,6 @@ typedef struct {
     real probe_pot;
 } SlopeBehindResult;
 
-// Potential at the ray, slope, where and for which potential they were looked up.
 static inline SlopeBehindResult slope_behind(
     const Field *field, const Arrays *arrays, int3 cell, real3 frac, int current_cell, real3 bearing, real3 q)
 {

@@ -75,7 +75,6 @@ static inline double3 outward_normal(const Field *field, const Arrays *arrays, i
 
 #elif HAS_BODY
 
-// Outward unit normal of the body at a point of a piece of its surface.
 static inline double3 outward_normal(const Field *field, const Arrays *arrays, int piece, double3 p)
 {
     const double4 s = vload4(piece, arrays->wall);
@@ -147,7 +146,6 @@ static inline double4 moved_segment(double4 s, double r, double z)
     return (double4)(greater64(s.x + r, LEAST), s.y + z, greater64(s.z + r, LEAST), s.w + z);
 }
 
-// Whether a ray may enter the body through a piece.
 static inline int may_enter(
     const Field *field, const Arrays *arrays, WallLine line, int piece, double margin, double t_enter, double t_exit)
 {
@@ -244,7 +242,6 @@ static inline int comes_near(const Field *field, const Arrays *arrays, double3 h
 
 #elif HAS_BODY
 
-// Whether a point is within `within` [m] of the box around the whole body.
 static inline int comes_near(const Field *field, const Arrays *arrays, double3 here, double within)
 {
     const double4 whole = vload4(0, arrays->wall_boxes);

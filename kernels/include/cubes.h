@@ -112,14 +112,8 @@ static inline Local in_cubes(const Arrays *arrays, ints start, reals u, reals v,
 
 #elif LANES == 16
 
-// With clang's builtin, which is one instruction: for vectors written entry by entry its optimiser emits hundreds.
-#if defined(__has_builtin)
-#if __has_builtin(__builtin_shufflevector)
-#define TURNS 1
-#endif
-#endif
-
-#if TURNS
+// By clang's builtin, which every OpenCL for CPUs has: for vectors written entry by entry its optimiser emits hundreds
+// of instructions.
 
 // The numbers of lane k's cube, a cache line.
 #define ROW_OF(k) (*(__global const float16 *)(coefficients + INT_AT(start, k)))
@@ -133,8 +127,6 @@ static inline Local in_cubes(const Arrays *arrays, ints start, reals u, reals v,
 #define ODD_FOURS(p, q) \
     __builtin_shufflevector(p, q, 4, 5, 6, 7, 12, 13, 14, 15, 20, 21, 22, 23, 28, 29, 30, 31)
 
-#endif
-
 // If the lanes are in different cubes, each loads its numbers in fours, which are then transposed so that each number
 // is a vector over the lanes.
 static inline Local in_cubes(const Arrays *arrays, ints start, reals u, reals v, reals w)
@@ -145,7 +137,6 @@ static inline Local in_cubes(const Arrays *arrays, ints start, reals u, reals v,
         return in_row(&row, u, v, w);
     }
     reals c[CUBE_ROW];
-#if TURNS
     // Transpose the rows of four lanes at a time, four numbers of four lanes per vector; then the groups of four lanes.
     float16 by_fours[4][4];
 #pragma unroll
@@ -167,17 +158,6 @@ static inline Local in_cubes(const Arrays *arrays, ints start, reals u, reals v,
         c[4 + k] = EVEN_FOURS(low_odd, high_odd);
         c[12 + k] = ODD_FOURS(low_odd, high_odd);
     }
-#else
-    for (int part = 0; part < CUBE_ROW / 4; part++) {
-        for (int lane = 0; lane < LANES; lane++) {
-            const float4 row = ((__global const float4 *)(coefficients + INT_AT(start, lane)))[part];
-            REAL_AT(c[4 * part], lane) = row.x;
-            REAL_AT(c[4 * part + 1], lane) = row.y;
-            REAL_AT(c[4 * part + 2], lane) = row.z;
-            REAL_AT(c[4 * part + 3], lane) = row.w;
-        }
-    }
-#endif
     reals t[12];
 #pragma unroll
     for (int pair = 0; pair < 6; pair++) {
@@ -194,14 +174,10 @@ static inline Local in_cubes(const Arrays *arrays, ints start, reals u, reals v,
 // Prefetch the polynomials of the lanes' next cubes: nothing else hides the latency of a CPU's memory.
 static inline void ask_for_cubes(__global const real *coefficients, ints start)
 {
-#if defined(__has_builtin)
-#if __has_builtin(__builtin_prefetch)
 #pragma unroll
     for (int lane = 0; lane < LANES; lane++) {
         __builtin_prefetch((const void *)(size_t)(coefficients + INT_AT(start, lane)));
     }
-#endif
-#endif
 }
 
 #else

@@ -7,10 +7,9 @@
 
 #define EACH(c) for (int c = 0; c < 3; c++)
 
-// The state of a packet's rays between samples.
+// The state of a packet's rays between samples, and at the end.
 typedef struct {
     Path path;
-    reals h;
     reals p[3], q[3];             // momentum across the ray, and deviation
     reals impulse[3], moment[3];  // end-corrected sum of the momentum; sum of its moments about the start
     // The momentum minus the sum over every third sample; the same of its moments.
@@ -26,27 +25,15 @@ typedef struct {
     reals optical, deficit, arc;            // those sums over three samples
     reals max_deflection;
     reals s, ahead;                         // the potential at the last sample, its slope along the ray
+    reals error, steep, lead;               // at the end: error [m]; size of the slope; (w - a) / w
 } Flying;
 
-// The state of rays before their first sample: they start at (x0, y0, z0), in cells from the grid's first node (x, y
-// from the axis), and run along (dx, dy, dz) for `length` metres, with the momentum `kick` across.
-APART Flying take_off(
-    const Control *control,
-    real ambient,
-    reals x0,
-    reals y0,
-    reals z0,
-    reals dx,
-    reals dy,
-    reals dz,
-    reals length,
-    const reals *kick)
+// The state of rays before their first sample, with the momentum `kick` across.
+APART Flying take_off(real ambient, const Path *path, const reals *kick)
 {
-    const reals zero = (reals)R(0.0), h = length / (real)control->sample_count;
-    const Path path = {x0, y0, z0, dx, dy, dz, h};  // its sums start at 0
+    const reals zero = (reals)R(0.0);
     Flying ray;
-    ray.h = h;
-    ray.path = path;
+    ray.path = *path;
 #pragma unroll
     EACH(c) {
         ray.p[c] = ray.impulse[c] = kick[c];
@@ -74,7 +61,7 @@ static inline void take_sample(
     real third,
     Flying *ray)
 {
-    const reals half_step = R(0.5) * ray->h * ray->slowness;
+    const reals half_step = R(0.5) * ray->path.h * ray->slowness;
     ray->s = sample_path(field, arrays, &ray->path, middle, half_step, ray->p, ray->q, ray->f, &ray->ahead);
     reals m[3], across = (reals)R(0.0);
 #pragma unroll
@@ -83,7 +70,7 @@ static inline void take_sample(
         across += m[c] * m[c];
     }
     const reals deficit = longitudinal_deficit_of(ambient, R(2.0) * ray->s - across, &ray->slowness);
-    const reals pace = ray->h * ray->slowness, kick = weight * pace;
+    const reals pace = ray->path.h * ray->slowness, kick = weight * pace;
     ray->optical += weight * ray->s * ray->slowness;
     ray->deficit += weight * deficit;
     if (control->outputs & OUTPUT_ARC_LENGTH) {
@@ -142,44 +129,31 @@ static inline void take_samples(
     }
 }
 
-// Momentum and deviation at the end, half a step behind the last sample, in fourth order.
-APART Flight land(const Control *control, real ambient, const Flying *ray)
+// Compute the state at the end, half a step behind the last sample, in fourth order.
+APART void land(const Control *control, real ambient, Flying *ray)
 {
-    const reals h = ray->h;
-    reals square = (reals)R(0.0);
-    Flight out;
+    const reals h = ray->path.h;
+    reals square = (reals)R(0.0), slope = ray->ahead * ray->ahead;
 #pragma unroll
     EACH(c) {
-        out.p[c] = ray->impulse[c];
-        out.q[c] = ray->sigma * ray->impulse[c] - ray->moment[c];
-        out.momentum_diff[c] = ray->momentum_diff[c] + ray->impulse[c];
-        out.deviation_diff[c] = ray->sigma * out.momentum_diff[c] - (ray->deviation_diff[c] + ray->moment[c]);
-        out.f[c] = ray->f[c];
+        ray->p[c] = ray->impulse[c];
+        ray->q[c] = ray->sigma * ray->impulse[c] - ray->moment[c];
+        ray->momentum_diff[c] += ray->impulse[c];
+        ray->deviation_diff[c] = ray->sigma * ray->momentum_diff[c] - (ray->deviation_diff[c] + ray->moment[c]);
         square += ray->impulse[c] * ray->impulse[c];
+        slope += ray->f[c] * ray->f[c];
     }
-    const reals slowness = ray->slowness, ahead = ray->ahead, s = ray->s + R(0.5) * h * ahead;
     const reals difference = fabs(h * ((R(2.0) * ray->paths - ambient * ray->deficits) - R(3.0) * ray->coarse));
-    out.h = h;
-    out.slowness = slowness;
-    out.paths = ray->paths;
-    out.paths_carry = ray->paths_carry;
-    out.deficits = ray->deficits;
-    out.deficits_carry = ray->deficits_carry;
-    out.arcs = ray->arcs;
-    out.arcs_carry = ray->arcs_carry;
-    out.error = max(difference * control->quadrature_error_scale, h * ray->bend * control->trajectory_error_scale);
-    out.max_deflection = ray->max_deflection;
-    out.s = s;
-    out.ahead = ahead;
-    out.steep = sqrt(ahead * ahead + out.f[0] * out.f[0] + out.f[1] * out.f[1] + out.f[2] * out.f[2]);
-    out.lead = (R(2.0) * s - square) * slowness / (R(1.0) / slowness + ambient);
+    ray->error = max(difference * control->quadrature_error_scale, h * ray->bend * control->trajectory_error_scale);
+    ray->s += R(0.5) * h * ray->ahead;
+    ray->steep = sqrt(slope);
+    ray->lead = (R(2.0) * ray->s - square) * ray->slowness / (R(1.0) / ray->slowness + ambient);
 #if CUBES
-    const reals each = h * slowness;
-    out.off = each * ray->path.off;
-    out.off_slope = each * ray->path.off_slope;
-    out.off_moment = h * each * ray->path.off_moment;
+    const reals each = h * ray->slowness;
+    ray->path.off *= each;  // error of the path [m], of the direction, and its moment [m]
+    ray->path.off_slope *= each;
+    ray->path.off_moment *= h * each;
 #endif
-    return out;
 }
 
 #endif

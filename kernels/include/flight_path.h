@@ -6,7 +6,7 @@
 
 // The undisturbed ray: its start in cells, its direction, and the distance between samples.
 typedef struct {
-    reals x0, y0, z0, dx, dy, dz, h;
+    reals x0, y0, z0, dx, dy, dz, h;  // place in cells from the grid's first node (x, y from the axis)
 #if CUBES
     reals off, off_slope, off_moment;  // sums of error bounds of the cubes; the last is that of the slope's moments
 #endif

@@ -4,25 +4,6 @@
 
 #include "packet.h"
 
-// The results at the end of the undisturbed ray, one number per lane.
-typedef struct {
-    reals h;                                             // distance between samples
-    reals p[3];                                          // momentum across the ray
-    reals q[3];                                          // deviation across it
-    reals momentum_diff[3];                              // the momentum minus the sum over every third sample
-    reals deviation_diff[3];                             // the same of the deviation
-    reals slowness;                                      // 1 / w, w the momentum along the ray
-    reals paths, paths_carry;                            // sums of s / w, of (w - a) / w and of m / w
-    reals deficits, deficits_carry;
-    reals arcs, arcs_carry;
-    reals error, max_deflection;                         // estimate of the error [m], greatest momentum across, squared
-    reals s, ahead, f[3];                                // potential, its slope along the ray and across it
-    reals steep, lead;                                   // size of the slope; (w - a) / w
-#if CUBES
-    reals off, off_slope, off_moment;                    // error of the path [m], of the direction, and its moment [m]
-#endif
-} Flight;
-
 // Weight of sample k of `count`: the end-corrected midpoint rule.
 static inline real quadrature_weight(int k, int count)
 {

@@ -5,18 +5,8 @@
 
 #include "real.h"
 
-// With clang's builtin, which is one instruction: PoCL's own functions split a vector down to single numbers to convert
-// it.
-#if defined(__has_builtin)
-#if __has_builtin(__builtin_convertvector)
-#define CONVERTS 1
-#endif
-#endif
-#if CONVERTS
+// One instruction of clang's: PoCL's own functions split a vector down to single numbers to convert it.
 #define CONVERTED(x, type) __builtin_convertvector(x, type)
-#else
-#define CONVERTED(x, type) convert_##type(x)
-#endif
 
 // Numbers of the kernel's precision, doubles, integers and truth values for each lane: `mask` of comparisons of reals,
 // `truths` of comparisons of doubles.
@@ -33,7 +23,6 @@ typedef int truths;
 #define TO_TRUTHS(x) (x)
 #define CHOOSE(other, value, where) ((where) ? (value) : (other))
 #define CHOOSE64(other, value, where) ((where) ? (value) : (other))
-#define EVERY(where) (where)
 #define SOME(where) (where)
 #elif REAL_IS_DOUBLE && LANES == 8
 typedef double8 reals;
@@ -65,7 +54,6 @@ typedef long16 truths;
 // True is -1 in the lanes of a vector.
 #define CHOOSE(other, value, where) select(other, value, TO_MASK(where))
 #define CHOOSE64(other, value, where) select(other, value, where)
-#define EVERY(where) all(where)
 #define SOME(where) any(where)
 #endif
 

@@ -142,7 +142,7 @@ static inline doubles along_normal(int k, Triples normal, Triples v)
 }
 
 // Number of the box's face nearest to a place.
-static inline truths nearest_face(const Bounds *bounds, Triples at)
+static inline truths nearest_face_each(const Bounds *bounds, Triples at)
 {
     truths nearest = (truths)0;
     doubles least = (doubles)1.0e300;

@@ -115,7 +115,7 @@ static inline Starts start_each(const Field *field, const Arrays *arrays, const 
         elsewhere &= !starts.has_stop | (starts.whole.leave != starts.stop_distance);
     }
     if (SOME(elsewhere)) {
-        const truths face = nearest_face(bounds, ahead_of(p, starts.whole.leave, d));
+        const truths face = nearest_face_each(bounds, ahead_of(p, starts.whole.leave, d));
         surface = CHOOSE64(surface, face, elsewhere);
     }
     starts.surface = CHOOSE64((truths)(-1), surface, disturbed);

@@ -49,8 +49,6 @@ static inline double lesser64(double a, double b) { return a < b ? a : b; }
 static inline double greater64(double a, double b) { return a > b ? a : b; }
 
 // The built-in length() scales its argument to avoid overflow, which cannot occur here.
-static inline real size2(real2 v) { return sqrt(dot(v, v)); }
-static inline real size3(real3 v) { return sqrt(dot(v, v)); }
 static inline double size64(double3 v) { return sqrt(dot(v, v)); }
 
 // Component of a vector by number; if the number is a compile-time constant, this costs nothing.

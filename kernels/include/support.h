@@ -89,7 +89,7 @@ static inline truths leaves_support(const Bounds *bounds, Triples p, Triples hea
 static inline doubles exit_of(const Bounds *bounds, Triples p, Triples heading, truths *face)
 {
     const Spans span = crossing_each(VECTOR64(bounds->low), VECTOR64(bounds->high), bounds->radius, p, heading);
-    *face = nearest_face(bounds, ahead_of(p, span.leave, heading));
+    *face = nearest_face_each(bounds, ahead_of(p, span.leave, heading));
     return CHOOSE64(span.leave, (doubles)NAN, span.enter > span.leave);
 }
 

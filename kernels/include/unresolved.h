@@ -4,8 +4,7 @@
 #define UNRESOLVED_H
 
 #include "constants.h"
-#include "lanes.h"
-#include "types.h"
+#include "flight_path.h"
 
 // Block of the table along one of its axes; places are in cells.
 static inline ints block_of(const Control *control, int axis, reals place)
@@ -27,28 +26,17 @@ static inline ints entry_at(const Control *control, reals x, reals y, reals z)
 #endif
 }
 
-// A bound of the error of a ray's path [m]. The ray starts at (x0, y0, z0), in cells from the grid's first node (x, y
-// from the axis), runs along the unit vector (dx, dy, dz) for `length` metres, and ends (qx, qy, qz) [m] beside that
+// A bound of the error of a ray's path [m]. The ray runs along its path for `length` metres, and ends q [m] beside that
 // line. 0 without a table, infinite if the samples are further apart than the table is valid for.
 static inline reals unresolved_of(
-    const Field *field,
-    const Arrays *arrays,
-    const Control *control,
-    reals x0,
-    reals y0,
-    reals z0,
-    reals dx,
-    reals dy,
-    reals dz,
-    reals length,
-    reals qx,
-    reals qy,
-    reals qz)
+    const Field *field, const Arrays *arrays, const Control *control, const Path *path, reals length, const reals *q)
 {
     if (arrays->step_bound_start[0] < 0) {
         return (reals)R(0.0);
     }
     const real3 rate = VECTOR(field->inverse_spacing);
+    const reals x0 = path->x0, y0 = path->y0, z0 = path->z0, dx = path->dx, dy = path->dy, dz = path->dz;
+    const reals qx = q[0], qy = q[1], qz = q[2];
     reals ahead = length * max(fabs(dy) * rate.y, fabs(dz) * rate.z);
     if (GEOMETRY != PLANAR) {
         ahead = max(ahead, length * fabs(dx) * rate.x);

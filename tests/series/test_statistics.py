@@ -9,9 +9,8 @@ import pytest
 import xarray
 
 from aerokernels import Disc, statistics
-from aerokernels.series.modes import integral_length, welch
+from aerokernels.series.modes import integral_length, mean_of, welch
 from aerokernels.series.pupil_grid import PupilGrid, pupil_grid
-from aerokernels.series.uncertainty import mean_of
 
 from .fourier import WAVELENGTH
 

@@ -1,34 +1,26 @@
 """List the engines that can trace on this machine, and choose the one for "auto".
 
 The order is fixed, so that the same installation always makes the same choice: a GPU before a CPU, and on either OpenCL
-if it has a device that can trace, else Warp. docs/backend-speed.md has the speeds of both. The variables
-AEROKERNELS_CPU_BACKEND and AEROKERNELS_GPU_BACKEND, set to "warp" or "opencl", put that backend first.
+if it has a device that can trace, else Warp. docs/backend-speed.md has the speeds of both.
 """
 
 import importlib.util
-import os
 import sys
 from contextlib import suppress
 from dataclasses import replace
 from importlib.metadata import PackageNotFoundError, version
 
-from aerokernels.process.kernel_cache import NoCacheError
+from aerokernels.process.quiet_warp import NoCacheError
 
 from ...process.opened import OPENED
 from .info import NO_CUDA, BackendInfo, absent, cuda_driver_loads, known_memory, warp_processor
 
 BACKENDS = ("auto", "warp", "opencl", "reference")
-# Environment variables that choose between Warp and OpenCL on a kind of device.
-VARIABLES = {"cpu": "AEROKERNELS_CPU_BACKEND", "gpu": "AEROKERNELS_GPU_BACKEND"}
 KINDS = ("gpu", "cpu")
 
 
 def available_backends() -> list[BackendInfo]:
-    """Return every backend and device found, the one that "auto" chooses first.
-
-    Raises:
-        ValueError: A variable that chooses between Warp and OpenCL names neither.
-    """
+    """Return every backend and device found, the one that "auto" chooses first."""
     warp, opencl = _warp_devices(memory=True), _opencl_devices()
     gpus, processors = (preferred(_of_kind(warp, kind), _of_kind(opencl, kind)) for kind in KINDS)
     if gpus:
@@ -43,8 +35,7 @@ def choose_backend(backend: str, device: str | None) -> tuple[str, str, str]:
     with the name of a device it chooses the backend that has the device.
 
     Raises:
-        ValueError: An unknown or absent backend or device (the message lists what there is), or a variable that chooses
-            between Warp and OpenCL names neither.
+        ValueError: An unknown or absent backend or device; the message lists what there is.
     """
     if backend not in BACKENDS:
         raise ValueError(f"backend {backend!r} is not known: choose one of {', '.join(BACKENDS)}")
@@ -96,25 +87,12 @@ def _best(warp: list[BackendInfo], only: str | None) -> tuple[str, str, str]:
 
 
 def preferred(warp: list[BackendInfo], opencl: list[BackendInfo]) -> list[BackendInfo]:
-    """Return the devices of one kind ("cpu" or "gpu") of both backends, the choice of "auto" first, with reasons.
-
-    Raises:
-        ValueError: The variable that chooses between Warp and OpenCL on this kind of device names neither.
-    """
+    """Return the devices of one kind ("cpu" or "gpu") of both backends, the choice of "auto" first, with reasons."""
     if not (warp and opencl):
         return warp + opencl
-    variable = VARIABLES["cpu" if warp[0].device == "cpu" else "gpu"]
-    forced = os.environ.get(variable)
-    if forced not in (None, "", "warp", "opencl"):
-        raise ValueError(f"{variable} is {forced!r}: set it to 'warp' or 'opencl', or unset it")
     reason = "OpenCL is preferred to Warp: about as fast or faster (docs/backend-speed.md)"
-    taken, other = (warp[0], opencl[0]) if forced == "warp" else (opencl[0], warp[0])
-    return [
-        replace(taken, reason=f"chosen by {variable}" if forced else reason),
-        replace(other, reason=f"{taken.backend} is preferred"),
-        *warp[1:],
-        *opencl[1:],
-    ]
+    taken, other = replace(opencl[0], reason=reason), replace(warp[0], reason="opencl is preferred")
+    return [taken, other, *warp[1:], *opencl[1:]]
 
 
 def _warp_named(warp: list[BackendInfo], device: str | None) -> tuple[str, str, str]:

@@ -8,7 +8,7 @@ uploaded here, and cached with the field or the bundle.
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -113,18 +113,14 @@ class Engine(ABC):
     def prepare_bundle(self, table: BundleTable, outputs: frozenset) -> "Prepared":
         """Prepare the patches between traced rays to interpolate these outputs for rays of the same family."""
         with stage("upload"):
-            arguments = [*_bundle_arrays(table, self), *_bundle_numbers(table, outputs)]
+            arguments = [*_bundle_arrays(table, self), *kernel_numbers(table, outputs)]
         with stage("compile"):
             kernel = self.bundle_kernel(table.precision, table.channels)
-        return Prepared(self, kernel, arguments, outputs, None, unused=_unused_buffers(table, self))
+        return Prepared(self, kernel, arguments, outputs, None)
 
     @abstractmethod
     def kernels(self, names: Iterable[str]) -> dict[str, Any]:
         """Return the named kernels of PROGRAMS."""
-
-    def another(self, kernel: Any) -> Any:
-        """Return the same kernel for launches with other arguments: neither then sets those of the other again."""
-        return kernel
 
     def keeps(self, size: float) -> bool:
         """Return whether results of `size` bytes, and the rays, stay on the device until they are read."""
@@ -313,17 +309,6 @@ def _bundle_arrays(table: BundleTable, engine: Engine) -> list:
     return [engine.put(array) for array in kernel_arrays(table)]
 
 
-@cached_on("table", STRUCTS_CACHED)
-def _bundle_numbers(table: BundleTable, outputs: frozenset) -> list:
-    return kernel_numbers(table, outputs)
-
-
-@cached_on("table", ARRAYS_CACHED)
-def _unused_buffers(table: BundleTable, engine: Engine) -> dict[tuple[int, type], Any]:
-    """Return the buffers for outputs of a bundle that are not requested, see `Prepared`."""
-    return {}
-
-
 @dataclass(eq=False)
 class Prepared:
     """A field prepared on an engine: uploaded, with the kernel for a plan, a stop and outputs.
@@ -335,7 +320,6 @@ class Prepared:
         outputs: The outputs that it computes for each ray, besides the status.
         rejected: Buffer in which the kernel counts the rays it rejects; None for a kernel that accepts every ray.
         is_packed: Whether the kernel moves packets of rays, which share lookups if they are in one column of cells.
-        unused: Buffers of one row, by their type, in place of outputs that are not computed.
     """
 
     engine: Engine
@@ -344,7 +328,6 @@ class Prepared:
     outputs: frozenset
     rejected: Any
     is_packed: bool = False
-    unused: dict[tuple[int, type], Any] = field(default_factory=dict)
 
     def launch(self, starts: list, results: dict, count: int, first: int = 0) -> Any:
         """Start the kernel on rays whose `starts` are on the device; see `Engine.launch`."""
@@ -363,18 +346,15 @@ class Prepared:
         """
         computed = self.computed.difference(without)
         buffers: dict[str, Any] = {}
+        unused: dict[tuple[int, type], Any] = {}
         for name, alike in OUTPUT_TYPES.items():
             if name in computed:
                 buffers[name] = self.engine.empty(count, *alike)
             else:
-                if alike not in self.unused:
-                    self.unused[alike] = self.engine.empty(1, *alike)
-                buffers[name] = self.unused[alike]
+                if alike not in unused:
+                    unused[alike] = self.engine.empty(1, *alike)
+                buffers[name] = unused[alike]
         return buffers
-
-    def again(self) -> "Prepared":
-        """The same, to be launched with other numbers in turn: see `Engine.another`."""
-        return replace(self, kernel=self.engine.another(self.kernel))
 
     def tune(self, **numbers: Any) -> None:
         """Set new values of members of struct Control for the launches that follow."""

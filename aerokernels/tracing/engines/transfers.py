@@ -5,8 +5,6 @@ from typing import Any
 
 import numpy as np
 
-from ...process.threads import copy_over
-
 
 class Sent:
     """An array on the host and the buffer to which it is uploaded, see `Engine.sent`; on a CPU they share memory.
@@ -20,14 +18,8 @@ class Sent:
         """Take an array and its buffer."""
         self.array, self.buffer = array, buffer
 
-    def send(self, values: np.ndarray | None = None) -> None:
-        """Start the upload; kernels launched after this call read the new values.
-
-        With `values`, an array like this one, those are uploaded instead: leave them unchanged too. They need not be
-        the ones of a recorded upload, see `Engine.recorded`.
-        """
-        if values is not None:
-            copy_over(self.array, values)
+    def send(self) -> None:
+        """Start the upload; kernels launched after this call read the new values."""
 
 
 class Fetched:

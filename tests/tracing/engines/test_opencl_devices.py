@@ -151,24 +151,7 @@ def test_pyopencl_does_not_import(tmp_path, error):
 
 def test_no_platform_names_the_remedies(tmp_path):
     text = listed(tmp_path, PYTHONPATH=bare_pyopencl(tmp_path), OCL_ICD_VENDORS=vendors(tmp_path))
-    assert "pip install 'pyopencl[pocl]'" in text and "OCL_ICD_VENDORS is '" in text and "found" not in text
-
-
-@pytest.mark.parametrize(
-    ("library", "words"),
-    [
-        ("/nowhere/libmissing.so", "names /nowhere/libmissing.so, which does not load"),
-        ("libm.so.6", "names libm.so.6, which is not an OpenCL driver"),
-        ("", "is empty"),
-    ],
-)
-def test_a_broken_driver_is_named_and_the_others_go_on(tmp_path, library, words):
-    folder = vendors(tmp_path, broken=library)
-    text = listed(tmp_path, PYTHONPATH=bare_pyopencl(tmp_path), OCL_ICD_VENDORS=folder)
-    assert "broken.icd" in text and words in text and "found" not in text
-    if need_opencl() and "PoCL" in find_device("cpu").info.description:
-        beside = listed(tmp_path, OCL_ICD_VENDORS=folder)  # the PoCL inside PyOpenCL is there as well
-        assert words in beside and "\nfound" in beside
+    assert "pip install 'pyopencl[pocl]'" in text and "OCL_ICD_VENDORS" in text and "found" not in text
 
 
 @pytest.mark.parametrize(("code", "words"), [(-1, "'Stand Platform' has no devices"), (-6, "'Stand Platform' fails")])
@@ -195,7 +178,7 @@ def test_a_processor_that_pocl_does_not_know_is_named_for_it(tmp_path):
     assert found.options == ("-DPROCESSOR_" + opencl_pocl.processor_name().replace("-", "_"),)
     assert opencl_pocl.name_processor(found.device) == found.options
     text = listed(tmp_path, AEROKERNELS_POCL_CPU="off")
-    assert "fails on this CPU (error: unknown target CPU 'generic')" in text and "found" not in text
+    assert "does not know this CPU, and is left unchanged" in text and "found" not in text
 
 
 def unknown_device(kept: list, name: str = "generic"):

@@ -64,11 +64,9 @@ def test_headers_are_written_in_place_once(folder):
     assert text.index("#define FACTOR") < text.index("float twice(") < text.index("__kernel")
 
 
-def test_a_missing_source_or_header_is_named(folder):
-    with pytest.raises(RuntimeError, match=r"kernel source none\.cl cannot be read at .*sources"):
-        expand("none.cl", folder)
+def test_a_missing_header_is_named(folder):
     (folder / "include" / "factor.h").unlink()
-    with pytest.raises(RuntimeError, match=r"fill\.cl, line 2: header 'factor\.h' is neither .*include"):
+    with pytest.raises(RuntimeError, match=r"fill\.cl, line 2: header 'factor\.h' is not below"):
         expand("fill.cl", folder)
 
 
@@ -179,22 +177,10 @@ def blocked(folder: Path) -> str:
     return str(folder / "file" / "cache")
 
 
-@pytest.mark.parametrize("where", ["home", "pyopencl"])
-def test_a_cache_of_pyopencl_that_cannot_be_written_does_not_stop_a_launch(folder, tmp_path, where):
-    """PyOpenCL keeps launchers, and programs for drivers that do not: it is made to believe that this one does not."""
+def test_a_cache_of_pyopencl_that_cannot_be_written_does_not_stop_a_launch(folder, tmp_path):
     need_opencl()
-    if where == "home":
-        place = blocked(tmp_path)
-    else:
-        place = str(tmp_path / "xdg")
-        (tmp_path / "xdg").mkdir()
-        (tmp_path / "xdg" / "pyopencl").write_text("no folder")
-    code = (
-        "from aerokernels.tracing.engines.opencl.devices import import_pyopencl; import_pyopencl()\n"
-        "import pyopencl.characterize as c; c.has_src_build_cache = lambda device: False\n"
-    )
-    settings = {"SOURCES": str(folder), "XDG_CACHE_HOME": place, "POCL_CACHE_DIR": str(tmp_path)}
-    done = run_python(code + BUILD, tmp_path, **settings)
+    settings = {"SOURCES": str(folder), "XDG_CACHE_HOME": blocked(tmp_path), "POCL_CACHE_DIR": str(tmp_path)}
+    done = run_python(BUILD, tmp_path, **settings)
     assert (done.returncode, done.stdout, done.stderr) == (0, "6.0\n", "")
 
 

@@ -10,11 +10,11 @@ pytestmark = pytest.mark.slow
 STAND = """
 import os
 from pathlib import Path
-from aerokernels.process import kernel_cache
-real = kernel_cache.why_unusable
+from aerokernels.process import quiet_warp
+real = quiet_warp.why_unusable
 def why_unusable(folder):
     return f"the disk of {folder} is full" if any(str(folder).startswith(one) for one in %r) else real(folder)
-kernel_cache.why_unusable = why_unusable
+quiet_warp.why_unusable = why_unusable
 """
 START = """
 from aerokernels.process.quiet_warp import start_warp
@@ -60,8 +60,7 @@ def test_a_variable_that_is_empty_leaves_pocl_its_cache(tmp_path):
 def test_a_kernel_that_cannot_be_written_names_the_cache_and_the_remedy():
     """As with `ulimit -f`, or a disk that fills while the process runs: only "[Errno 27] File too large" before."""
     from aerokernels.device_arrays import launching
-    from aerokernels.process.kernel_cache import NoCacheError
-    from aerokernels.process.quiet_warp import start_warp
+    from aerokernels.process.quiet_warp import NoCacheError, start_warp
 
     class Module:
         def load(self, device, block_size):

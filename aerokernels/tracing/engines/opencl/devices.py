@@ -14,19 +14,23 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from aerokernels.process.kernel_cache import NoCacheError, why_unusable
+from aerokernels.process.quiet_warp import NoCacheError, why_unusable
 
 from ....process.machine import patient_threads
 from ....process.opened import OPENED
 from ..info import BackendInfo, absent
-from .drivers import POCL, broken_drivers, no_platform, why_no_devices
-from .pocl import linker_trouble, name_processor, workaround
-from .pocl_cache import cache_folder, make_safe, remove_damaged
+from .pocl import is_unknown, linker_trouble, name_processor, workaround
+from .pocl_cache import make_safe
 from .session import Session
 
+POCL = "Portable Computing Language"
 KINDS = ("gpu", "cpu", "accelerator")  # in order of preference
 SESSION = "OpenCL session"
-PLATFORM_NOT_FOUND = -1001  # CL_PLATFORM_NOT_FOUND_KHR
+NO_PLATFORM = (
+    "pyopencl is installed but finds no OpenCL platform: pip install 'pyopencl[pocl]' brings one for CPUs "
+    "(64-bit Linux on x86), or install your device's OpenCL driver (on Debian and Ubuntu pocl-opencl-icd for CPUs); "
+    "drivers that do not load are skipped: see the files in /etc/OpenCL/vendors, or where OCL_ICD_VENDORS points"
+)
 
 
 class OpenCLUnavailable(ValueError):
@@ -69,24 +73,18 @@ def import_pyopencl():
     if spec is None:
         raise OpenCLUnavailable("the package pyopencl is not installed: pip install 'aerokernels[opencl]'")
     try:
-        if "pyopencl" not in sys.modules and not _has_cache():
-            # PyOpenCL's first launch of a kernel would fail, or unpickle what another user wrote; it reads this
-            # variable once, when it is imported.
-            os.environ.setdefault("PYOPENCL_NO_CACHE", "1")
+        if "pyopencl" not in sys.modules:
+            import platformdirs  # PyOpenCL's own dependency
+
+            if why_unusable(Path(platformdirs.user_cache_dir("pytools", "pytools"))):
+                # Its first launch would fail for want of a cache; it reads this variable once, when it is imported.
+                os.environ.setdefault("PYOPENCL_NO_CACHE", "1")
         return importlib.import_module("pyopencl")
     except Exception as error:  # a foreign package and a C extension: anything may come
         raise OpenCLUnavailable(
             f"pyopencl is installed ({spec.origin}) but its import fails with {type(error).__name__}: {error}; "
             "pip install --force-reinstall 'pyopencl[pocl]'"
         ) from error
-
-
-def _has_cache() -> bool:
-    """Whether PyOpenCL can write its cache of the code that launches kernels, and no other user can."""
-    import platformdirs  # PyOpenCL's own dependency, and the folder it uses
-
-    folder = Path(platformdirs.user_cache_dir("pytools", "pytools"))
-    return not why_unusable(folder)
 
 
 def list_devices() -> list[BackendInfo]:
@@ -170,15 +168,12 @@ def release_all() -> None:
     for key, released in OPENED.held(SESSION).items():
         if key[1] != os.getpid() or OPENED.take_out(key) is None:
             continue
-        built = bool(released.programs)
         released.programs.clear()
         released.launched.clear()
         try:
             released.queue.finish()
         except import_pyopencl().Error:
             pass  # on a lost device there is nothing to wait for
-        if built and POCL in released.device.platform.name:
-            remove_damaged(cache_folder())  # records the checksums of what was built
 
 
 def survey() -> tuple[list[FoundDevice], list[str]]:
@@ -205,35 +200,30 @@ def _survey() -> Survey:
         cl = import_pyopencl()
     except OpenCLUnavailable as error:
         return Survey([], [str(error)])
-    troubles = broken_drivers()
+    troubles: list[str] = []
     try:
         make_safe()
-    except NoCacheError as error:
-        return Survey([], [str(error), *troubles])
-    try:
         platforms = cl.get_platforms()
-    except cl.Error as error:
+    except NoCacheError as error:
+        return Survey([], [str(error)])
+    except cl.Error:
         platforms = []
-        if error.code != PLATFORM_NOT_FOUND:
-            troubles.append(f"the platforms cannot be listed: {error}")
     if not platforms:
-        return Survey([], [no_platform(), *troubles])
+        return Survey([], [NO_PLATFORM])
     opened_by = os.getpid()  # drivers start their threads when their devices are listed
     devices: list[FoundDevice] = []
     for index, platform in enumerate(platforms):
-        title = f"platform {index}"
+        title, why = f"platform {index}", "has no devices: check that its driver is loaded"
+        present: list[Any] = []
         try:
             title = f"platform {platform.name.strip()!r}"
             with patient_threads():
                 present = platform.get_devices()
-            if not present:
-                troubles.append(f"{title} has no devices: {why_no_devices(title)}")
         except cl.Error as error:
-            found_none = error.code == cl.status_code.DEVICE_NOT_FOUND
-            troubles.append(
-                f"{title} has no devices: {why_no_devices(title)}" if found_none else f"{title} fails: {error}"
-            )
-            continue
+            if error.code != cl.status_code.DEVICE_NOT_FOUND:
+                why = f"fails: {error}"
+        if not present:
+            troubles.append(f"{title} {why}")
         for device in present:
             try:
                 devices.append(_describe(cl, platform, device))
@@ -263,12 +253,9 @@ def _describe(cl, platform, device) -> FoundDevice:
         # PoCL contains its own compiler, which may be older than the CPU; other drivers know their devices.
         options = name_processor(device)
         done = workaround(device, options)
-        reason = linker_trouble(options)  # before the trial, which would end the process if it could not write
-        if not reason and (trouble := _trial(cl, device, options)):
-            reason = (
-                f"PoCL's compiler fails on this CPU ({trouble}): install a newer PoCL as the system's OpenCL driver, "
-                "or choose backend 'warp'"
-            )
+        reason = linker_trouble(device)
+        if is_unknown(device) and not options:
+            reason = f"{done}; install a newer PoCL as the system's OpenCL driver, or choose backend 'warp'"
     # PoCL's version string continues with how it was compiled: keep only its beginning.
     version = f"{platform.name.strip()} {re.split(r'  |,', platform.version.strip())[0]}"
     info = BackendInfo(
@@ -292,18 +279,6 @@ def has_float64(cl, device) -> bool:
         return bool(device.double_fp_config) or "cl_khr_fp64" in device.extensions.split()
     except cl.Error:
         return False
-
-
-def _trial(cl, device, options: tuple[str, ...]) -> str:
-    """Build a kernel of one line; return the compiler's first error, "" if it builds."""
-    try:
-        context = cl.Context([device])
-        trial = cl.Program(context, "__kernel void trial(__global float *x) { x[get_global_id(0)] = 0.0f; }")
-        trial.build(list(options), cache_dir=False)
-    except (cl.Error, cl.RuntimeError) as error:
-        lines = [line.strip() for line in str(error).splitlines() if "error:" in line]
-        return lines[0] if lines else " ".join(str(error).split())[:200]
-    return ""
 
 
 def with_unique_names(devices: list[FoundDevice]) -> list[FoundDevice]:

@@ -2,7 +2,7 @@
 
 import ctypes
 import weakref
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -115,10 +115,6 @@ class Engine(AnyEngine):
         items = WORK_GROUP if name == "sum_rays" else 1  # a work-group sums one group of rays
         return Kernel(self.session, program, name, 1, items, LINE_GROUP if name == "spline_lines" else WORK_GROUP)
 
-    def another(self, kernel: Kernel) -> Kernel:
-        """Return another kernel object for the same work."""
-        return kernel.another()
-
     def put(self, array: np.ndarray):
         """Return a buffer with a complete copy of the array.
 
@@ -202,29 +198,11 @@ class Engine(AnyEngine):
         """See interface.py."""
         return FetchedByEvent(self, arrays) if self.is_gpu else super().fetched(arrays)
 
-    def recorded(self) -> Callable[[Callable[[], None]], None]:
-        """Return a callable that starts the same launches and copies again, without setting arguments."""
-        steps: list[Callable[[], Any]] = []
-
-        def repeat(work: Callable[[], None]) -> None:
-            if not steps:
-                steps.extend(self.session.recorded(work))
-                return
-            for step in steps:
-                step()
-
-        return repeat
-
     def launch(self, kernel: Kernel, before: list, after: list, count: int, first: int = 0):
         """Start a kernel over all rays, or groups of rays; return its event."""
         outputs = [buffer for value in after for buffer in (value.values() if isinstance(value, dict) else [value])]
-        arguments, size = [*before, first, first + count, *outputs], kernel.size(count)
-
-        def start() -> Any:
-            kernel.set(arguments)
-            return cl.enqueue_nd_range_kernel(self.session.queue, kernel.kernel, size, (kernel.group,))
-
-        return self.session.do(start)
+        kernel.set([*before, first, first + count, *outputs])
+        return cl.enqueue_nd_range_kernel(self.session.queue, kernel.kernel, kernel.size(count), (kernel.group,))
 
     def wait(self) -> None:
         """Wait for the kernels that this thread launched."""
@@ -257,12 +235,8 @@ class SentToGPU(Sent):
         self.session = session
         self.event: Any = None  # of the last upload: PyOpenCL would wait for the copy if the event were deleted
 
-    def send(self, values: np.ndarray | None = None) -> None:
+    def send(self) -> None:
         """Start the upload; the queue is in order, so later launches see it."""
-        super().send(values)
-        self.session.do(self._start)
-
-    def _start(self) -> None:
         self.event = cl.enqueue_copy(self.session.queue, self.buffer, self.array, is_blocking=False)
 
 
@@ -282,9 +256,6 @@ class FetchedByEvent(FetchedFromGPU):
 
     def start(self) -> None:
         """Start the copy; the queue is in order."""
-        self.session.do(self._start)
-
-    def _start(self) -> None:
         self.event = cl.enqueue_copy(self.session.queue, self.bytes, self.whole, is_blocking=False)
 
     def wait(self) -> Sequence[np.ndarray]:

@@ -11,7 +11,7 @@ built-in function is inlined: every load of four numbers is a call. The name is 
 
 AEROKERNELS_POCL_CPU sets another name that LLVM 14 knows ("znver3"), or "off" to leave PoCL unchanged.
 
-If PoCL cannot link or write the kernels that it compiles, it ends the process: `linker_trouble` asks beforehand.
+If PoCL cannot link the kernels that it compiles, it ends the process: `linker_trouble` asks beforehand.
 """
 
 import ctypes
@@ -23,11 +23,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from typing import Any
 
-from aerokernels.process.kernel_cache import LEAST_SPACE
-
-from ....process.machine import python_child
 from .pocl_cache import cache_folder
 
 VARIABLE = "AEROKERNELS_POCL_CPU"
@@ -81,19 +77,14 @@ def workaround(device, options: tuple[str, ...]) -> str:
     chosen = os.environ.get(VARIABLE)
     if not given or (given != UNKNOWN and not options):
         return ""
-    if given != UNKNOWN:
-        return (
-            f"PoCL 3.0 does not inline its functions on a {given!r}: the CPU's name is set to "
-            f"{chosen or processor_name()!r} before anything is compiled; {VARIABLE}=off leaves PoCL unchanged, "
-            f"{VARIABLE}=NAME sets another name"
-        )
-    if options:
-        return (
-            f"PoCL 3.0 does not know this CPU: its name is set to {chosen or processor_name()!r} before anything is "
-            f"compiled; {VARIABLE}=off leaves PoCL unchanged, {VARIABLE}=NAME sets another name"
-        )
-    why = f"{VARIABLE} is {chosen!r}; unset it" if chosen else "its record of the device is not as expected"
-    return f"PoCL 3.0 does not know this CPU, and is left unchanged: {why}"
+    if not options:
+        why = f"{VARIABLE} is {chosen!r}; unset it" if chosen else "its record of the device is not as expected"
+        return f"PoCL 3.0 does not know this CPU, and is left unchanged: {why}"
+    trouble = "does not know this CPU" if given == UNKNOWN else f"does not inline its functions on a {given!r}"
+    return (
+        f"PoCL 3.0 {trouble}: the CPU's name is set to {chosen or processor_name()!r} before anything is compiled; "
+        f"{VARIABLE}=off leaves PoCL unchanged, {VARIABLE}=NAME sets another name"
+    )
 
 
 def processor_name() -> str:
@@ -117,6 +108,11 @@ def _given_name(device) -> str:
     return "" if name == device.version.strip() or name in OF_LIBRARY else name
 
 
+def is_unknown(device) -> bool:
+    """Whether PoCL 3.0 does not know the CPU: it then builds nothing unless the name is replaced."""
+    return _given_name(device) == UNKNOWN
+
+
 def _readable_ranges() -> list[tuple[int, int]]:
     ranges = []
     with open("/proc/self/maps", encoding="utf-8", errors="replace") as text:
@@ -129,97 +125,37 @@ def _readable_ranges() -> list[tuple[int, int]]:
 
 
 def _within(address: int, size: int, ranges: list[tuple[int, int]]) -> bool:
-    for low, high in ranges:
-        if low <= address and address + size <= high:
-            return True
-    return False
+    return any(low <= address and address + size <= high for low, high in ranges)
 
 
-_TRIAL = """
-import sys
-import numpy as np
-import pyopencl as cl
-from aerokernels.tracing.engines.opencl.pocl import name_processor
-device = next(device for platform in cl.get_platforms() if platform.name.strip() == "Portable Computing Language"
-              for device in platform.get_devices())
-name_processor(device)
-context = cl.Context([device])
-queue = cl.CommandQueue(context)
-source = "__kernel void trial(__global float *x) { x[get_global_id(0)] = 1.0f; }"
-kernel = cl.Kernel(cl.Program(context, source).build(sys.argv[1:], cache_dir=False), "trial")
-kernel.set_arg(0, cl.Buffer(context, cl.mem_flags.WRITE_ONLY, 256))
-cl.enqueue_nd_range_kernel(queue, kernel, (64,), (64,)).wait()
-"""
+def linker_trouble(device) -> str:
+    """Say why kernels of pip's PoCL cannot be linked on this machine, with the remedy; empty if they can.
 
-
-def _greatest_file() -> float:
-    """Return the size that files of this process may have [bytes]; infinite without a limit."""
-    import resource
-
-    limit = resource.getrlimit(resource.RLIMIT_FSIZE)[0]
-    return float("inf") if limit == resource.RLIM_INFINITY else limit
-
-
-def _succeeds(seconds: float, **started: Any) -> bool:
-    try:
-        done = subprocess.run(
-            **started,
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-            timeout=seconds,
-        )
-    except (OSError, ValueError, subprocess.TimeoutExpired):
-        return False
-    return done.returncode == 0
-
-
-def _linker() -> str | None:
-    """Return the linker that PoCL's compiler finds; without PATH it finds none, while Python would search /usr/bin."""
-    return shutil.which("ld", path=os.environ.get("PATH", ""))
-
-
-def _links(folder: str) -> bool:
-    """Whether `ld` links what PoCL's compiler passes to it: GCC's libraries and the C library."""
-    linker = _linker()
-    # Where distributions put GCC's libraries; the linker finds the C library by itself.
-    places = [f"-L{place}" for place in glob.glob("/usr/lib/gcc/*/*/")]
-    library = os.path.join(folder, "library.so")
-    return linker is not None and _succeeds(
-        20.0, args=[linker, "-shared", "-o", library, *places, "-lgcc", "-lgcc_s", "-lc"]
-    )
-
-
-def _compiles(folder: str, options: tuple[str, ...]) -> bool:
-    """Whether PoCL compiles and launches a kernel in a child process."""
-    return _succeeds(60.0, **python_child(["-c", _TRIAL, *options], {"POCL_CACHE_DIR": folder}))
-
-
-def linker_trouble(options: tuple[str, ...] = ()) -> str:
-    """Say why kernels of PoCL cannot be linked on this machine, with the remedy; empty if they can.
-
-    PoCL's compiler calls `ld` from PATH, with libraries that come with a C compiler. If that does not link, a child
-    process tries a kernel, because PoCL may contain a linker and the libraries may be in other places.
-
-    Args:
-        options: Compile options that the device needs.
+    Its compiler calls `ld` from PATH, with libraries that come with a C compiler.
     """
-    if os.name != "posix":
+    if "PoCL 3.0" not in device.platform.version or sys.platform != "linux":
         return ""
-    if (greatest := _greatest_file()) < LEAST_SPACE:
-        return (
-            f"PoCL writes kernels to files, which are limited to {greatest} bytes here (ulimit -f), and would end the "
-            "process if one is longer: raise the limit, or choose backend 'warp'"
-        )
-    place = cache_folder()  # takes kernels; there may be no folder for temporary files
-    with tempfile.TemporaryDirectory(
-        prefix="aerokernels-linker-", dir=place if place.is_dir() else None, ignore_cleanup_errors=True
-    ) as folder:
-        if _links(folder) or _compiles(folder, options):
-            return ""
-    missing = "`ld` does not find the libraries of GCC and C" if _linker() else "there is no `ld` on PATH"
+    linker = shutil.which("ld", path=os.environ.get("PATH", ""))  # without PATH, Python would search /usr/bin
+    if linker is not None and _links(linker):
+        return ""
+    missing = "`ld` does not find the libraries of GCC and C" if linker else "there is no `ld` on PATH"
     return (
         f"PoCL cannot link its kernels: {missing}, and its first kernel would end the process; install a C compiler, "
         "which contains them (on Debian and Ubuntu: apt install gcc libc6-dev), with its folder on PATH, or choose "
         "backend 'warp'"
     )
+
+
+def _links(linker: str) -> bool:
+    """Whether `ld` links what PoCL's compiler passes to it: GCC's libraries and the C library."""
+    # Where distributions put GCC's libraries; the linker finds the C library by itself.
+    places = [f"-L{place}" for place in glob.glob("/usr/lib/gcc/*/*/")]
+    place = cache_folder()  # takes kernels; there may be no folder for temporary files
+    with tempfile.TemporaryDirectory(
+        prefix="aerokernels-linker-", dir=place if place.is_dir() else None, ignore_cleanup_errors=True
+    ) as folder:
+        call = [linker, "-shared", "-o", os.path.join(folder, "library.so"), *places, "-lgcc", "-lgcc_s", "-lc"]
+        try:
+            return subprocess.run(call, stdin=subprocess.DEVNULL, capture_output=True, timeout=20.0).returncode == 0
+        except (OSError, subprocess.TimeoutExpired):
+            return False

@@ -44,52 +44,36 @@ def expand(kernel_file: str, folder: Path | None = None) -> str:
 
     Headers are searched in `include/` and in the folder itself, then among those of headers.py; `#line` directives make
     the compiler's messages refer to file and line of the original. An include must not be inside a conditional #if.
-
-    Raises:
-        RuntimeError: A source or header does not exist; the message has its name and the line that includes it.
     """
     folder = kernel_folder() if folder is None else folder
-    lines: list[str] = []
-    _expand(folder, kernel_file, _read(folder / kernel_file, f"kernel source {kernel_file}"), {kernel_file}, lines)
+    seen, lines = {kernel_file}, []
+
+    def add(name: str, source: list[str]) -> None:
+        lines.append(f'#line 1 "{name}"')
+        for number, line in enumerate(source, start=1):
+            match = _INCLUDE.match(line)
+            if match is None:
+                lines.append(line)
+                continue
+            if match[1] not in seen:
+                seen.add(match[1])
+                place = next((place for place in (f"include/{match[1]}", match[1]) if (folder / place).is_file()), None)
+                if place is None and match[1] not in HEADERS:
+                    raise RuntimeError(f"{name}, line {number}: header {match[1]!r} is not below {folder}")
+                add(place or match[1], _lines(folder / place) if place else _made_header(match[1]))
+            lines.append(f'#line {number + 1} "{name}"')
+
+    add(kernel_file, _lines(folder / kernel_file))
     return "\n".join(lines) + "\n"
 
 
-def _expand(folder: Path, name: str, source: list[str], seen: set[str], lines: list[str]) -> None:
-    lines.append(f'#line 1 "{name}"')
-    for number, line in enumerate(source, start=1):
-        match = _INCLUDE.match(line)
-        if match is None:
-            lines.append(line)
-            continue
-        named = f"{name}, line {number}: header {match[1]!r}"
-        header, text = _header(folder, match[1], named)
-        if header not in seen:
-            seen.add(header)
-            _expand(folder, header, text, seen, lines)
-        lines.append(f'#line {number + 1} "{name}"')
-
-
-def _header(folder: Path, name: str, named: str) -> tuple[str, list[str]]:
-    """Return the path of a header below the folder (its name for a header generated from Python), and its lines."""
-    places = (f"include/{name}", name)
-    for place in places:
-        if (folder / place).is_file():
-            return place, _read(folder / place, named)
-    if name in HEADERS:
-        return name, _made_header(name)
-    raise RuntimeError(f"{named} is neither {folder / places[0]} nor {folder / places[1]}")
+def _lines(path: Path) -> list[str]:
+    return path.read_text(encoding="utf-8").splitlines()
 
 
 @functools.cache
 def _made_header(name: str) -> list[str]:
     return HEADERS[name]()
-
-
-def _read(path: Path, named: str) -> list[str]:
-    try:
-        return path.read_text(encoding="utf-8").splitlines()
-    except OSError as error:
-        raise RuntimeError(f"{named} cannot be read at {path} ({error.strerror}): install aerokernels again") from error
 
 
 @functools.lru_cache(maxsize=256)
@@ -167,12 +151,7 @@ def _build(session: Session, kernel_file: str, source: str, options: list[str]):
         # A compiler's remarks about a program that builds do not concern users.
         warnings.simplefilter("ignore", cl.CompilerWarning)
         try:
-            try:
-                return cl.Program(session.context, source).build(options)
-            except (cl.Error, cl.RuntimeError):
-                raise
-            except Exception:  # PyOpenCL's cache on disk cannot be written, or is damaged: build without it
-                return cl.Program(session.context, source).build(options, cache_dir=False)
+            return cl.Program(session.context, source).build(options)
         except (cl.Error, cl.RuntimeError) as error:
             raise RuntimeError(
                 f"OpenCL kernel {kernel_file} does not build for device {session.name!r}:\n"

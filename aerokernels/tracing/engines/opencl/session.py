@@ -1,7 +1,6 @@
 """An open OpenCL device, with the objects that are cached as long as it is open, and the kernels launched on it."""
 
 import threading
-import warnings
 import weakref
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -30,7 +29,7 @@ class Session:
         launched: Programs that have been launched.
         kernels: PyOpenCL's kernel objects that are out of use, by program and name.
         lock: Held while a program is built.
-        own: The queue of each thread, on a CPU, and the launches and copies that the thread records.
+        own: The queue of each thread, on a CPU.
     """
 
     name: str
@@ -57,23 +56,6 @@ class Session:
 
             self.own.queue = cl.CommandQueue(self.context, self.device)
         return self.own.queue
-
-    def do(self, step: Callable[[], Any]) -> Any:
-        """Start a launch or a copy, and record it if this thread records; return its event."""
-        steps = getattr(self.own, "steps", None)
-        if steps is not None:
-            steps.append(step)
-        return step()
-
-    def recorded(self, work: Callable[[], None]) -> list[Callable[[], Any]]:
-        """Do some work; return the launches and copies that this thread started through this session meanwhile."""
-        steps: list[Callable[[], Any]] = []
-        self.own.steps = steps
-        try:
-            work()
-        finally:
-            self.own.steps = None
-        return steps
 
     @cached_property
     def pinned(self) -> PinnedMemory:
@@ -144,18 +126,15 @@ class Kernel:
     ):
         """Take or make a kernel object of a session's program."""
         self.lanes, self.items, self.group = lanes, items, group
-        self._made_as = session, program, name, lanes, items, group
         free = session.kernels.setdefault((program, name), [])
         try:
             self.kernel = free.pop()
         except IndexError:
-            self.kernel = make_kernel(program, name)
+            import pyopencl as cl
+
+            self.kernel = cl.Kernel(program, name)
         weakref.finalize(self, free.append, self.kernel).atexit = False
         self._arguments: list = []
-
-    def another(self) -> "Kernel":
-        """Return another kernel object for the same work."""
-        return Kernel(*self._made_as)
 
     def set(self, arguments: list) -> None:
         """Set the arguments that have changed since the last launch.
@@ -177,22 +156,3 @@ class Kernel:
     def size(self, count: int) -> tuple[int]:
         """Number of work-items of a launch: whole work-groups, at least one; the kernel ignores the surplus."""
         return (max(1, -(-(-(-count // self.lanes) * self.items) // self.group)) * self.group,)
-
-
-def make_kernel(program, name: str):
-    """Create the pyopencl.Kernel with a name, even if PyOpenCL's cache of launchers is damaged: that is then not used.
-
-    PyOpenCL makes a launcher in Python with each kernel object and caches it in an SQLite file. A damaged file would
-    end in an error of SQLite or of Python's unmarshalling at this and every later start.
-    """
-    import pyopencl as cl
-
-    try:
-        return cl.Kernel(program, name)
-    except cl.Error:
-        raise
-    except Exception as error:  # SQLite, pickle and marshal raise various errors for damaged bytes
-        cl._PYOPENCL_NO_CACHE = True  # as PYOPENCL_NO_CACHE does; checked whenever a launcher is made
-        words = f"PyOpenCL's cache of launchers is damaged ({type(error).__name__}: {error}) and not used"
-        warnings.warn(f"{words}: remove pytools/*pyopencl-invoker-cache* from your caches", RuntimeWarning, 2)
-        return cl.Kernel(program, name)

@@ -261,9 +261,8 @@ class SentToGPU(Sent):
         self._there = _beside(buffer, self)
         super().__init__(np.asarray(self._there).reshape(array.shape), buffer)
 
-    def send(self, values: np.ndarray | None = None) -> None:
+    def send(self) -> None:
         """Start the upload; a stream is in order, so later launches see it."""
-        super().send(values)
         wp.copy(self.buffer, self._there)
 
 

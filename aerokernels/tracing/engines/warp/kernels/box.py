@@ -12,6 +12,18 @@ FACE_COUNT = {"volume": 6, "planar": 4, "axisymmetric": 3}
 FLAT_AXES = {"volume": 3, "planar": 2, "axisymmetric": 1}
 
 
+@wp.func
+def slab(low: wp.float64, high: wp.float64, p: wp.float64, d: wp.float64, span: wp.vec2d):
+    """The part of `span` in which a coordinate of a line is between two bounds; reversed if there is none."""
+    if d == wp.float64(0.0):
+        if p < low or p > high:
+            return wp.vec2d(wp.float64(1.0), wp.float64(-1.0))
+        return span
+    near = (low - p) / d
+    far = (high - p) / d
+    return wp.vec2d(wp.max(span[0], wp.min(near, far)), wp.min(span[1], wp.max(near, far)))
+
+
 @built_once("geometry")
 def build_box(scene: Scene):
     """Build the functions about a field's box."""
@@ -19,16 +31,6 @@ def build_box(scene: Scene):
     t = scene.types
     real, vec3, vec4, Control, Bounds = t.real, t.vec3, t.vec4, t.Control, t.Bounds
     faces = FACE_COUNT[geometry]
-
-    @wp.func
-    def slab(low: wp.float64, high: wp.float64, p: wp.float64, d: wp.float64, span: wp.vec2d):
-        if d == wp.float64(0.0):
-            if p < low or p > high:
-                return wp.vec2d(wp.float64(1.0), wp.float64(-1.0))
-            return span
-        near = (low - p) / d
-        far = (high - p) / d
-        return wp.vec2d(wp.max(span[0], wp.min(near, far)), wp.min(span[1], wp.max(near, far)))
 
     @wp.func
     def cylinder(radius: wp.float64, p: wp.vec3d, d: wp.vec3d, span: wp.vec2d):
@@ -108,6 +110,18 @@ def build_box(scene: Scene):
             out[0] = p[axis] - bounds.high[axis]
             out[axis + 1] = wp.float64(1.0)
         return out
+
+    @wp.func
+    def nearest_face(bounds: Bounds, p: wp.vec3d):
+        """Number of the box's face nearest to a place."""
+        nearest = int(0)
+        least = wp.float64(1.0e300)
+        for k in range(faces):
+            miss = wp.abs(surface_distance(bounds, k, p)[0])
+            if miss < least:
+                least = miss
+                nearest = k
+        return nearest
 
     @wp.func
     def meeting(bounds: Bounds, k: int, p: wp.vec3d, d: wp.vec3d, guess: wp.float64):

@@ -11,6 +11,7 @@ import warp as wp
 from .....medium.bodies.crossings import LEAST_SIDE, PARALLEL
 from ....scheme import GRAZING_SQUARE
 from ..library import TYPES, Scene, built_once
+from .box import slab
 
 # These structs have no members of the kernels' precision, so both precisions share them.
 WallLine, Crossings, WallMeeting = (TYPES["float64"].kinds[name] for name in ("WallLine", "Crossings", "WallMeeting"))
@@ -33,25 +34,13 @@ def axes_across(line: WallLine):
 
 
 @wp.func
-def within_slab(place: wp.float64, along: wp.float64, low: wp.float64, high: wp.float64, span: wp.vec2d):
-    """The part of `span` in which a coordinate of a line is between two bounds; reversed if there is none."""
-    if along == wp.float64(0.0):
-        if place < low or place > high:
-            return wp.vec2d(wp.float64(NEVER), wp.float64(-NEVER))
-        return span
-    one = (low - place) / along
-    other = (high - place) / along
-    return wp.vec2d(wp.max(span[0], wp.min(one, other)), wp.min(span[1], wp.max(one, other)))
-
-
-@wp.func
 def passes_volume_box(
     line: WallLine, low: wp.vec3d, high: wp.vec3d, margin: wp.float64, first: wp.float64, last: wp.float64
 ):
     """Whether a line may pass a box between t = first and last. The box is enlarged by `margin` on every side."""
     span = wp.vec2d(first, last)
     for k in range(3):
-        span = within_slab(line.point[k], line.toward[k], low[k] - margin, high[k] + margin, span)
+        span = slab(low[k] - margin, high[k] + margin, line.point[k], line.toward[k], span)
     return span[0] <= span[1]
 
 
@@ -143,7 +132,6 @@ def build_crossings(scene: Scene):
 
         @wp.func
         def wall_line(p: wp.vec3d, d: wp.vec3d):
-            """WallLine of a line."""
             line = WallLine()
             line.along = d[2]
             line.z = p[2]
@@ -290,11 +278,6 @@ def build_crossings(scene: Scene):
 
         @wp.func
         def segment_crossings(line: WallLine, segment: wp.vec4d, entries_only: bool):
-            """Crossings of a line with a segment.
-
-            With `entries_only`, a single crossing that leads out of the body is skipped, which saves a root and a
-            division.
-            """
             out = Crossings()
             out.count = 0
             side = corner_side(line, segment[0], segment[1])
@@ -330,10 +313,6 @@ def build_crossings(scene: Scene):
         def passes_node(
             field: Field, line: WallLine, node: int, margin: wp.float64, first: wp.float64, last: wp.float64
         ):
-            """Whether a line may pass the box of a node of the tree.
-
-            The box is enlarged by `margin`; only the line between t = first and last counts.
-            """
             return passes_box(line, field.wall_boxes[node], margin, first, last)
 
     @wp.func
@@ -355,7 +334,6 @@ def build_crossings(scene: Scene):
 
         @wp.func
         def piece_crossings(field: Field, line: WallLine, piece: int):
-            """Crossings of a line with a piece of the surface."""
             return segment_crossings(line, field.wall[piece], bool(False))
 
     @wp.func

@@ -107,13 +107,7 @@ def build_ends(scene: Scene):
     @wp.func
     def surface_of(bounds: Bounds, interval: Interval, p: wp.vec3d, d: wp.vec3d):
         """Number of the surface on which the undisturbed ray ends."""
-        nearest = int(0)
-        least = wp.float64(1.0e300)
-        for k in range(faces):
-            miss = wp.abs(box.surface_distance(bounds, k, p + interval.t_exit * d)[0])
-            if miss < least:
-                least = miss
-                nearest = k
+        nearest = box.nearest_face(bounds, p + interval.t_exit * d)
         if wp.static(stop == "plane"):
             if interval.has_stop and interval.t_exit == interval.stop_distance:
                 nearest = faces

@@ -53,6 +53,7 @@ def build_grid(scene: Scene):
     real, vec4, vec3, Field = t.real, t.vec4, t.vec3, t.Field
     one_sixth = 1.0 / 6.0  # a quotient written inside a kernel would be computed in float32
     support, stride = SUPPORT[interpolation], STRIDE[interpolation]
+    last_axis = 2 if geometry == "volume" else 1
 
     if interpolation == "linear":
 
@@ -205,7 +206,6 @@ def build_grid(scene: Scene):
 
         @wp.func
         def sample(field: Field, cell: wp.vec3i, frac: vec3, current_cell: int):
-            """Potential s = (n^2 - a^2) / 2 and its gradient [1/m]."""
             a, u = split(frac[1], cell[1], field.row[0])
             b, v = split(frac[2], cell[2], field.row[1])
             s = plane_sample(field, a, u, b, v)
@@ -215,7 +215,6 @@ def build_grid(scene: Scene):
 
         @wp.func
         def sample(field: Field, cell: wp.vec3i, frac: vec3, current_cell: int):
-            """Potential s = (n^2 - a^2) / 2 and its gradient [1/m]."""
             radius = wp.sqrt(frac[0] * frac[0] + frac[1] * frac[1])
             a, u = split(radius, 0, field.row[0])
             b, v = split(frac[2], cell[2], field.row[1])
@@ -227,34 +226,21 @@ def build_grid(scene: Scene):
                 outward = s[1] * field.inverse_spacing[0] / radius
             return vec4(s[0], outward * frac[0], outward * frac[1], s[2] * field.inverse_spacing[2])
 
-    if geometry == "volume":
-
-        @wp.func
-        def paper_step(field: Field, cell: wp.vec3i, frac: vec3, current_cell: int):
-            """Step length of eq 5 in the cell of the point [m]."""
+    @wp.func
+    def paper_step(field: Field, cell: wp.vec3i, frac: vec3, current_cell: int):
+        """Step length of eq 5 in the cell of the point [m]."""
+        c = wp.clamp(cell[2] + int(wp.floor(frac[2])), 0, field.row[last_axis])
+        if wp.static(geometry == "volume"):
             a = wp.clamp(cell[0] + int(wp.floor(frac[0])), 0, field.row[0])
             b = wp.clamp(cell[1] + int(wp.floor(frac[1])), 0, field.row[1])
-            c = wp.clamp(cell[2] + int(wp.floor(frac[2])), 0, field.row[2])
             return field.paper_step[(a * (field.row[1] + 1) + b) * (field.row[2] + 1) + c]
-
-    elif geometry == "planar":
-
-        @wp.func
-        def paper_step(field: Field, cell: wp.vec3i, frac: vec3, current_cell: int):
-            """Step length of eq 5 in the cell of the point [m]."""
-            a = wp.clamp(cell[1] + int(wp.floor(frac[1])), 0, field.row[0])
-            b = wp.clamp(cell[2] + int(wp.floor(frac[2])), 0, field.row[1])
-            return field.paper_step[a * (field.row[1] + 1) + b]
-
-    else:
-
-        @wp.func
-        def paper_step(field: Field, cell: wp.vec3i, frac: vec3, current_cell: int):
-            """Step length of eq 5 in the cell of the point [m]."""
+        elif wp.static(geometry == "planar"):
+            b = wp.clamp(cell[1] + int(wp.floor(frac[1])), 0, field.row[0])
+            return field.paper_step[b * (field.row[1] + 1) + c]
+        else:
             radius = wp.sqrt(frac[0] * frac[0] + frac[1] * frac[1])
-            a = wp.clamp(int(wp.floor(radius)), 0, field.row[0])
-            b = wp.clamp(cell[2] + int(wp.floor(frac[2])), 0, field.row[1])
-            return field.paper_step[a * (field.row[1] + 1) + b]
+            b = wp.clamp(int(wp.floor(radius)), 0, field.row[0])
+            return field.paper_step[b * (field.row[1] + 1) + c]
 
     @wp.func
     def find_current_cell(field: Field, frac: vec3, current_cell: int):

@@ -76,7 +76,6 @@ def build_mesh(scene: Scene):
 
         @wp.func
         def plane_point(frac: vec3):
-            """Point in the plane of the mesh; positions on a mesh are in metres."""
             return vec2(wp.sqrt(frac[0] * frac[0] + frac[1] * frac[1]), frac[2])
 
     @wp.func

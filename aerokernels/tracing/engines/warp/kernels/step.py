@@ -248,11 +248,6 @@ def build_step(scene: Scene):
 
         @wp.func
         def slope_behind(field: Field, cell: wp.vec3i, frac: vec3, current_cell: int, bearing: vec3, q: vec3):
-            """Potential at the ray, slope, where and for which potential they were looked up.
-
-            On a grid they are looked up a little behind the face, and continued back to it; on a mesh in the cell
-            behind the edge. On a straight line the potential is continued to the ray, q beside the line.
-            """
             rate = field.inverse_spacing
             pace = wp.cw_mul(bearing, rate)
             over = real(at_face) / wp.length(pace)

@@ -102,13 +102,7 @@ def build_support(scene: Scene):
         The distance is in units of `heading`, and not a number if the line misses the box.
         """
         span = box.crossing(bounds.low, bounds.high, bounds.radius, p, heading)
-        nearest = int(0)
-        least = wp.float64(1.0e300)
-        for k in range(faces):
-            miss = wp.abs(box.surface_distance(bounds, k, p + span[1] * heading)[0])
-            if miss < least:
-                least = miss
-                nearest = k
+        nearest = box.nearest_face(bounds, p + span[1] * heading)
         leave = span[1]
         if span[0] > span[1]:
             leave = wp.float64(wp.nan)

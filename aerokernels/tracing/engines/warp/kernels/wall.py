@@ -71,7 +71,6 @@ def build_wall(scene: Scene):
 
         @wp.func
         def outward_normal(field: Field, piece: int, p: wp.vec3d):
-            """Outward unit normal of the body at a point of a piece of its surface."""
             s = field.wall[piece]
             at_ends = field.wall_normals[piece]
             place = p[1]
@@ -162,11 +161,6 @@ def build_wall(scene: Scene):
         def may_enter(
             field: Field, line: WallLine, piece: int, margin: wp.float64, t_enter: wp.float64, t_exit: wp.float64
         ):
-            """Whether a ray may enter the body through a piece.
-
-            Either where the ray is, or if moved by `margin`: up and down in r and in z, or in a volume in any
-            direction.
-            """
             found = bool(False)
             s = field.wall[piece]
             box = wp.vec4d(wp.min(s[0], s[2]), wp.min(s[1], s[3]), wp.max(s[0], s[2]), wp.max(s[1], s[3]))
@@ -235,10 +229,6 @@ def build_wall(scene: Scene):
 
         @wp.func
         def comes_near(field: Field, here: wp.vec3d, within: wp.float64):
-            """Whether a point is within `within` [m] of the box around the whole body.
-
-            The distance is taken along each axis.
-            """
             whole = field.wall_boxes[0]
             beside = here[1]
             if wp.static(geometry == "axisymmetric"):
