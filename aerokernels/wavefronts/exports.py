@@ -33,19 +33,17 @@ def to_fits(wavefront: Any, path: str | Path) -> tuple[Path, Path]:
     fits = package("astropy.io.fits")
     amplitude = path.with_name(f"{path.stem}_amplitude{path.suffix}")
     with replacing(path, amplitude) as drafts:
-        for name, array, unit, kind in (
-            (drafts[0], poppy_opd(wavefront), "meter", "OPD"),
-            (drafts[1], np.array(wavefront.weight), "", "AMPLITUD"),
-        ):
+        maps = ("OPD", poppy_opd(wavefront)), ("AMPLITUD", np.array(wavefront.weight))
+        for draft, (kind, array) in zip(drafts, maps, strict=True):
             header = fits.Header()
             header["PIXELSCL"] = (wavefront.pixel, "[m/pixel]")
             header["PUPLSCAL"] = (wavefront.pixel, "[m/pixel]")
-            if unit:
-                header["BUNIT"] = unit
+            if kind == "OPD":
+                header["BUNIT"] = "meter"
             header["CONTENT"] = (kind, "what the pixels hold")
             header["WAVELEN"] = (wavefront.wavelength, "[m] vacuum wavelength")
             header["OPDSIGN"] = ("NEGATIVE", "where light is delayed (poppy's sign)")
-            fits.PrimaryHDU(array, header).writeto(name, overwrite=True)
+            fits.PrimaryHDU(array, header).writeto(draft, overwrite=True)
     return path, amplitude
 
 

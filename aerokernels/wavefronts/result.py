@@ -129,11 +129,8 @@ class Wavefront:
         intensity = weight**2 if self.intensity is None else np.array(self.intensity, dtype=np.float64)
         if intensity.shape == weight.shape:
             intensity[~lit] = 0.0
-        if (
-            intensity.shape != weight.shape
-            or not np.isfinite(intensity).all()
-            or not (intensity >= weight**2 * (1.0 - 1e-9)).all()
-        ):
+        least = weight**2 * (1.0 - 1e-9)
+        if intensity.shape != weight.shape or not (np.isfinite(intensity) & (intensity >= least)).all():
             raise ValueError("the intensity must be finite, have the weights' shape and be nowhere below their square")
         check_share(self.blocked, "blocked")
         if self.direction is not None and not (np.shape(self.direction) == (3,) and np.isfinite(self.direction).all()):
@@ -188,10 +185,9 @@ class Wavefront:
 
     @cached_property
     def error(self) -> ErrorBudget:
-        """Error of the OPD of a pixel from the mean [m], by cause and in "total"; empty if it is not known.
+        """Error of the OPD of a pixel from the mean [m], by cause and in "total", which covers that of 95 pixels in 100.
 
-        It is the root mean square over some of the rays, and covers that of 95 pixels in 100. Some rays are traced
-        again when it is first read; seconds["error"] is the time spent on that.
+        Empty if it is not known. Some rays are traced again when it is first read.
         """
         with clocked() as spent, stage("error"):
             if self.varied is None:
@@ -222,7 +218,7 @@ class Wavefront:
 
         Args:
             points: Positions of the samples: x and y in the pupil's plane from its centre [m], shape (n, 2), or points
-                in space, shape (n, 3), such as the starts of traced rays.
+                in space, shape (n, 3).
             opd: Their optical path differences [m], positive where light is delayed, shape (n,).
             pupil: The pupil, whose transmission weights the map.
             wavelength: Vacuum wavelength [m].
@@ -371,14 +367,10 @@ class Wavefront:
         """The quantities with their errors. Some rays are retraced for them when they are first read."""
         found = self.quantities
         count, removed = len(self.opd), ", ".join(self.removed) or "nothing"
-        nanometres = f"{self.wavelength * 1e9:.6g} nm"
-        return "\n".join(
-            [
-                f"Wavefront of {count} x {count} pixels of {self.pixel:.4g} m at {nanometres}: Strehl ratio "
-                f"{found['strehl']}",
-                f"  OPD rms {found['opd_rms'].scaled(1e9, 'nm')}, peak to valley "
-                f"{found['peak_to_valley'].scaled(1e9, 'nm')}; removed: {removed}",
-            ]
+        rms, valley = (found[name].scaled(1e9, "nm") for name in ("opd_rms", "peak_to_valley"))
+        return (
+            f"Wavefront of {count} x {count} pixels of {self.pixel:.4g} m at {self.wavelength * 1e9:.6g} nm: Strehl "
+            f"ratio {found['strehl']}\n  OPD rms {rms}, peak to valley {valley}; removed: {removed}"
         )
 
     @classmethod

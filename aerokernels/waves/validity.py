@@ -43,8 +43,8 @@ class Validity:
         curvature: Greatest product of that distance and a focusing curvature of the wavefront.
         limit: The change of the Strehl ratio up to which rays are good.
         blocked: Share of the pupil's light that ends on the field's body; it is excluded from both Strehl ratios.
-        rim_fresnel_number: Fresnel number of the light that passes the body's rim, up to the end of the box: below some
-            tens the fringes of the rim extend over all of it. Infinite if no body is near.
+        rim_fresnel_number: Fresnel number of the light that passes the body's rim, up to the end of the box; infinite
+            if no body is near.
         error: Error of the change, measured with half as many slabs; infinite if rays come near foci and no traced rays
             are available; NaN if not known.
     """

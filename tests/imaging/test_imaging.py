@@ -282,14 +282,6 @@ def test_depth_of_field_and_the_files(tmp_path):
     assert np.abs(seen.reference - own).max() < 2e-3
 
 
-def test_sensor_noise_is_poisson_and_read_noise():
-    """Variance of electrons: mean + read noise squared + 1/12 of a level squared; 10 % of 40 000 draws' is 14 sigma."""
-    sensor = Sensor(full_well=4000.0, exposure=0.5, read_noise=20.0, bits=16)
-    levels = sensor.expose(np.ones((200, 200)), seed=3) * 4000.0
-    assert levels.mean() == pytest.approx(2000.0, abs=1.5)
-    assert levels.var() == pytest.approx(2400.0, rel=0.1)
-
-
 def test_what_is_refused():
     camera = Camera(Disc(0.005), 0.1, 5e-6, 16, distance=1.5)
     with pytest.raises(TypeError, match="Camera"):

@@ -11,6 +11,8 @@ import pytest
 from aerokernels import flow
 from aerokernels.benches import line_of_sight, measure_shock_angle, measure_stand_off, schlieren
 
+pytestmark = pytest.mark.slow
+
 MACH = {"mach2": 2.0, "mach3": 3.0, "mach4": 4.0}
 # Lines drawn by hand: heights [m] of the second shock at z = -50 and -70 mm, of the third at -96 and -108 mm.
 SECOND = {"mach2": (0.030, 0.049), "mach3": (0.025, 0.039), "mach4": (0.023, 0.035)}

@@ -123,13 +123,6 @@ def test_width_of_airys_disc():
     assert found == pytest.approx(np.sqrt(2.0 * np.log(2.0)) * WAVELENGTH / (np.pi * waist), rel=1e-3)
 
 
-@pytest.mark.parametrize("index", range(2, 12))
-def test_strehl_ratio_of_a_pure_zernike_aberration(index: int):
-    """exp(-(k a)^2) to second order for rms a: at k a = 0.05 what is left is of third order, below 2e-4."""
-    amplitude = 0.05 * WAVELENGTH / (2.0 * np.pi)
-    assert made(Disc(RADIUS), modes({index: amplitude})).strehl() == pytest.approx(np.exp(-0.0025), abs=2e-4)
-
-
 def test_strehl_ratio_of_pure_focus():
     """W = b r^2: S = (sin(k b / 2) / (k b / 2))^2; midpoints: 2e-4 at N = 128."""
     for waves in (0.25, 0.5, 0.8):

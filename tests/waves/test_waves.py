@@ -14,7 +14,6 @@ from aerokernels.medium import Body
 from aerokernels.waves import angular_spectrum
 from aerokernels.waves.layers import mean_layers, sample_layers
 from tests.phase_plates import DEPTH, WAVELENGTH, phase_plate
-from tests.random_fields import uniform_field
 
 K = 2.0 * np.pi / WAVELENGTH
 
@@ -177,27 +176,6 @@ def test_what_is_refused():
         Wave(np.zeros((8, 8)), 1e-5, WAVELENGTH)
     with pytest.raises(ValueError, match="limit must be positive"):
         validity(field, pupil, limit=0.0)
-
-
-@pytest.mark.parametrize("geometry", ["volume", "planar", "axisymmetric"])
-@pytest.mark.parametrize("interpolation", ["cubic", "linear", "monotone"])
-@pytest.mark.parametrize("look", [1.0, -1.0])
-def test_layers_are_the_fields_own_interpolant(geometry: str, interpolation: str, look: float):
-    """Sampled by axes, they are what the field says at their points, float32; beyond the box, nothing."""
-    field = uniform_field(geometry, interpolation)
-    low, high = field.box
-    z = float(low[2] if look > 0.0 else high[2])
-    size = float(np.min(np.where(np.isfinite(high - low), high - low, np.inf)[:2]))
-    wave = Wave(np.ones((12, 10)), size / 8.0, WAVELENGTH, (1e-4, 2e-4, z), (0.0, 0.0, look))
-    length = float(high[2] - low[2])
-    found = sample_layers(field, wave, 0.0, length, 5)
-    x, y = np.meshgrid(*wave.coordinates)
-    first, second = wave.axes
-    for number in range(5):
-        depth = (number + 0.5) * length / 5
-        points = wave.center + x[..., None] * first + y[..., None] * second + depth * wave.normal
-        expected = field.contrast_at(points.reshape(-1, 3)).reshape(12, 10) * length / 5
-        assert np.abs(found[number] - expected).max() < 1e-6 * np.abs(expected).max() + 1e-20
 
 
 def test_a_far_field_has_the_same_bits_on_any_number_of_threads(tmp_path):
