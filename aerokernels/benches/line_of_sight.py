@@ -173,19 +173,6 @@ class LineOfSight:
         return np.where(count > 0, total / np.maximum(count, 1), np.nan)
 
     @property
-    def frame(self) -> dict[str, Any]:
-        """Attributes that all pictures of these rays share: pixel centres, axes, and the pixels the body hides."""
-        window = self.window
-        return {
-            "horizontal": window.horizontal,
-            "vertical": window.vertical,
-            "blocked": self.pixel_mean(self.blocked.astype(np.float64)) > 0.5,  # more than half of the pixel
-            "right": window.right,
-            "up": window.up,
-            "known": self.known,
-        }
-
-    @property
     def known(self) -> np.ndarray:
         """Mask of the pixels whose light is known: at most a thousandth of their rays is doubtful, shape (ny, nx)."""
         return np.asarray(self.pixel_mean(self.doubtful.astype(np.float64)) <= GREATEST_SHARE)

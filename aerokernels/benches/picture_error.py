@@ -71,8 +71,13 @@ def shared_attributes(
     # Light above white included: a sensor may not be saturated by it.
     exposed = brightness if bench is None or bench.sensor is None else bench.sensor.expose(light, bench.seed)
     hidden = traced.pixel_mean(traced.through.astype(np.float64)) == 0.0
+    window = traced.window
     return {
-        **traced.frame,
+        "horizontal": window.horizontal,
+        "vertical": window.vertical,
+        "right": window.right,
+        "up": window.up,
+        "blocked": traced.pixel_mean(traced.blocked.astype(np.float64)) > 0.5,  # more than half of the pixel
         "known": traced.known if known is None else known,
         "intensity": exposed,
         "exposure": float(exposure),

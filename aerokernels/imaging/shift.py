@@ -96,15 +96,11 @@ class PixelErrors:
         rays = self._rays(self.few, self.pixels.place)
         self.pixels.trace(view.field, rays, self.camera.scene_plane, view.options)
 
-    def displacement(self, stored: np.ndarray, other: Aperture | None) -> np.ndarray:
-        """Return the error of the size of a displacement [pixels]; `other` points of the aperture tell its sampling."""
-        return np.linalg.norm(self._errors(Aperture.mean, stored, other), axis=-1)
+    def of(self, number: Callable[[Aperture, np.ndarray], np.ndarray], stored: np.ndarray, other: Aperture | None):
+        """Return the errors of a number of shifts of some pixels, which is `stored` (rows, columns, 2), of its shape.
 
-    def blur(self, stored: np.ndarray, other: Aperture) -> np.ndarray:
-        """Return the error of a blur along x and y [pixels], shape (rows, columns, 2); arguments as above."""
-        return self._errors(Aperture.blur, stored, other)
-
-    def _errors(self, number: Any, stored: np.ndarray, other: Aperture | None) -> np.ndarray:
+        `other` points of the aperture tell what their number leaves out; None for no cause "sampling".
+        """
         pixels = self.pixels
         if pixels.found is None:
             return np.full(stored.shape, np.nan)
@@ -189,7 +185,7 @@ class BackgroundDisplacement:
             return np.full(self.through.shape, np.nan)
         count = len(self.view.aperture.points)
         other = None if count == 1 else self.camera.aperture(_others(count, 16))
-        return self.pixel_errors.displacement(self.displacement, other)
+        return np.linalg.norm(self.pixel_errors.of(Aperture.mean, self.displacement, other), axis=-1)
 
     @cached_property
     def blur_error(self) -> np.ndarray:
@@ -197,7 +193,7 @@ class BackgroundDisplacement:
         if self.pixel_errors is None or self.view is None:
             return np.full(self.blur.shape, np.nan)
         other = self.camera.aperture(_others(len(self.view.aperture.points), 36))
-        return self.pixel_errors.blur(self.blur, other)
+        return self.pixel_errors.of(Aperture.blur, self.blur, other)
 
     @cached_property
     def pixel_errors(self) -> PixelErrors | None:

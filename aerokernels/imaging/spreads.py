@@ -64,7 +64,7 @@ def spread_grid(
     side of the kernels [pixels], `spectrum` vacuum wavelengths [m] and weights that sum to 1.
     """
     rows, columns = nodes_along(shape[0], node_count), nodes_along(shape[1], node_count)
-    pupil = PupilSamples.of(camera, pupil_pixels)
+    pupil = PupilSamples(camera, pupil_pixels)
     x, y = camera.tangents(shape)
     column, row = (axis.ravel() for axis in np.meshgrid(columns, rows))
     tangent = np.stack([x[column], y[row]], axis=1)
@@ -89,21 +89,14 @@ def spread_grid(
     return SpreadGrid(rows, columns, kernel.reshape(*place, size, size), offset.reshape(*place, 2), kept.reshape(place))
 
 
-@dataclass(frozen=True, eq=False)
 class PupilSamples:
-    """Rays across a camera's pupil, from the middles of square pixels."""
+    """Rays across a camera's pupil, from `points` in the middles of square pixels [m], shape (lit count, 2)."""
 
-    camera: Camera
-    weight: np.ndarray  # amplitude in each pixel, shape (n, n)
-    step: float  # side of a pixel [m]
-    points: np.ndarray  # where rays start [m], shape (lit count, 2)
-
-    @classmethod
-    def of(cls, camera: Camera, pupil_pixels: int) -> "PupilSamples":
-        """Return the rays of a number of pixels across."""
-        coordinate, step, weight, _ = pupil_grid(camera.pupil, pupil_pixels)
-        up, across = np.nonzero(weight > 0.0)
-        return cls(camera, weight, step, np.stack([coordinate[across], coordinate[up]], axis=1))
+    def __init__(self, camera: Camera, pupil_pixels: int):
+        """Take the rays of a number of pixels across."""
+        coordinate, self.step, self.weight, _ = pupil_grid(camera.pupil, pupil_pixels)
+        up, across = np.nonzero(self.weight > 0.0)
+        self.camera, self.points = camera, np.stack([coordinate[across], coordinate[up]], axis=1)
 
     def spreads(
         self, opd: np.ndarray, arrived: Any, fraction: np.ndarray, tangent: np.ndarray, length: float, size: int

@@ -69,7 +69,7 @@ class ImageThrough:
     def reference(self) -> np.ndarray:
         """Picture of the same camera without the flow, of the shape of `image`."""
         shape, size = self.image.shape[:2], self.spreads.kernel.shape[-1]
-        pupil = PupilSamples.of(self.camera, PUPIL_PIXELS)
+        pupil = PupilSamples(self.camera, PUPIL_PIXELS)
         zero, middle, kernel = np.zeros((1, 2)), np.array([0]), np.zeros((1, size, size))
         opd = defocus_paths(self.camera, zero, pupil.points)
         for length, weight in zip(*self.spectrum, strict=True):

@@ -185,7 +185,7 @@ class Wavefront:
 
     @cached_property
     def error(self) -> ErrorBudget:
-        """Error of the OPD of a pixel from the mean [m], by cause and in "total", which covers that of 95 pixels in 100.
+        """Error of the OPD of a pixel from the mean [m], by cause and in "total", which covers 95 pixels in 100.
 
         Empty if it is not known. Some rays are traced again when it is first read.
         """
