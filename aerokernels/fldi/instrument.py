@@ -14,7 +14,7 @@ from ..inputs.arguments import Numbers, checked
 from ..inputs.checks import check_positive
 from ..inputs.wavelength import check_wavelength
 from ..medium import IndexField
-from ..medium.tensor_points import contrast_without_gradient
+from ..medium.grid import contrast_without_gradient
 from ..pupils import as_unit_vector, as_vector, transverse_axes
 from ..rays import RayBundle
 from ..tracing.cuts import lost, may_lose

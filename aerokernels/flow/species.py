@@ -1,18 +1,9 @@
-r"""Refractivity of gases by species, and of their mixtures.
+"""Refractivity of gases by species, and of their mixtures.
 
-A published dispersion formula gives n - 1 at one reference state, in one of two forms (vacuum wavelength lambda in um):
-
-    "sum"         n - 1 = c0 + sum a / (b - 1 / lambda^2)
-    "sellmeier"   n^2 - 1 = sum a lambda^2 / (lambda^2 - b)
-
-Divided by the density of the real gas at that state, rho = p M / (Z R T) with Z = 1 + B p / (R T), it gives the
-species' constant K; n_g = n + 2 s dn/ds, s = 1 / lambda^2, gives the group constant. In a mixture the refractivities
-add: K = sum w K over mass fractions w.
-
-The coefficients are those of the refractiveindex.info database (CC0), each from the paper named with it. Second virial
-coefficients B are those of J. H. Dymond and E. B. Smith, The Virial Coefficients of Pure Gases and Mixtures (Oxford,
-1980), to about 1 cm3/mol, which is 4.5e-5 of the density. Mixed in dry air's proportions the constants agree with
-Ciddor's to 5e-5, the group constants to 6e-5.
+A published dispersion formula gives n - 1 at one reference state; over the density of the real gas there it gives the
+species' constant K, and K = sum w K over mass fractions. Coefficients are those of the refractiveindex.info database
+(CC0); virial coefficients of J. H. Dymond and E. B. Smith (Oxford, 1980). In dry air's proportions the constants agree
+with Ciddor's to 5e-5, the group constants to 6e-5.
 """
 
 from collections.abc import Mapping
@@ -33,7 +24,9 @@ WATER = "H2O"
 
 @dataclass(frozen=True)
 class Species:
-    """A gas and its dispersion.
+    """A gas and its dispersion, with the vacuum wavelength lambda in um.
+
+    "sum": n - 1 = c0 + sum a / (b - 1 / lambda^2). "sellmeier": n^2 - 1 = sum a lambda^2 / (lambda^2 - b).
 
     Attributes:
         name: Chemical formula.
@@ -92,10 +85,8 @@ class Species:
     def constant(self, wavelength: float, form: str = "gladstone-dale", *, group: bool = False) -> float:
         """Return the constant K [m3/kg] at a vacuum wavelength [m].
 
-        Args:
-            wavelength: [m].
-            form: "gladstone-dale", K = (n - 1) / rho, or "lorentz-lorenz", K = 3/2 (n^2 - 1) / (n^2 + 2) / rho.
-            group: Return the group constant K + 2 s dK/ds.
+        `form` is "gladstone-dale", K = (n - 1) / rho, or "lorentz-lorenz", K = 3/2 (n^2 - 1) / (n^2 + 2) / rho; `group`
+        returns the group constant.
 
         Raises:
             ValueError: A wavelength outside the formula's range.
@@ -206,11 +197,8 @@ class Composition:
     def constant(self, wavelength: float, form: str = "gladstone-dale", *, ambient: bool = False, group: bool = False):
         """Return the constant K [m3/kg] of the mixture at a vacuum wavelength [m], a number or an array: sum of w K.
 
-        Args:
-            wavelength: [m].
-            form: "gladstone-dale" or "lorentz-lorenz": see Species.constant.
-            ambient: Return the constant of the ambient gas.
-            group: Return the group constant, which adds up likewise.
+        `form` is "gladstone-dale" or "lorentz-lorenz": see Species.constant; `ambient` returns the constant of the
+        ambient gas, `group` the group constant.
 
         Raises:
             ValueError: A wavelength outside the range of one of the species' formulas.
@@ -256,11 +244,7 @@ def molar_mass(name: str) -> float:
 def species_constant(name: str, wavelength: float, form: str = "gladstone-dale", *, group: bool = False) -> float:
     """Return the constant K of a species [m3/kg] at a vacuum wavelength [m]: refractivity over density.
 
-    Args:
-        name: One of `SPECIES_NAMES`: N2, O2, Ar, CO2, He, H2, Ne, Kr, Xe, H2O.
-        wavelength: [m].
-        form: "gladstone-dale" or "lorentz-lorenz": see Species.constant.
-        group: Return the group constant.
+    `name` is one of `SPECIES_NAMES`; `form` and `group` as in Species.constant.
 
     Raises:
         ValueError: An unknown species, or a wavelength outside the range of its formula.

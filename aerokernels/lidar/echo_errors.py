@@ -218,7 +218,7 @@ class EchoNumbers:
         volts, ranges = self.probe.read(share)
         path = self._path(rays) - self.path
         numbers = self.strehl * change, share * self.peak_power, volts, path
-        return np.array([*numbers, *(ranges[method] + path for method in RANGING_METHODS)])
+        return np.array([*numbers, *[ranges[method] + path for method in RANGING_METHODS]])
 
 
 def echo_errors(result: EchoResult, probe: EchoProbe) -> dict[str, ErrorBudget]:

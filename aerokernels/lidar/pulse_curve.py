@@ -74,9 +74,9 @@ class PulseCurve:
             piece = self._piece(start)
             slope = [power * factor for power, factor in enumerate(piece)][1:]
             # The curve rises from the sample into this piece and falls again: the other end is lower.
-            if _horner(slope, inner) * inner < 0.0:
-                place = _root_of(slope, -0.5, 0.5) if _horner(slope, -inner) * inner > 0.0 else _highest(piece)
-                return start + 0.5 + place if _horner(piece, place) > self.samples[top] else float(top)
+            if _horner(inner, slope) * inner < 0.0:
+                place = _root_of(slope, -0.5, 0.5) if _horner(-inner, slope) * inner > 0.0 else _highest(piece)
+                return start + 0.5 + place if _horner(place, piece) > self.samples[top] else float(top)
         return float(top)
 
     @cached_property
@@ -172,7 +172,7 @@ class PulseCurve:
         return np.asarray(self.spline.derivative()(np.arange(self.samples.size)))
 
 
-def _horner(coefficients: list[float], place: float) -> float:
+def _horner(place: float, coefficients: list[float]) -> float:
     found = 0.0
     for factor in reversed(coefficients):
         found = found * place + factor
@@ -186,10 +186,10 @@ def _root_of(coefficients: list[float], low: float, high: float) -> float:
     """
     from scipy.optimize import brentq
 
-    ends = _horner(coefficients, low), _horner(coefficients, high)
+    ends = _horner(low, coefficients), _horner(high, coefficients)
     if ends[0] * ends[1] > 0.0:
         return low if abs(ends[0]) < abs(ends[1]) else high
-    return float(brentq(lambda place: _horner(coefficients, place), low, high, xtol=1e-12))
+    return float(brentq(_horner, low, high, args=(coefficients,), xtol=1e-12))
 
 
 def _highest(coefficients: list[float]) -> float:
@@ -198,7 +198,7 @@ def _highest(coefficients: list[float]) -> float:
 
     options = {"xatol": 1e-10}
     found = minimize_scalar(
-        lambda place: -_horner(coefficients, place), bounds=(-0.5, 0.5), method="bounded", options=options
+        lambda place: -_horner(place, coefficients), bounds=(-0.5, 0.5), method="bounded", options=options
     )
     return float(found.x)
 

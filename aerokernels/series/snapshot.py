@@ -29,7 +29,6 @@ from aerokernels.tracing import Plane
 from aerokernels.tracing.cuts import lost
 from aerokernels.tracing.engines.choice import choose_backend
 from aerokernels.tracing.plan import TracePlan
-from aerokernels.tracing.planning import backend_for
 from aerokernels.tracing.pupil.air import PupilAir, pupil_air
 from aerokernels.tracing.step_bound import step_allowance
 from aerokernels.tracing.stop import plane_beyond, stop_distance
@@ -335,7 +334,7 @@ def straight_variants(
 
     `opd` is that along straight lines, shape (n,), and `options` are backend and device of the full traces.
     """
-    backend = backend_for(field, options.get("backend") or "auto")
+    backend = options.get("backend") or "auto"
     backend, device, _ = choose_backend(backend, options.get("device"))
     allowance = step_allowance(field, "adaptive", None, None)
     plan = TracePlan("adaptive", backend, device, "float64", allowance, None, tolerance)

@@ -29,26 +29,12 @@ from .straight_lines import lever_arms_of
 STRAIGHT = "; along the undisturbed line, with the second-order correction of the optical path"
 
 
-def backend_for(field: IndexField, backend: str) -> str:
-    """The requested backend, or "reference" instead of "auto" for cells without an interpolant; others refuse these."""
-    if field.interpolation != "cells" or backend == "reference":
-        return backend
-    if backend != "auto":
-        raise ValueError(
-            f"backend {backend!r} does not trace interpolation 'cells': only 'reference' ends its steps at every edge; "
-            "leave the backend out, or take interpolation 'bilinear'"
-        )
-    return "reference"
-
-
 def check_choices(field: IndexField, *, method, precision, tolerance, step) -> None:
     """Reject an unknown name or a number that makes no sense, before any ray is planned."""
     check_choice(method, "method", METHODS)
     if precision not in PRECISIONS:
         raise ValueError(f"precision {precision!r} is not known: choose 'float32' or 'float64'")
     check_positive(tolerance, "tolerance", "waves")
-    if field.interpolation == "cells" and method in ("fixed", "paper"):
-        raise ValueError(f"method {method!r} steps over the edges between cells: take 'auto' for interpolation 'cells'")
     if method == "fixed":
         if step is None or not (np.isfinite(step) and step > 0.0):
             raise ValueError(f"method 'fixed' needs step, a positive length of arc in metres, got {step!r}")
@@ -132,7 +118,6 @@ def make_plan(
     directions,
 ) -> TracePlan:
     """Fill in the choices left to "auto"; the others have passed `check_choices`."""
-    backend = backend_for(field, backend)
     if method == "fixed" and max_steps is None and step < 1e-8 * box_size(field):
         raise ValueError(
             f"a step of {step:g} m would take more than 1e8 steps through a box of {box_size(field):.3g} m: give a "
@@ -157,8 +142,6 @@ def make_plan(
         reasons.append(f"method adaptive: error control, about {predicted:.0f} evaluations a ray across the box")
     else:
         reasons.append(f"method {method}: requested{STRAIGHT if method == 'straight' else ''}")
-    if field.interpolation == "cells":
-        why = "backend reference: it alone ends its steps at every edge between cells"
     reasons.append(why)
     dimension = {"volume": "a volume", "planar": "two axes, x is never expanded"}.get(
         field.geometry, "r and z, never expanded to a volume"

@@ -49,7 +49,7 @@ def _rms(opd: np.ndarray, share: np.ndarray) -> float:
 
 def output_mask(outputs: frozenset) -> int:
     """Return the bits of the requested outputs."""
-    return sum(bit for name, bit in OUTPUT_BITS.items() if name in outputs)
+    return sum([bit for name, bit in OUTPUT_BITS.items() if name in outputs])
 
 
 @shown

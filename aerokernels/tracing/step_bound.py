@@ -172,7 +172,7 @@ def _window(near: float, far: float, size: np.ndarray, way: np.ndarray, cone: Co
 def block_size(grid: UniformGrid) -> int:
     """Cells in a block along each axis."""
     block = BLOCK
-    while math.prod(-(-(count - 1) // block) for count in grid.shape) > BLOCK_COUNT_LIMIT:
+    while math.prod([-(-(count - 1) // block) for count in grid.shape]) > BLOCK_COUNT_LIMIT:
         block *= 2
     return block
 

@@ -17,7 +17,7 @@ from .cuts import flow_ends, lost, may_lose
 from .launch import launch
 from .lines import check_meeting
 from .plan import TracePlan
-from .planning import backend_for, check_choices, plan_bundle
+from .planning import check_choices, plan_bundle
 from .result import RAY_OUTPUTS, TraceResult
 from .retrace import report_rejected, retrace_rejected
 from .status import RayStatus
@@ -93,7 +93,6 @@ def trace(
     check_choices(field, method=method, precision=precision, tolerance=tolerance, step=step)
     if backend == "auto" and device is None and rays.device not in (None, "cpu"):
         device = rays.device  # rays that are stored on a GPU are traced there
-    backend = backend_for(field, backend)
     choices: dict[str, Any] = {
         "backend": backend,
         "device": device,

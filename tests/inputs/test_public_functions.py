@@ -93,8 +93,7 @@ def test_mistakes_of_kind_are_answered_in_words(call, message):
     [
         flow.cone_shock(3.0, 0.3).density_ratio_at,
         flow.expansion_fan(2.0, 0.2).ratio_of_angle,
-        flow.PlaneShock(flow.oblique_shock(3.0, 0.2), True).ratio_of_angle,
-        flow.PlaneShock(flow.oblique_shock(3.0, 0.2), False).ratio_of_angle,
+        flow.PlaneShock(flow.oblique_shock(3.0, 0.2)).ratio_of_angle,
     ],
 )
 def test_a_place_that_is_not_known_has_no_density(of):

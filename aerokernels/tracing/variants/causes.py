@@ -233,9 +233,7 @@ class _Traced:
             sample_count=0,
             cubes=False,
             step=None,
-            backend="warp"
-            if self.plan.backend == "reference" and field.interpolation != "cells"
-            else self.plan.backend,
+            backend="warp" if self.plan.backend == "reference" else self.plan.backend,
             precision="float64",
             tolerance=TIGHTER * min(self.plan.tolerance, LARGEST_TOLERANCE),
             max_steps=max(self.plan.max_steps, step_allowance(field, "adaptive", None, None)),

@@ -10,8 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from ...medium import IndexField
-from ...medium.mesh_columns import mesh_columns
-from ...medium.mesh_samples import MeshSamples
+from ...medium.mesh_samples import MeshSamples, mesh_columns
 from .orders import in_space
 from .paths import Cause, Contrast, Paths, Rays
 
@@ -146,7 +145,7 @@ def next_order(field: IndexField) -> Contrast:
         places = samples.mesh.places(local)
         value, slope = np.zeros(len(points)), np.zeros((len(points), 2))
         rows, cell, (xi, eta) = places.rows, places.cell, places.local
-        if samples.interpolation != "cells" and len(rows):
+        if len(rows):
             value[rows], slope[rows] = _bent(bilinear, cell, xi, eta)
         if bilinear is not samples:
             (after, slope_after), (before, slope_before) = (one.evaluate(local, places) for one in (bilinear, samples))

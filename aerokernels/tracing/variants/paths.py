@@ -47,7 +47,7 @@ class Rays:
 
     def __mul__(self, factor: float | np.ndarray) -> "Rays":
         """Return everything times a number, or each ray times its own, shape (n,)."""
-        return Rays(*((part.T * factor).T for part in (self.opd, self.direction, self.position)))
+        return Rays(self.opd * factor, (self.direction.T * factor).T, (self.position.T * factor).T)
 
     def __getitem__(self, rows) -> "Rays":
         """Return some of the rays."""
@@ -58,8 +58,8 @@ class Rays:
         return Rays(self.opd + piston, self.direction, self.position)
 
     def _with(self, other: "Rays", call: Callable) -> "Rays":
-        pairs = ((self.opd, other.opd), (self.direction, other.direction), (self.position, other.position))
-        return Rays(*(call(one, two) for one, two in pairs))
+        path, direction = call(self.opd, other.opd), call(self.direction, other.direction)
+        return Rays(path, direction, call(self.position, other.position))
 
 
 @dataclass(frozen=True, eq=False)

@@ -44,7 +44,7 @@ def trace(field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelength
             ends,
             SHARE * min(plan.tolerance, LAXEST) * wavelength,
             plan.max_steps,
-            plan.method == "straight" and not air.jumps,
+            plan.method == "straight",
         )
         if plan.method in ("fixed", "paper"):
             turn = march(field, ends, flight, plan)
