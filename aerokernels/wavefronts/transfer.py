@@ -128,11 +128,10 @@ def autocorrelation(wave: np.ndarray, other: np.ndarray | None = None) -> np.nda
 
 def transfer_function(wavefront: Any) -> Transfer:
     """Return the optical transfer function of a wavefront."""
-    wave = complex_amplitude(wavefront.opd, wavefront.weight, wavefront.wavelength)
-    value = autocorrelation(wave) / wavefront.power
+    value = _transfer(wavefront, wavefront.pixel)
     perfect = np.abs(autocorrelation(np.array(wavefront.weight))) / wavefront.power
-    middle = len(wave) - 1
-    value[middle, middle] = perfect[middle, middle] = 1.0
+    middle = len(value) // 2
+    perfect[middle, middle] = 1.0
     frequency = wavefront.pixel / wavefront.wavelength * np.arange(-middle, middle + 1)
     return Transfer(value, frequency, perfect)
 
