@@ -1,11 +1,7 @@
 """Parallel light traced once through a field, from which schlieren, shadowgraph and interferogram are made.
 
-Rays are traced with bending to a plane behind the field. To a camera a ray seems to come from where its exit line,
-extended straight back, meets the plane in focus, and its phase is that of this virtual ray there:
-
-    opd = (opd at the exit) - n_0 L (1 / cos(d, forward) - 1),    L from the focal plane to the exit
-
-Reference: C. M. Vest, Holographic Interferometry (Wiley, 1979), section 6.3 (refraction and focal plane).
+A ray seems to come from where its exit line meets the plane in focus, L ahead of the exit, with the phase that it has
+there: opd - n_0 L (1 / cos(d, forward) - 1). Reference: C. M. Vest, Holographic Interferometry (Wiley, 1979), 6.3.
 """
 
 from dataclasses import dataclass

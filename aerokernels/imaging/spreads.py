@@ -213,15 +213,12 @@ def pixel_spreads(
 
 
 def _through_pixels(wave: np.ndarray, fraction: np.ndarray, scale: np.ndarray, side: int) -> np.ndarray:
-    r"""Return the light between square pixels around each node, shape (n, side, side).
-
-    The point spread function is the transform of the wave's autocorrelation C, with as many terms as the pupil has
-    pairs of pixels. The overlap of a scene pixel and a camera pixel is a triangle function of their distance, so that
-    the integral is exact, axis by axis:
+    r"""Return the light between square pixels around each node, shape (n, side, side), exact axis by axis.
 
         \int |A(p)|^2 tri(p - j) dp = sum_d C(d) sinc(scale d)^2 exp(-2 pi i scale d (j - fraction))
 
-    `scale` is in waves per pixel of the pupil and pixel of the picture, along x and y, shape (n, 2).
+    C is the wave's autocorrelation, tri the overlap of a scene pixel and a camera pixel, `scale` in waves per pixel of
+    the pupil and pixel of the picture, along x and y, shape (n, 2).
     """
     from scipy.fft import fft2, next_fast_len, rfft2
 

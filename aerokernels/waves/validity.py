@@ -314,23 +314,11 @@ def _change(slabs: Slabs, limit: float, straight: bool, traced: float | None, by
 
 
 def bending(paths: np.ndarray, pixel: float, step: float, after: float) -> np.ndarray:
-    r"""Return the excess optical path of bent rays over straight ones through screens [m], at the start of each ray.
+    """Return the excess optical path of bent rays over straight ones through screens [m], at the start of each ray.
 
-    To second order in d, rays with deflection t and displacement d get from a screen of path p
-
-        p + d grad p + d H d / 2,       t += grad p + H d,       d += t z,
-
-    and t^2 z / 2 from their slanted path through free space of a length z. Neglected terms are of third order in d over
-    the size of a feature.
-
-    Args:
-        paths: Optical path of each slab [m], shape (count, rows, columns).
-        pixel: Side of a pixel [m].
-        step: Thickness of a slab [m].
-        after: Free distance behind the last slab [m].
-
-    Returns:
-        Excess path [m], shape (rows, columns).
+    `paths` has those of the screens [m], (count, rows, columns), `step` [m] apart, with a free distance `after` the
+    last. To second order in d, rays with deflection t and displacement d get d grad p + d H d / 2 from a screen of path
+    p with the curvature H, and t^2 z / 2 from free space of a length z; t += grad p + H d, and d += t z.
     """
     axes = [axis for axis in (0, 1) if paths.shape[axis + 1] > 1]
     excess, reach = np.zeros(paths.shape[1:]), max(paths.shape[1:]) * pixel

@@ -105,29 +105,6 @@ def test_the_body_casts_a_shadow_and_a_wide_source_blurs_it():
     assert soft.sum() == pytest.approx(sharp.sum(), rel=1e-9)
 
 
-@pytest.mark.parametrize("source", ["disc", "square", "slit"])
-@pytest.mark.parametrize("pixels", [0.3, 1.7, 6.0, 21.0])
-def test_a_source_blurs_by_its_own_shape(source: str, pixels: float):
-    """A sine wave aslant keeps the Fourier transform of the source's image, on pixels twice as high as wide.
-
-    Of a disc of the diameter d 2 J1(K d / 2) / (K d / 2), of a square sinc along both axes, of a slit along one.
-    Error: what a kernel with the shape's own variance leaves, of fourth order in K times the pixel (0.16): 2e-4.
-    """
-    from scipy.special import j1
-
-    from aerokernels.benches.bench import blurred
-
-    pitch = (1e-4, 2e-4)
-    size, wave = pixels * pitch[0], (900.0, 700.0)
-    across, along = np.meshgrid(pitch[0] * np.arange(-120, 121), pitch[1] * np.arange(-90, 91))
-    picture = 1.0 + 0.5 * np.cos(wave[0] * across + wave[1] * along)
-    found = blurred(picture, source, size, pitch)[90, 120] - 1.0
-    sincs = [np.sinc(k * size / (2.0 * np.pi)) for k in wave]
-    bend = 0.5 * size * np.hypot(*wave)
-    expected = {"disc": 2.0 * j1(bend) / bend, "square": sincs[0] * sincs[1], "slit": sincs[0]}[source]
-    assert found / 0.5 == pytest.approx(expected, abs=5e-4)
-
-
 def test_the_bench_says_which_shape_blurs():
     """A lens of air, round, through benches of one angle: a slit blurs its peak least and a square most."""
     from aerokernels.benches import Bench
