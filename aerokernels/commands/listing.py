@@ -59,7 +59,7 @@ def fields(
         rows += _field_rows(flow)
     print_table(str(path), ("what", "value"), rows)
     if flow is not None and picture is not None:
-        from aerokernels.jobs.plots import save_flow_figure
+        from aerokernels.jobs.pages.air import save_flow_figure
 
         save_flow_figure(flow, picture)
         note(f"wrote {picture}")

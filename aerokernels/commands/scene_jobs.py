@@ -46,7 +46,7 @@ def run(
     written, but the answer is not meaningful: the error allows any Strehl ratio, or is above the echo's peak.
     """
     from aerokernels.files.writing import only_writer
-    from aerokernels.jobs.report import headline_rows, remark_rows
+    from aerokernels.jobs.numbers import headline_rows, remark_rows
     from aerokernels.jobs.run import simulate, write_run
     from aerokernels.jobs.store import check_output_folder
     from aerokernels.scene import Scene

@@ -42,6 +42,7 @@ STYLE = {
     "svg.fonttype": "none",
     "svg.hashsalt": "aerokernels",
 }
+WIDE = {**STYLE, "font.size": 10.0, "axes.titlesize": 11.0, "axes.titleweight": "bold", "axes.labelsize": 10.0}
 # Matplotlib's parameters that are no matter of drawing.
 NOT_DRAWN = "backend", "interactive", "toolbar", "timezone", "webagg"
 WIDTH = 3.8  # of a static figure [in], half a page of paper
@@ -335,7 +336,7 @@ class Raster:
 
 
 @contextmanager
-def house_style(style: Mapping[str, Any] | None = None) -> Iterator[None]:
+def house_style(style: Mapping[Any, Any] | None = None) -> Iterator[None]:
     """Draw the block in Matplotlib's own defaults and `style`, whatever a user's matplotlibrc says.
 
     One with `text.usetex` needs LaTeX, which reads "%", "#" and "_" in a name as commands. Nor is a text read as a
@@ -382,3 +383,20 @@ def data_url(figure: "Figure", kind: str) -> str:
     figure.savefig(sink, format=kind, metadata=metadata)
     mime = "image/svg+xml" if kind == "svg" else "image/png"
     return f"data:{mime};base64,{base64.b64encode(sink.getvalue()).decode('ascii')}"
+
+
+@contextmanager
+def styled_figure(width: float, height: float, dpi: int = 120, style: Any = None) -> "Iterator[Figure]":
+    """Yield a figure of `width` x `height` [in] without window or global state; the block draws in `style` or WIDE."""
+    from matplotlib.figure import Figure
+
+    with house_style(style or WIDE):
+        yield Figure(figsize=(width, height), layout="constrained", dpi=dpi)
+
+
+def png(figure: "Figure") -> bytes:
+    """Return `figure` as the bytes of a PNG file."""
+    buffer = io.BytesIO()
+    with house_style():
+        figure.savefig(buffer, format="png", pil_kwargs={"compress_level": 4})
+    return buffer.getvalue()

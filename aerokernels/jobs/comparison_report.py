@@ -10,13 +10,12 @@ import numpy as np
 
 from aerokernels import __version__
 from aerokernels.compare import DEGREES
+from aerokernels.display.figures import BLUE, GREY, ORANGE, house_style, png, styled_figure
 from aerokernels.display.quantities import Quantity, two_digits
 from aerokernels.hardware.export import csv_cell
 from aerokernels.jobs.comparison import EACH, NO_ALIGNMENT, BenchComparison, LabelComparison
 from aerokernels.jobs.echo_statistics import TOLD, covering, spread_factor
-from aerokernels.jobs.figure_layout import house_style, png, styled_figure
-from aerokernels.jobs.page import page, table
-from aerokernels.jobs.plots import ACCENT, MUTED, RAY_COLOUR
+from aerokernels.jobs.pages.compare_page import compare_page
 from aerokernels.jobs.recorded import LEAST_SAMPLES, label_text
 from aerokernels.jobs.store import REPORT_FILE, SUMMARY_FILE, staged_folder, to_json, write_result, write_summary
 from aerokernels.lidar.pulses import SPEED_OF_LIGHT
@@ -202,7 +201,7 @@ def write_comparison(found: BenchComparison, out: Path) -> list[str]:
         "left_out": [label_text(label) for label in found.left_out],
         "version": __version__,
     }
-    report = _page(found, picture)
+    report = compare_page(found, [make(found) for make in TABLES], notes(found)).html()
     with staged_folder(out) as folder:
         _write_csv(folder / TABLE_FILE, rows)
         (folder / FIGURE_FILE).write_bytes(picture)
@@ -222,23 +221,6 @@ def _write_csv(path: Path, rows: Sequence[dict[str, Any]]) -> None:
             writer.writerow({name: "" if value is None else csv_cell(value) for name, value in plain.items()})
 
 
-def _page(found: BenchComparison, picture: bytes) -> str:
-    caption = (
-        "Mean recorded and simulated waveform; below, their difference with the mean's standard error (dark) and the "
-        "spread of one echo (light)."
-    )
-    runs = [(label_text(one.label), one.run.name, str(one.run.path)) for one in found.labels]
-    sections = [
-        *(table(*make(found)) for make in TABLES),
-        {"title": "Pictures", "figures": [("waveforms", caption, picture)]},
-        {"title": "How the comparison was made", "bullets": notes(found)},
-        table("Runs", ("label", "scene", "folder"), runs),
-    ]
-    lead = f"{found.source}, {len(found.labels)} labels, aerokernels {__version__}"
-    remarks = [("Warning", text) for text in found.warnings]
-    return page("Recorded against simulated", lead, sections, remarks=remarks)
-
-
 def waveforms_figure(found: BenchComparison) -> "Figure":
     """Draw recorded mean and simulation of the first twelve labels, and below each their difference."""
     shown = found.labels[:MOST_PANELS]
@@ -256,9 +238,9 @@ def waveforms_figure(found: BenchComparison) -> "Figure":
 
 def _draw_waveforms(axes: "Axes", one: LabelComparison) -> None:
     time, mean = 1e9 * one.recorded.time, one.recorded.mean
-    axes.plot(time, mean, color=RAY_COLOUR, linewidth=1.6, label="recorded, mean")
-    axes.plot(time, one.simulated, color=ACCENT, linewidth=1.3, linestyle="--", label="simulated")
-    axes.axhline(one.waveform.edge_level, color=MUTED, linewidth=0.8, linestyle=":")
+    axes.plot(time, mean, color=BLUE, linewidth=1.6, label="recorded, mean")
+    axes.plot(time, one.simulated, color=ORANGE, linewidth=1.3, linestyle="--", label="simulated")
+    axes.axhline(one.waveform.edge_level, color=GREY, linewidth=0.8, linestyle=":")
     high = np.flatnonzero(np.maximum(mean, one.simulated) > 0.01 * one.simulated.max())
     margin = 0.4 * (time[high[-1]] - time[high[0]])
     axes.set_xlim(max(time[0], time[high[0]] - margin), min(time[-1], time[high[-1]] + margin))
@@ -272,9 +254,9 @@ def _draw_residual(axes: "Axes", one: LabelComparison) -> None:
     recorded = one.recorded
     time, residual = 1e9 * recorded.time, 1e3 * (recorded.mean - one.simulated)
     spread, error = 1e3 * recorded.spread, 1e3 * recorded.standard_error
-    axes.fill_between(time, residual - spread, residual + spread, color=RAY_COLOUR, alpha=0.15, linewidth=0.0)
-    axes.fill_between(time, residual - error, residual + error, color=RAY_COLOUR, alpha=0.5, linewidth=0.0)
-    axes.plot(time, residual, color=RAY_COLOUR, linewidth=0.8)
-    axes.axhline(0.0, color=ACCENT, linewidth=1.0, linestyle="--")
+    axes.fill_between(time, residual - spread, residual + spread, color=BLUE, alpha=0.15, linewidth=0.0)
+    axes.fill_between(time, residual - error, residual + error, color=BLUE, alpha=0.5, linewidth=0.0)
+    axes.plot(time, residual, color=BLUE, linewidth=0.8)
+    axes.axhline(0.0, color=ORANGE, linewidth=1.0, linestyle="--")
     axes.set(xlabel="time after the pulse's peak left [ns]", ylabel="difference [mV]")
     axes.grid(True, color="#e3e7eb")

@@ -1,11 +1,12 @@
 """The numbers of summary.json and of sweeps: unit, meaning, and how each is shown in tables and reports."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from aerokernels.display.quantities import Quantity
-from aerokernels.display.shown import told
+from aerokernels.display.quantities import WORTHLESS, Quantity, listed
+from aerokernels.display.shown import NOTHING, told
 from aerokernels.jobs.store import number_or_nan, to_json
 
 FACTORS = {"": 1.0, "V": 1.0, "m": 1.0, "mm": 1e3, "nm": 1e9, "µrad": 1e6, "µW": 1e6}  # from SI to units shown
@@ -103,3 +104,29 @@ def quantity_of(summary: Mapping[str, Any], key: str) -> Quantity:
     """Return a number of a summary with its error; NaN for null, and for an error that the summary does not have."""
     value, error = to_json(summary.get(key)), to_json((summary.get("errors") or {}).get(key))
     return Quantity(number_or_nan(value), number_or_nan(error), is_ratio=is_ratio(key))
+
+
+# Heading of the remark on a stage without a result.
+STAGES = {"wavefront": "No wavefront", "rays": "No rays in the pictures", "echo": "No echo", "range": "No range"}
+
+
+def headline_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Return the main quantities of a run's summary as rows of name and text with error and unit."""
+    rows = [(one.name, one.text(quantity_of(summary, key))) for key, one in NUMBERS.items() if one.name]
+    angles = [quantity_of(summary, f"boresight_{axis}_rad") for axis in "xy"]
+    if not any(math.isnan(angle.value) for angle in angles):
+        look = (summary.get("scene_values") or {}).get("pupil") or {}
+        ahead = not (look.get("azimuth") or look.get("elevation"))
+        nothing = all(told(angle, 1e6, "µrad") == NOTHING for angle in angles)
+        text = NOTHING if nothing else listed([angle.scaled(1e6, "µrad") for angle in angles], signed=True)
+        rows.append((f"Boresight error {'x, y' if ahead else 'along the pupil’s axes 1, 2'}", text))
+    return rows
+
+
+def remark_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Return rows of remarks: the verdict on the Strehl ratio, and the reason for each stage without a result."""
+    worthless = summary.get("verdict") == WORTHLESS
+    rows = [("Not meaningful" if worthless else "Warning", str(reason)) for reason in summary.get("warnings") or ()]
+    for stage, reason in (summary.get("failures") or {}).items():
+        rows.append((STAGES.get(stage, f"No {stage}"), str(reason)))
+    return rows

@@ -32,11 +32,10 @@ from aerokernels.benches.knife_edge import KnifeEdge
 from aerokernels.benches.line_of_sight import check_exposure
 from aerokernels.benches.picture import PictureView
 from aerokernels.benches.shadowgraph import Screen
+from aerokernels.display.figures import ORANGE, house_style, png, styled_figure
 from aerokernels.display.quantities import Quantity
 from aerokernels.display.shown import extent_of
 from aerokernels.flow import DensityField, shipped_names
-from aerokernels.jobs.figure_layout import house_style, png, styled_figure
-from aerokernels.jobs.plots import ACCENT
 from aerokernels.jobs.store import SUMMARY_FILE, staged_folder, write_result, write_summary
 from aerokernels.medium import IndexField
 from aerokernels.prepare import flow_index
@@ -324,7 +323,7 @@ def _draw_shock(axes: "Axes", shock: ShockAngle) -> None:
     label = f"shock {Quantity(float(angle), float(error))}° at {1e3 * shock.place:.1f} mm"
     for sign, words in ((1.0, label), (-1.0, None)):
         if (sign * shock.points[:, 1] > 0.0).any():
-            axes.plot(1e3 * along, sign * 1e3 * height, color=ACCENT, linewidth=1.2, linestyle="--", label=words)
+            axes.plot(1e3 * along, sign * 1e3 * height, color=ORANGE, linewidth=1.2, linestyle="--", label=words)
     axes.legend(loc="lower right", fontsize=8, labelcolor="white", frameon=True, facecolor="#1d2630", framealpha=0.8)
 
 
@@ -332,7 +331,7 @@ def comparison_figure(comparison: HalfComparison) -> "Figure":
     """Draw the simulated picture above and the measured picture below."""
     figure, (axes,) = _axes(comparison, 1)
     _draw(axes, comparison)
-    axes.axhline(0.0, color=ACCENT, linewidth=0.8)
+    axes.axhline(0.0, color=ORANGE, linewidth=0.8)
     axes.set(ylabel="y [mm]", title=f"Above simulated, below measured: r = {comparison.correlation:.3f}")
     return figure
 

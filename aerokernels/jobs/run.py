@@ -13,9 +13,17 @@ from aerokernels.flow import DensityField
 from aerokernels.focus import StrehlEstimate
 from aerokernels.focus.estimate import estimate_strehl
 from aerokernels.inputs.arguments import checked
-from aerokernels.jobs.report import render_report, run_figures
-from aerokernels.jobs.run_files import RayFan, RunResult, scene_toml
-from aerokernels.jobs.store import REPORT_FILE, RESULT_FILE, SUMMARY_FILE, staged_folder, write_result, write_summary
+from aerokernels.jobs.pages.run_page import run_page
+from aerokernels.jobs.run_files import RayFan, RunResult
+from aerokernels.jobs.store import (
+    REPORT_FILE,
+    RESULT_FILE,
+    SUMMARY_FILE,
+    staged_folder,
+    to_json,
+    write_result,
+    write_summary,
+)
 from aerokernels.lidar import EchoResult
 from aerokernels.lidar.parts import Setup, trace_options
 from aerokernels.lidar.rangefinder import check_echo
@@ -204,17 +212,11 @@ def run_stages(
 
 
 def write_run(result: RunResult, out: Path) -> dict[str, Any]:
-    """Write summary.json, result.nc and report.html: all of them, or none; return the summary.
-
-    Its failures include any figure that could not be drawn.
-    """
+    """Write summary.json, result.nc and report.html: all of them, or none; return the summary."""
     dataset = result.to_xarray()
-    figures = run_figures(dataset)
-    undrawn = {f"picture {name}": image for name, _, image in figures if isinstance(image, str)}
-    summary = {**result.summary, "failures": {**result.summary["failures"], **undrawn}}
-    page = render_report(figures, summary, scene_toml(result.scene))
+    page = run_page(dataset, to_json(result.summary)).html()
     with staged_folder(out) as folder:
         write_result(folder / RESULT_FILE, dataset)
         (folder / REPORT_FILE).write_text(page, encoding="utf-8")
-        write_summary(folder / SUMMARY_FILE, summary)
-    return summary
+        write_summary(folder / SUMMARY_FILE, result.summary)
+    return result.summary

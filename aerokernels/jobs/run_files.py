@@ -18,8 +18,8 @@ from aerokernels.display.quantities import TOTAL, Verdict, greatest_ratio_error,
 from aerokernels.display.shown import shown
 from aerokernels.focus import StrehlEstimate
 from aerokernels.jobs.numbers import NUMBERS
-from aerokernels.jobs.plots import body_variables, density_variables, variable
-from aerokernels.jobs.store import number_or_nan, to_json
+from aerokernels.jobs.pages.air import body_variables, density_variables
+from aerokernels.jobs.store import number_or_nan, to_json, variable
 from aerokernels.lidar import EchoResult
 from aerokernels.prepare import Prepared
 from aerokernels.scene import Scene
@@ -244,6 +244,8 @@ def _attributes(result: RunResult, summary: Mapping[str, Any], axes: tuple[str, 
     }
     if flow is not None:
         attributes["ambient_density"] = flow.ambient_density
+        if flow.ambient_density > 0.0:
+            attributes["index_per_density"] = (result.prepared.field.ambient_index - 1.0) / flow.ambient_density
     if scene.detector.ranging == "leading-edge":  # the other methods use no fixed level
         attributes["threshold_v"] = scene.detector.threshold
     return attributes
@@ -259,6 +261,8 @@ def _maps(wave: Wavefront) -> dict[str, Any]:
         )
         rms = one.quantities["opd_rms"]
         maps[name][2].update(rms_m=rms.value, rms_error_m=number_or_nan(rms.error))
+    words = "amplitude transmission of the pixel"
+    maps["pupil_weight"] = variable(("pupil_y", "pupil_x"), wave.weight, "1", words)
     return maps
 
 

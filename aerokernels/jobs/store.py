@@ -153,3 +153,8 @@ def write_text(path: Path, text: str) -> None:
 def read_result(path: Path) -> "xarray.Dataset":
     """Read a `result.nc` into memory; raises the ValueError of `open_netcdf`."""
     return open_netcdf(path, str(path), whole=True)
+
+
+def variable(dims: str | tuple[str, ...], values: Any, units: str, long_name: str) -> tuple[Any, ...]:
+    """Return a variable with its unit and meaning, as xarray.Dataset takes it."""
+    return dims, values, {"units": units, "long_name": long_name}

@@ -52,6 +52,7 @@ class EchoResult:
         statistics: Systematic and random error by method, over the scene's `detector.trial_count` noisy records.
         vacuum_peak_power: Peak power of the echo in vacuum [W].
         vacuum_peak_voltage: Peak voltage of the echo in vacuum [V].
+        vacuum_voltage: Voltage of the echo in vacuum, without noise [V], shape (sample_count,).
         information: Numbers about the computation: "beam_share" (fraction of the beam's power that arrives on the
             target), "lost_share" (fraction aimed at the target, in rays that failed) and "lost_share_error",
             "pair_count" (pairs of target and pupil points that the return rays represent), "ray_count" (traced),
@@ -82,6 +83,7 @@ class EchoResult:
     statistics: Mapping[str, RangeStatistics]
     vacuum_peak_power: float
     vacuum_peak_voltage: float
+    vacuum_voltage: np.ndarray
     information: Mapping[str, float] = field(default_factory=dict)
     budget: "Callable[[EchoResult], dict[str, ErrorBudget]] | None" = None
 
@@ -196,6 +198,7 @@ class EchoResult:
             "echo_power": variable("time", self.power, "W", "received power"),
             "echo_voltage": variable("time", self.voltage, "V", "detector voltage"),
             "echo_voltage_clean": variable("time", self.clean_voltage, "V", "voltage without noise"),
+            "echo_voltage_vacuum": variable("time", self.vacuum_voltage, "V", "voltage without flow and noise"),
             "target_point": variable(
                 ("point", "axis"), self.target_point, "m", "where the beam's rays land on the target"
             ),

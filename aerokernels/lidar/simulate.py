@@ -149,6 +149,7 @@ def echo_through(flow: IndexField, vacuum: VacuumEcho, estimate: StrehlEstimate 
         statistics=rangefinder.statistics(fine, power, stride, setup.detector.trial_count),
         vacuum_peak_power=peak_height(reference[::stride]),
         vacuum_peak_voltage=peak_height(fine_voltage[::stride]),
+        vacuum_voltage=fine_voltage[::stride],
         information={
             "beam_share": float(share.sum()),
             "lost_share": float(points.weight.sum() - share.sum()),

@@ -6,12 +6,12 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from aerokernels.jobs.figure_layout import STYLE, styled_figure
+from aerokernels.display.figures import WIDE, styled_figure
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-GRID_STYLE = {**STYLE, "axes.grid": True, "axes.axisbelow": True, "text.parse_math": True}
+GRID_STYLE = {**WIDE, "axes.grid": True, "axes.axisbelow": True, "text.parse_math": True}
 
 
 @contextmanager

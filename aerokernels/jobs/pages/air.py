@@ -1,17 +1,25 @@
 """Pictures of a flow: its density in the plane x = 0 with body, pupil and rays, and how rays bend."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from aerokernels.display.figures import Axis, Line, Lines, color_bar, color_map, data_url, figure_of, packed, plain
 from aerokernels.display.shown import is_flat
+from aerokernels.files.writing import replacing
+from aerokernels.flow import CellDensity, DensityField
 from aerokernels.jobs.pages.page import Panel
+from aerokernels.jobs.store import variable
+from aerokernels.medium import Body, SolidBody
 
 if TYPE_CHECKING:
     import xarray
+    from matplotlib.figure import Figure
 
 
 def density_limits(density: np.ndarray) -> tuple[float, float]:
@@ -20,6 +28,7 @@ def density_limits(density: np.ndarray) -> tuple[float, float]:
     return (0.9 * low, 1.1 * high) if is_flat(density) else (low, high)
 
 
+RASTER_CELLS = 400  # cells along each side of the density of an unstructured mesh
 RASTER = 220  # pixels along a side of a flow without a structured mesh, as the page's script holds it
 
 
@@ -185,6 +194,12 @@ class AirView:
 
     def static(self) -> str:
         """Return the view for paper, as a data URL."""
+        with self.figure() as figure:
+            return data_url(figure, "png")
+
+    @contextmanager
+    def figure(self) -> "Iterator[Figure]":
+        """Yield the view as a Matplotlib figure."""
         data, view, (z, y) = self.air.dataset, self.view, self.air.corners
         density = data["density"].values
         low, high = density_limits(density)
@@ -204,7 +219,7 @@ class AirView:
             axes.set(xlim=(view.z - half / view.shape, view.z + half / view.shape), aspect="equal")
             axes.set(ylim=(view.y - half, view.y + half), xlabel="z [mm], optical axis, forward →", ylabel="y [mm]")
             color_bar(figure, mesh, "density [kg/m³]")
-            return data_url(figure, "png")
+            yield figure
 
 
 def _is_regular(z: np.ndarray, y: np.ndarray) -> bool:
@@ -218,3 +233,60 @@ def _is_regular(z: np.ndarray, y: np.ndarray) -> bool:
 
 def _length(nanometres: float) -> str:
     return f"{nanometres:.3g} nm" if nanometres < 1e3 else f"{1e-3 * nanometres:.3g} µm"
+
+
+def density_cells(field: DensityField) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the density of cells (i, j) [kg/m3] in the plane x = 0, and y and z of their corners (i+1, j+1) [m]."""
+    if isinstance(field, CellDensity) and field.mesh.shape is not None:
+        shape = field.mesh.shape
+        corners = field.mesh.vertices.reshape(*shape, 2)
+        return field.density.reshape(shape[0] - 1, shape[1] - 1), corners[..., 0], corners[..., 1]
+    low, high = (corner[-2:] for corner in field.box)
+    axes = [np.linspace(low[k], high[k], RASTER_CELLS + 1) for k in range(2)]
+    middle = np.meshgrid(*(0.5 * (axis[1:] + axis[:-1]) for axis in axes), indexing="ij")
+    y, z = (axis.ravel() for axis in middle)
+    density = field.density_at(np.stack([np.zeros(y.size), y, z], axis=1))
+    density = np.where(np.isnan(density), field.ambient_density, density)  # inside the body, which is drawn on top
+    corner_y, corner_z = np.meshgrid(*axes, indexing="ij")
+    return density.reshape(RASTER_CELLS, RASTER_CELLS), corner_y, corner_z
+
+
+def density_variables(flow: DensityField) -> dict[str, Any]:
+    """Return a flow's density in the plane x = 0 as variables of a dataset."""
+    density, y, z = density_cells(flow)
+    corners = ("corner_i", "corner_j")
+    return {
+        "density": variable(("cell_i", "cell_j"), density, "kg m-3", "density, cell averages"),
+        "density_y": variable(corners, y, "m", "y of the cells' corners"),
+        "density_z": variable(corners, z, "m", "z of the cells' corners"),
+    }
+
+
+def body_variables(body: Body | SolidBody | None) -> dict[str, Any]:
+    """Return a body's surface or outline as variables of a dataset."""
+    if isinstance(body, SolidBody):
+        words = "corners of its triangles, by the number of their point"
+        return {
+            "body_point": variable(("body_vertex", "axis"), body.vertices, "m", "points of the body's surface"),
+            "body_triangle": variable(("body_face", "corner"), body.triangles, "1", words),
+        }
+    if body is None:
+        return {}
+    return {
+        f"body_{name}": variable("body_vertex", body.profile[:, k], "m", f"{name} of the body's outline")
+        for k, name in enumerate("yz")
+    }
+
+
+def save_flow_figure(flow: DensityField, place: Path) -> None:
+    """Write a picture of a flow's density to a file, whose name's extension determines the format."""
+    import xarray
+
+    attributes = {"geometry": flow.geometry, "ambient_density": flow.ambient_density}
+    air = Air(xarray.Dataset(density_variables(flow) | body_variables(flow.body), attrs=attributes))
+    with AirView(air, air.whole, with_rays=False).figure() as figure:
+        if place.suffix[1:].lower() not in figure.canvas.get_supported_filetypes():
+            raise ValueError(f"{place}: {place.suffix!r} is not a picture format: use .png, .pdf or .svg")
+        place.parent.mkdir(parents=True, exist_ok=True)
+        with replacing(place) as (draft,):
+            figure.savefig(draft)

@@ -11,7 +11,7 @@ import numpy as np
 from aerokernels.display.figures import Axis, Line, Lines
 from aerokernels.display.quantities import CAUSES, REMEDIES, TOTAL, WORTHLESS, Quantity, two_digits
 from aerokernels.display.shown import is_flat
-from aerokernels.jobs.numbers import NUMBERS, quantity_of
+from aerokernels.jobs.numbers import NUMBERS, quantity_of, remark_rows
 from aerokernels.jobs.pages.air import Air
 from aerokernels.jobs.pages.front import GROUPS, Front
 from aerokernels.jobs.pages.page import Answer, Bar, Page, Panel, Row, flat, shown
@@ -40,7 +40,6 @@ METHODS = {
     "centroid": "Centroid",
     "matched-filter": "Matched filter",
 }
-STAGES = {"wavefront": "No wavefront", "rays": "No rays in the pictures", "echo": "No echo", "range": "No range"}
 RAW_LEFT_OUT = ("scene_values", "plan")
 LEAST_SHARE = 0.01  # of the total error, below which causes are listed together
 
@@ -84,15 +83,6 @@ def run_page(dataset: "xarray.Dataset", summary: Mapping[str, Any]) -> Page:
         raw=flat({key: value for key, value in summary.items() if key not in RAW_LEFT_OUT}),
         plots=plots,
     )
-
-
-def remark_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Return remarks on a run: the verdict on its numbers, and the reason for each stage without a result."""
-    worthless = summary.get("verdict") == WORTHLESS
-    rows = [("Not meaningful" if worthless else "Warning", str(reason)) for reason in summary.get("warnings") or ()]
-    for stage, reason in (summary.get("failures") or {}).items():
-        rows.append((STAGES.get(stage, f"No {stage}"), str(reason)))
-    return rows
 
 
 def _asked(dataset: "xarray.Dataset", summary: Mapping[str, Any]) -> list[tuple[str, str]]:

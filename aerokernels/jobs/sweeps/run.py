@@ -117,9 +117,9 @@ def run_sweep(
     Raises:
         ValueError: See `sweep`; nothing is written then.
     """
+    from aerokernels.jobs.pages.sweep_page import sweep_page
     from aerokernels.jobs.sweeps.case import make_cases
     from aerokernels.jobs.sweeps.executors import outcomes
-    from aerokernels.jobs.sweeps.report import sweep_report
 
     progress = progress or (lambda text, share: None)
     with only_writer(folder):
@@ -157,7 +157,7 @@ def run_sweep(
         }
         dataset = sweep_dataset(definition, described, good[0], records.done, provenance)
         replace_result(folder / DATASET_FILE, dataset)
-        write_text(folder / REPORT_FILE, sweep_report(dataset, definition))
+        write_text(folder / REPORT_FILE, sweep_page(dataset, definition).html())
 
 
 def _check_devices(scenes: Iterable[Scene]) -> set[str | None]:
