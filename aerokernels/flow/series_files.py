@@ -90,14 +90,8 @@ def series_of_dataset(data: Any, given: Mapping[str, Any], name: str, identity: 
     if turned:
         data, array = data.isel(turned), array.isel(turned)
     array = array.transpose(clock, *axes)
-    ends = [_even(name, axis, array, unit) for axis in axes]
-    where = GridMesh(
-        GEOMETRIES[axes],
-        np.array([first for first, _ in ends]),
-        np.array([step for _, step in ends]),
-        array.shape[1:],
-        bool(given.get("cell_averages")),
-    )
+    first, step = np.transpose([_even(name, axis, array, unit) for axis in axes])
+    where = GridMesh(GEOMETRIES[axes], first, step, array.shape[1:], bool(given.get("cell_averages")))
     times = _in_si(name, clock, array, "time")
     stated = array.coords[clock].dtype.kind in "mM" or stated_unit(
         {**array.coords[clock].encoding, **array.coords[clock].attrs}

@@ -4,7 +4,6 @@ See data/PROVENANCE.txt.
 """
 
 from importlib.resources import files
-from typing import Literal, overload
 
 import numpy as np
 
@@ -27,14 +26,6 @@ def shipped_names() -> tuple[str, ...]:
         ('mach2', 'mach3', 'mach4', 'dome-alpha10')
     """
     return _NAMES
-
-
-@overload
-def shipped(name: Literal["dome-alpha10"]) -> GridDensity: ...  # type: ignore[overload-overlap]
-
-
-@overload
-def shipped(name: str) -> CellDensity: ...
 
 
 @checked
