@@ -31,7 +31,6 @@ from aerokernels.flow.refractivity import (
     RefractivityModel,
     gladstone_dale_constant,
     index_contrast,
-    refractivity,
     refractivity_model,
 )
 from aerokernels.flow.sampled_density import CellDensity, GridDensity, VertexDensity
@@ -100,7 +99,6 @@ __all__ = [
     "open_series",
     "prandtl_meyer",
     "read",
-    "refractivity",
     "refractivity_model",
     "shipped",
     "shipped_names",
