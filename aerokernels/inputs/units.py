@@ -151,6 +151,17 @@ _OTHERS = {
     **dict.fromkeys(("hour", "hours"), (3600.0, _TIME)), **dict.fromkeys(("day", "days"), (86400.0, _TIME)),
     "degK": (1.0, _KELVIN), **dict.fromkeys(("degR", "rankine"), (5.0 / 9.0, _KELVIN)),
 }  # fmt: skip
+
+
+def _times(prefix: float, unit: tuple[float, tuple[int, ...]]) -> tuple[float, tuple[int, ...]]:
+    return float(Fraction(repr(prefix)) * Fraction(repr(unit[0]))), unit[1]
+
+
+# Both with all prefixes; names, in lower case, also in the plural.
+_PREFIXED = {f"{prefix}{symbol}": _times(scale, unit)
+             for symbol, unit in _SYMBOLS.items() for prefix, scale in _PREFIXES.items()} | _SYMBOLS  # fmt: skip
+_NAMED = {f"{prefix}{name}{ending}": _times(scale, _SYMBOLS[symbol]) for name, symbol in _NAMES.items()
+          for prefix, scale in {"": 1.0, **_PREFIX_NAMES}.items() for ending in ("", "s")}  # fmt: skip
 # Temperature scales with another zero: factor, and the offset added after scaling.
 _FROM_ANOTHER_ZERO = {
     **dict.fromkeys(("degc", "c", "celsius", "degreescelsius", "degreecelsius", "degreesc", "degreec"),
@@ -205,7 +216,8 @@ def written_unit(text: str) -> WrittenUnit | None:
                 return None
             group.pop()
         elif match["unit"]:
-            one = _one(match["unit"])
+            word = match["unit"]
+            one = _OTHERS.get(word) or _PREFIXED.get(word) or _NAMED.get(word.lower())
             if one is None:
                 return None
             power = int(match["power"] or match["inner"] or 1) * sign * group[-1]
@@ -263,26 +275,3 @@ def in_brackets(name: str) -> str:
     end = name[-LONGEST_TEXT:]  # the search takes a time proportional to the square of the length
     match = re.search(r"[\[(<{]([^\[\](){}<>]*(?:\([^()]*\))?[^\[\](){}<>]*)[\])>}]\s*$", end)
     return match[1].strip() if match else ""
-
-
-def _one(word: str) -> tuple[float, tuple[int, ...]] | None:
-    """Return a single unit with or without a prefix."""
-    if word in _OTHERS:
-        return _OTHERS[word]
-    if word in _SYMBOLS:
-        return _SYMBOLS[word]
-    for symbol, (factor, exponents) in _SYMBOLS.items():
-        if word.endswith(symbol) and word[: -len(symbol)] in _PREFIXES:
-            return _times(_PREFIXES[word[: -len(symbol)]], factor), exponents
-    lower = word.lower()
-    lower = lower.removesuffix("s") if lower.removesuffix("s") != lower and len(lower) > 3 else lower
-    for name, symbol in _NAMES.items():
-        prefix = lower[: -len(name)]
-        if lower.endswith(name) and (not prefix or prefix in _PREFIX_NAMES):
-            factor, exponents = _SYMBOLS[symbol]
-            return _times(_PREFIX_NAMES.get(prefix, 1.0), factor), exponents
-    return None
-
-
-def _times(prefix: float, factor: float) -> float:
-    return float(Fraction(repr(prefix)) * Fraction(repr(factor)))

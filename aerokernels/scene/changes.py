@@ -15,15 +15,7 @@ from aerokernels.scene.values import dimension_of
 
 
 def changed_scene(scene: Scene | str | Path, changes: Mapping[str, Any]) -> Scene:
-    """Return a scene with other values for some of its keys, checked as a scene file is.
-
-    Args:
-        scene: The scene, the path of its TOML file, or the name of a shipped one.
-        changes: Values by dotted key, as `Scene.load` takes them.
-
-    Raises:
-        SceneError: Anything wrong with the file or the changes, in one line.
-    """
+    """Return a scene with other values by dotted key, checked as a scene file is."""
     if not isinstance(scene, Scene):
         return Scene.load(scene, changes)
     tables = _without_none(scene.model_dump(mode="json", exclude_unset=True))

@@ -26,11 +26,7 @@ def shipped_scenes() -> tuple[str, ...]:
 
 
 def shipped_scene_text(name: str) -> str:
-    """Return the text of a shipped scene, with its comments.
-
-    Raises:
-        SceneError: There is no shipped scene of that name.
-    """
+    """Return the text of a shipped scene, with its comments."""
     if name not in shipped_scenes():
         close = get_close_matches(name, shipped_scenes(), 1)
         hint = f"did you mean {close[0]}? " if close else ""
@@ -43,9 +39,6 @@ def read_scene(place: str | Path) -> tuple[str, str, dict[str, Any]]:
 
     Returns:
         The source's name for messages, the scene's default name, and its tables.
-
-    Raises:
-        SceneError: Neither a file nor a shipped scene, a file that cannot be read, or a file that is not TOML.
     """
     path, name = Path(place), str(place)
     if name == "-":
@@ -96,11 +89,7 @@ def resolve_paths(tables: dict[str, Any], place: str | Path) -> None:
 
 
 def override(tables: dict[str, Any], overrides: Mapping[str, Any], label: str) -> None:
-    """Set dotted keys in the tables, and tell so in name and title. A text that is a TOML value is parsed.
-
-    Raises:
-        SceneError: An empty key or part of a key, or a key below a value that is not a table.
-    """
+    """Set dotted keys in the tables, and tell so in name and title. A text that is a TOML value is parsed."""
     for key, value in overrides.items():
         *path, leaf = str(key).strip().split(".")
         if not all(part.strip() for part in (*path, leaf)):

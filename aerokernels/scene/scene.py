@@ -10,8 +10,7 @@ from pydantic import Field, ValidationError, model_validator
 from aerokernels.flow import SEA_LEVEL_DENSITY, DensityField, read, shipped, shipped_names, uniform_air
 from aerokernels.inputs.arguments import checked
 from aerokernels.pupils import Pupil
-from aerokernels.scene.detector_table import DetectorTable
-from aerokernels.scene.echo_tables import AtmosphereTable, BeamTable, ReceiverTable, TargetTable
+from aerokernels.scene.echo_tables import AtmosphereTable, BeamTable, DetectorTable, ReceiverTable, TargetTable
 from aerokernels.scene.errors import SceneError, scene_error
 from aerokernels.scene.loading import override, read_scene, resolve_paths
 from aerokernels.scene.pupil_table import PupilTable

@@ -6,7 +6,7 @@ Within a plane f is the spline of medium/spline.py; w_k are the integrals of the
 planes, from the start of the ray to its exit from the box (for rays along an axis this is the exact integral of the
 tensor-product spline). Fourth order in the spacing for "cubic", second for "linear". The part that depends on the rays
 alone is computed once. A set of samples then costs one pass over them where rays run along an axis; otherwise a
-product with a sparse matrix or, where that would not fit in memory, a sum over sheared planes (sheared_lattice.py).
+product with sparse matrices or, where these would not fit in memory, a sum over sheared planes (sheared_lattice.py).
 
 Outside the box f is zero. A ray that leaves through a side collects nothing beyond it.
 """
@@ -31,27 +31,11 @@ from aerokernels.series.sheared_lattice import (
     to_coefficients,
 )
 
-LINEAR = ("cubic", "linear")  # interpolants that are linear in the samples
-MOST_ENTRIES = 8_000_000  # of the sparse matrix: 100 MB
-ALIGNED = 1e-12  # of the box: drift up to which a ray runs along an axis
-_EDGE = 1e-9  # of a cell: distance outside up to which a point counts as on the face
+MOST_ENTRIES = 8_000_000  # of the sparse matrices: 100 MB
 
 
 class NotLinearError(ValueError):
     """Integrals that are not a linear map of the samples, or that this method cannot compute."""
-
-
-def main_axis(mesh: GridMesh, direction: np.ndarray) -> int:
-    """Return the array axis that is closest to the direction of the rays.
-
-    Raises:
-        NotLinearError: Rays across the planes of a planar or axisymmetric grid.
-    """
-    if mesh.geometry == "volume":
-        return int(np.argmax(np.abs(direction)))
-    if abs(direction[2]) < np.hypot(direction[0], direction[1]):
-        raise NotLinearError(f"rays of a {mesh.geometry} grid that run mostly across z are traced")
-    return 1
 
 
 class LineIntegrals:
@@ -70,10 +54,12 @@ class LineIntegrals:
             NotLinearError: Another interpolant than "cubic" and "linear", or rays across the planes of a planar or
                 axisymmetric grid.
         """
-        if interpolation not in LINEAR:
+        if interpolation not in ("cubic", "linear"):
             raise NotLinearError(f"interpolation {interpolation!r} is not linear in the samples")
         self.mesh, self.interpolation = mesh, interpolation
-        self.axis = main_axis(mesh, direction)
+        if mesh.geometry != "volume" and abs(direction[2]) < np.hypot(direction[0], direction[1]):
+            raise NotLinearError(f"rays of a {mesh.geometry} grid that run mostly across z are traced")
+        self.axis = int(np.argmax(np.abs(direction))) if mesh.geometry == "volume" else 1
         space = self.axis if mesh.geometry == "volume" else 2  # the corresponding axis in space
         along = direction[space]
         low, high = (corner[self.axis] for corner in mesh.box)
@@ -92,8 +78,14 @@ class LineIntegrals:
         ends = crossing(0), crossing(len(node) - 1)
         drift = np.abs(ends[1] - ends[0]).max()
         extent = min(mesh.spacing[k] * (mesh.shape[k] - 1) for k in self._others)
-        self.is_aligned = bool(len(places) == 1 and drift <= ALIGNED * extent)
-        self._weights = self._plane_weights(places, along) * (mesh.spacing[self.axis] / abs(along))
+        self.is_aligned = bool(len(places) == 1 and drift <= 1e-12 * extent)
+        # Averages along the axis are averages along a ray only where it does not move across the planes.
+        averages = mesh.cell_averages and self.is_aligned
+        count = len(node)
+        end = np.array([count - 1.0 if along > 0.0 else 0.0])
+        part = basis_integrals(end, count, interpolation) - basis_integrals(places, count, interpolation)
+        weights = part @ to_coefficients(count, interpolation, False, averages)
+        self._weights = weights * (mesh.spacing[self.axis] / along)  # of the planes [m], for each place of a start
         exit_point = start + ((last - start[:, space]) / along)[:, None] * direction
         entry = start + ((first - start[:, space]) / along)[:, None] * direction
         self.inside = self._within(self._lateral(entry)) & self._within(self._lateral(exit_point))
@@ -102,39 +94,54 @@ class LineIntegrals:
 
     def __call__(self, samples: np.ndarray, ambient: float = 0.0) -> np.ndarray:
         """Return the integrals of samples, of the mesh's shape, minus a constant: shape (n,), float64."""
-        if self.mesh.cell_averages and not self.is_aligned:
+        if self.is_aligned:
+            return self._values(contracted(samples, self._weights[0], self.axis)) - ambient * self.length
+        if self.mesh.cell_averages:
             samples = nodes_along(samples, [self.axis], self.interpolation, self._is_even)
-        if self._sum is self.lattice and self.lattice is not None:
+        support = 4 if self.interpolation == "cubic" else 2
+        is_small = len(self._which) * self.mesh.shape[self.axis] * support ** len(self._others) <= MOST_ENTRIES
+        if not is_small and self.lattice is not None:
             return self.lattice(samples, ambient)
-        return self._sum(samples) - ambient * self.length
+        rows = self._all_rows if is_small else map(self._rows, range(self.mesh.shape[self.axis]))
+        total = -ambient * self.length
+        for one, plane in zip(rows, np.moveaxis(samples, self.axis, 0), strict=True):
+            values = np.asarray(plane, np.float64)
+            for axis, inverse in enumerate(self._inverse):
+                values = inverse @ values if axis == 0 else (inverse @ np.ascontiguousarray(values.T)).T
+            total += one @ values.ravel()
+        return np.asarray(total)
 
     @cached_property
-    def _sum(self) -> Callable[[np.ndarray], np.ndarray]:
-        """The function that sums: along an axis, by one matrix, over a sheared lattice, or plane by plane."""
-        counts = [self.mesh.shape[k] for k in self._others]
-        averages = self.mesh.cell_averages
-        if self.is_aligned:
-            lateral = self._crossing(0)
-            values = PlaneValues(
-                self._cells(lateral), counts, self._within(lateral), self.interpolation, self._is_even, averages
-            )
-            return lambda samples: values(contracted(samples, self._weights[0], self.axis))
-        self._inverse = [
+    def _values(self) -> PlaneValues:
+        """The values of aligned rays from the sum of all planes."""
+        lateral, counts = self._crossing(0), [self.mesh.shape[k] for k in self._others]
+        within, averages = self._within(lateral), self.mesh.cell_averages
+        return PlaneValues(self._cells(lateral), counts, within, self.interpolation, self._is_even, averages)
+
+    @cached_property
+    def _inverse(self) -> list[sparse.csr_matrix]:
+        """The matrices from a plane's samples to its coefficients, along each axis."""
+        counts, averages = [self.mesh.shape[k] for k in self._others], self.mesh.cell_averages
+        return [
             thinned(to_coefficients(count, self.interpolation, self._is_even and k == 0, averages))
             for k, count in enumerate(counts)
         ]
-        support = 4 if self.interpolation == "cubic" else 2
-        entries = len(self._which) * self.mesh.shape[self.axis] * support ** len(self._others)
-        if entries <= MOST_ENTRIES:
-            return self._by_matrix(self._sparse_matrix())
-        return self.lattice or self._by_planes
+
+    def _rows(self, plane: int) -> sparse.csr_matrix:
+        """Return the matrix from a plane's coefficients to its part of the integrals; zero outside the box."""
+        lateral, counts = self._crossing(plane), [self.mesh.shape[k] for k in self._others]
+        rows = tensor_rows(self._cells(lateral), counts, self.interpolation, self._within(lateral))
+        return sparse.csr_matrix(sparse.diags(self._weights[:, plane][self._which]) @ rows)
+
+    @cached_property
+    def _all_rows(self) -> list[sparse.csr_matrix]:
+        return [self._rows(plane) for plane in range(self.mesh.shape[self.axis])]
 
     @cached_property
     def lattice(self) -> ShearedLattice | None:
         """The same map by lines through the nodes; None where it does not apply."""
-        if self.mesh.geometry != "volume" or self.interpolation != "cubic" or len(self._weights) != 1:
-            return None
-        if min(self.mesh.shape) < 4:
+        is_volume = self.mesh.geometry == "volume" and min(self.mesh.shape) >= 4
+        if not is_volume or self.interpolation != "cubic" or len(self._weights) != 1:
             return None
         slope = self.direction[self._others] / self.direction[self._space] * self.mesh.spacing[self.axis]
         middle = self.mesh.shape[self.axis] // 2
@@ -148,20 +155,6 @@ class LineIntegrals:
             self.inside,
             self.mesh.cell_averages,
         )
-
-    def _by_matrix(self, matrix: sparse.csr_matrix) -> Callable[[np.ndarray], np.ndarray]:
-        def total(samples: np.ndarray) -> np.ndarray:
-            planes = np.stack([self._coefficients(plane).ravel() for plane in np.moveaxis(samples, self.axis, 0)])
-            return np.asarray(matrix @ planes.ravel())
-
-        return total
-
-    def _by_planes(self, samples: np.ndarray) -> np.ndarray:
-        total = np.zeros(len(self._which))
-        for plane, values in enumerate(np.moveaxis(samples, self.axis, 0)):
-            rows = self._rows(self._crossing(plane))
-            total += self._weights[:, plane][self._which] * (rows @ self._coefficients(values).ravel())
-        return total
 
     @property
     def _is_even(self) -> bool:
@@ -177,44 +170,12 @@ class LineIntegrals:
 
     def _within(self, lateral: np.ndarray) -> np.ndarray:
         low, high = (corner[self._others] for corner in self.mesh.box)
-        slack = _EDGE * self.mesh.spacing[self._others]
+        slack = 1e-9 * self.mesh.spacing[self._others]  # up to which a point counts as on the face
         return np.asarray(((lateral >= low - slack) & (lateral <= high + slack)).all(axis=1))
 
     def _cells(self, lateral: np.ndarray) -> np.ndarray:
         """Return coordinates across the main axis in cells from the first node."""
         return np.asarray((lateral - self.mesh.origin[self._others]) / self.mesh.spacing[self._others])
-
-    def _coefficients(self, plane: np.ndarray) -> np.ndarray:
-        """Return the spline coefficients of the samples of a plane."""
-        found = np.asarray(plane, np.float64)
-        for axis, inverse in enumerate(self._inverse):
-            found = inverse @ found if axis == 0 else (inverse @ np.ascontiguousarray(found.T)).T
-        return found
-
-    def _plane_weights(self, places: np.ndarray, along: float) -> np.ndarray:
-        """Return the planes' weights for rays that start at these places [cells], shape (len(places), plane_count)."""
-        count = self.mesh.shape[self.axis]
-        end = float(count - 1) if along > 0.0 else 0.0
-        difference = basis_integrals(np.array([end]), count, self.interpolation) - basis_integrals(
-            places, count, self.interpolation
-        )
-        signed = difference if along > 0.0 else -difference
-        # A slanted ray moves across the planes, so that averages along the axis are not averages along the ray.
-        averages = self.mesh.cell_averages and self.is_aligned
-        return signed @ to_coefficients(count, self.interpolation, False, averages)
-
-    def _rows(self, lateral: np.ndarray) -> sparse.csr_matrix:
-        """Return the matrix from a plane's coefficients to its values at points; zero outside the box."""
-        counts = [self.mesh.shape[k] for k in self._others]
-        return tensor_rows(self._cells(lateral), counts, self.interpolation, self._within(lateral))
-
-    def _sparse_matrix(self) -> sparse.csr_matrix:
-        """Return the matrix of the whole map from the planes' coefficients."""
-        parts = []
-        for plane in range(self.mesh.shape[self.axis]):
-            weight = self._weights[:, plane][self._which]
-            parts.append(sparse.diags(weight) @ self._rows(self._crossing(plane)))
-        return sparse.csr_matrix(sparse.hstack(parts))
 
 
 def basis_integrals(places: np.ndarray, count: int, interpolation: str) -> np.ndarray:

@@ -77,7 +77,6 @@ def test_decimal_prefixes_are_exact():
         (math.nan, "length", ["finite"]),
         (math.inf, "time", ["finite"]),
         ("nan m", "length", ["'nan m'"]),
-        ("1 m", "colour", ["'colour'", "length"]),
     ],
 )
 def test_refusals_name_the_value_and_what_is_accepted(text, dimension, words):

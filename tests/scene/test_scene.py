@@ -172,7 +172,7 @@ def test_mesh_route_has_its_own_interpolation():
         ("[target]\nreflectivity = 1.3", ["target.reflectivity = 1.3", "at most 1"]),
         ("[detector]\nfraction = 1", ["detector.fraction = 1", "below 1"]),
         ('[detector]\nresponse = "brick"', ["detector.response = 'brick'", "'bessel', 'butterworth'"]),
-        ('[detector]\nnoise = "yes"', ["detector.noise = 'yes'", "true or false"]),
+        ('[detector]\nnoise = "yes"', ["detector.noise = 'yes'", "valid boolean"]),
         ("[detector]\nnoice = true", ["unknown key detector.noice", "did you mean detector.noise?"]),
         ("[detector]\nbit_count = 30", ["detector.bit_count = 30", "at most 24"]),
         ("[detector]\ngain = 0.5", ["detector.gain = 0.5", "at least 1"]),

@@ -5,10 +5,9 @@ from typing import Any
 import numpy as np
 
 from aerokernels.tracing.engines.layout import OPTIONS
-from aerokernels.tracing.result import output_mask
+from aerokernels.tracing.plan import output_mask
 from aerokernels.tracing.stop import ArcLength, Plane
-from aerokernels.tracing.tasks.bundle_table import FAR, BundleTable
-from aerokernels.tracing.tasks.family import LEAST_COSINE
+from aerokernels.tracing.tasks.family import FAR, LEAST_COSINE, BundleTable
 
 
 def _numbered(option: str) -> dict[str, int]:

@@ -121,7 +121,7 @@ def test_pieces_of_a_partitioned_mesh_are_joined(ghost):
     found = DensityField.from_pyvista(side_by_side(ghost))
     at = np.array([[0.0, 0.07, -x] for x in (0.05, 0.275, 0.295, 0.3, 0.305, 0.325, 0.5)])
     assert found.density_at(at) == pytest.approx(linear(np.stack([-at[:, 2], at[:, 1], at[:, 0]], 1)), rel=1e-12)
-    assert found.mesh.cell_area.sum() == pytest.approx(0.6 * 0.2) and found.body is None
+    assert found.mesh.corner_weights.sum() == pytest.approx(0.6 * 0.2) and found.body is None
 
 
 @pytest.mark.parametrize(

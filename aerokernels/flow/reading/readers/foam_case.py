@@ -74,7 +74,13 @@ class FoamFields(Mapping):
         if file.header.get("class") not in WIDTH:
             return False
         if found := re.compile(rb"\bdimensions\s*\[([^\]]*)\]").search(file.data, file.at):
-            self.units[name] = unit_in_words(found[1].decode("latin-1"))
+            symbols = ("kg", "m", "s", "K", "mol", "A", "cd")  # of mass, length, time, temperature, amount, ...
+            try:
+                powers = [float(word) for word in found[1].split()]
+            except ValueError:  # named dimensions, which only OpenFOAM can resolve
+                powers = []
+            pairs = zip(symbols, powers, strict=False)
+            self.units[name] = " ".join(f"{one}^{power:g}" for one, power in pairs if power)
         return True
 
     def __iter__(self):
@@ -96,19 +102,6 @@ class FoamFields(Mapping):
         if name not in self._read:
             self._read[name] = read_field(self._folder / name, self._cell_count)
         return self._read[name]
-
-
-def unit_in_words(exponents: str) -> str:
-    """Return a field's dimensions, such as "1 -3 0 0 0 0 0", as a unit: "kg m^-3".
-
-    The exponents are those of mass, length, time, temperature, amount, current and luminous intensity.
-    """
-    symbols = ("kg", "m", "s", "K", "mol", "A", "cd")
-    try:
-        powers = [float(word) for word in exponents.split()]
-    except ValueError:  # named dimensions, which only OpenFOAM can resolve
-        return ""
-    return " ".join(f"{one}^{power:g}" for one, power in zip(symbols, powers, strict=False) if power)
 
 
 def read_field(path: Path, cell_count: int) -> np.ndarray:

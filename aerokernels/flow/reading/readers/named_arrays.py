@@ -131,9 +131,13 @@ def _block(path, axes, coordinates, arrays, either: bool) -> tuple[Block, list[s
     Arrays whose axes are in the opposite order are turned, if they may be in `either`. Samples at scattered points are
     joined like the points of a table.
     """
-    if all(own.ndim == 1 for own in coordinates) and not _is_cloud(coordinates, arrays):
-        counts = tuple(len(own) for own in coordinates)
-        cells = tuple(n - 1 for n in counts)
+    counts = tuple(len(own) for own in coordinates)
+    cells = tuple(n - 1 for n in counts)
+    along = all(own.ndim == 1 for own in coordinates)
+    if along and len(set(counts)) == 1:  # of samples where there is an array of one for each, and none on a grid
+        shapes = {own.shape for own in arrays.values()}
+        along = counts in shapes or cells in shapes or counts[:1] not in shapes
+    if along:
         if 0 in counts or not any({own.shape, own.shape[::-1]} & {counts, cells} for own in arrays.values()):
             raise _no_samples(path, counts, arrays)  # before meshgrid: a few numbers may announce billions of points
         if len(counts) == 3:
@@ -185,17 +189,6 @@ def _no_samples(path, counts: tuple[int, ...], arrays) -> ReadError:
     held = ", ".join(f"{name} {own.shape}" for name, own in list(arrays.items())[:8]) or "none"
     what = f"no array has a sample for each of the {counts} places (there are: {held})"
     return ReadError(path, what, "give arrays over x, y, z, or r, z, and name their coordinates: variables={'x': ...}")
-
-
-def _is_cloud(coordinates, arrays) -> bool:
-    """Return whether coordinates of equal length belong to samples, not to axes."""
-    counts = tuple(len(own) for own in coordinates)
-    if len(set(counts)) > 1:
-        return False
-    grids = (counts, tuple(n - 1 for n in counts))
-    return not any(own.shape in grids for own in arrays.values()) and any(
-        own.shape == counts[:1] for own in arrays.values()
-    )
 
 
 def _at_time(path, arrays, chosen, units, asked):

@@ -21,10 +21,8 @@ import numpy as np
 from aerokernels.flow.reading.dataset import (
     CORNERS,
     FLAT,
-    LINE,
     POLYGON,
     UNFINISHED,
-    VERTEX,
     Block,
     Cells,
     Dataset,
@@ -39,7 +37,7 @@ from aerokernels.flow.reading.readers.point_table import fortran_numbers, is_num
 from aerokernels.process.foreign_files import OwnFilesError, own_file
 
 MAGIC = [(535532).to_bytes(4, order) for order in ("little", "big")]
-ELEMENTS = {LINE: 2, **CORNERS}  # SU2 uses VTK's numbers
+ELEMENTS = {3: 2, **CORNERS}  # corners of each type, by VTK's numbers, which SU2 uses: 3 is a line, 1 a point
 Mesh = tuple[np.ndarray, Cells, list[Patch]]
 
 
@@ -163,7 +161,7 @@ def _zone(path: Path, zone: dict[str, Any]) -> Mesh:
     # SU2 states the types of boundaries in its configuration.
     walls = ("wall", "airfoil", "body", "cylinder", "wedge", "cone", "sphere")
     for name, rows in zone["markers"].items():
-        _, faces = _elements(path, rows, {VERTEX: 1, **ELEMENTS})
+        _, faces = _elements(path, rows, {1: 1, **ELEMENTS})
         _check_corners(path, f"marker {name} refers", faces.points, len(points))
         width = np.diff(faces.start)
         kept = (width >= dimension) & (width <= wide)

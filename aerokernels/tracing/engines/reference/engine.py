@@ -11,8 +11,7 @@ import numpy as np
 
 from ....medium import IndexField
 from ....rays import RayBundle
-from ...plan import TracePlan
-from ...result import RAY_OUTPUTS
+from ...plan import RAY_OUTPUTS, TracePlan
 from ...status import RayStatus, reached
 from .ends import Ends
 from .medium import GridAir
@@ -51,7 +50,7 @@ def trace(field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelength
             ends,
             SHARE * min(plan.tolerance, LAXEST) * wavelength,
             plan.max_steps,
-            plan.method == "straight" and not air.jumps,
+            plan.method == "straight",
         )
         integrator.begin(flight, np.flatnonzero(~air.in_gap(flight.cell)))
         integrator.run(flight)
