@@ -1,4 +1,4 @@
-"""A scene: the checked description, in SI units, of everything that one run needs; changes of its keys, as in sweeps."""
+"""A scene: the checked description, in SI units, of everything that one run needs; and changes of its keys."""
 
 import json
 from collections.abc import Mapping
