@@ -38,7 +38,8 @@ class Cached(Generic[P, R]):
     def _place(self, arguments: tuple, named: dict[str, Any]) -> tuple[dict[Hashable, Any], Hashable]:
         """The results of the owner, and the key of the other arguments."""
         others = arguments[: self.place] + arguments[self.place + 1 :]
-        return _results(arguments[self.place], self.function), tuple(map(key_of, (*others, *named.items())))
+        results = arguments[self.place].__dict__.setdefault("_derived", {}).setdefault(self.function, {})
+        return results, tuple(map(key_of, (*others, *named.items())))
 
 
 def cached_on(owner: str, most: int = 1) -> Callable[[Callable[P, R]], Cached[P, R]]:
@@ -66,7 +67,7 @@ def key_of(value: Any) -> Hashable:
     if kind is float:
         return value.hex()  # 0.0 and -0.0 are equal
     if isinstance(value, (tuple, list)):
-        return kind, *map(key_of, value)
+        return kind, *[one if type(one) is str else key_of(one) for one in value]
     if isinstance(value, (np.ndarray, np.generic)):
         content = value.tobytes()
         return value.dtype.str, value.shape, content if len(content) <= 256 else blake2b(content).digest()

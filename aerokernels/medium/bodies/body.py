@@ -65,19 +65,8 @@ class Body(Derived):
         if self.geometry == "axisymmetric" and profile[:, 0].min() < 0.0:
             raise ValueError("an axisymmetric body profile must not have a negative radius")
         self.set_fields(profile=profile)
-        if len(self.walls[0]) == 0:
-            raise ValueError("the body profile has no wall: its points all coincide, or all lie on the axis")
         if len(self.surface[0]) == 0:
             raise ValueError("the body profile encloses nothing: give the points around a body of some thickness")
-
-    @property
-    def walls(self) -> tuple[np.ndarray, np.ndarray]:
-        """Start and end points of the wall segments [m], each (w, 2)."""
-        start, end = self.profile, np.roll(self.profile, -1, axis=0)
-        keep = np.linalg.norm(end - start, axis=1) > 0.0
-        if self.geometry == "axisymmetric":
-            keep &= ~((start[:, 0] == 0.0) & (end[:, 0] == 0.0))
-        return start[keep], end[keep]
 
     @cached_property
     def surface(self) -> tuple[np.ndarray, np.ndarray]:
@@ -211,6 +200,8 @@ def bounding_walls(profile: np.ndarray, contains) -> tuple[np.ndarray, np.ndarra
     """
     start, end = profile, np.roll(profile, -1, axis=0)
     keep = np.any(start != end, axis=1)
+    if not keep.any():  # all points coincide
+        return start[keep], end[keep]
     start, end = _split(start[keep], end[keep])
     step = end - start
     length = np.linalg.norm(step, axis=1)

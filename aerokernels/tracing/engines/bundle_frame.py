@@ -3,10 +3,9 @@
 import numpy as np
 
 from aerokernels.tracing.engines.layout import OPTIONS
-from aerokernels.tracing.result import output_mask
+from aerokernels.tracing.plan import output_mask
 from aerokernels.tracing.stop import ArcLength, Plane
-from aerokernels.tracing.tasks.bundle_table import FAR, BundleTable
-from aerokernels.tracing.tasks.family import LEAST_COSINE, Family
+from aerokernels.tracing.tasks.family import FAR, LEAST_COSINE, BundleTable, Family
 
 
 def _numbered(option: str) -> dict[str, int]:
