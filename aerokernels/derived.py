@@ -38,7 +38,8 @@ class Cached(Generic[P, R]):
     def _place(self, arguments: tuple, named: dict[str, Any]) -> tuple[dict[Hashable, Any], Hashable]:
         """The results of the owner, and the key of the other arguments."""
         others = arguments[: self.place] + arguments[self.place + 1 :]
-        return _results(arguments[self.place], self.function), tuple(map(key_of, (*others, *named.items())))
+        results = arguments[self.place].__dict__.setdefault("_derived", {}).setdefault(self.function, {})
+        return results, tuple(map(key_of, (*others, *named.items())))
 
 
 def cached_on(owner: str, most: int = 1) -> Callable[[Callable[P, R]], Cached[P, R]]:
@@ -66,7 +67,7 @@ def key_of(value: Any) -> Hashable:
     if kind is float:
         return value.hex()  # 0.0 and -0.0 are equal
     if isinstance(value, (tuple, list)):
-        return kind, *map(key_of, value)
+        return kind, *[one if type(one) is str else key_of(one) for one in value]
     if isinstance(value, (np.ndarray, np.generic)):
         content = value.tobytes()
         return value.dtype.str, value.shape, content if len(content) <= 256 else blake2b(content).digest()
@@ -91,16 +92,20 @@ class ReadOnly:
     A pickle contains the fields only; cached results are computed again when needed.
     """
 
+    def set_fields(self, **values: Any) -> None:
+        """Set fields in `__post_init__`; arrays become read-only."""
+        for name, value in values.items():
+            if isinstance(value, np.ndarray):
+                value.setflags(write=False)
+            object.__setattr__(self, name, value)
+
     def __getstate__(self) -> dict:
         """Return the fields by name."""
         return {entry.name: getattr(self, entry.name) for entry in fields(self)}  # type: ignore[arg-type]
 
     def __setstate__(self, state: dict) -> None:
         """Set the fields; arrays are made read-only again, because NumPy does not pickle that flag."""
-        for name, value in state.items():
-            if isinstance(value, np.ndarray):
-                value.setflags(write=False)
-            object.__setattr__(self, name, value)
+        self.set_fields(**state)
 
 
 class Derived(ReadOnly):

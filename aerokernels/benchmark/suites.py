@@ -1,8 +1,10 @@
 """The suites: the cone scene ray by ray, and a Strehl ratio of a million rays."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from datetime import UTC, datetime
 from functools import partial
 from itertools import product
+from typing import Any
 
 import numpy as np
 
@@ -11,6 +13,8 @@ from aerokernels.benchmark.measuring import (
     Settings,
     chosen_rays,
     errors,
+    find_targets,
+    machine,
     measure,
     on_processor,
     traced_clocks,
@@ -25,6 +29,7 @@ from aerokernels.benchmark.scenes import (
 )
 from aerokernels.focus import strehl
 from aerokernels.focus.estimate import estimate_strehl
+from aerokernels.jobs.store import to_json
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import Plane, trace
 from aerokernels.tracing.engines.choice import choose_backend
@@ -33,6 +38,7 @@ from aerokernels.tracing.plan import TracePlan
 # Rays of the radial quadrature whose Strehl ratio serves as the truth.
 TRUTH_RAYS = 1 << 15
 TRUTH_TOLERANCE = 1e-5  # [waves]
+SCHEMA = "aerokernels-bench/2"
 Targets = list[tuple[str, str]]
 
 
@@ -137,3 +143,21 @@ def _described(options: dict, settings: Settings, plan: TracePlan) -> dict:
 
 
 RUNS = {"cone": cone_runs, "strehl": strehl_runs}
+
+
+def run_bench(settings: Settings, report: Callable[[str], None] = lambda line: None) -> dict[str, Any]:
+    """Measure the requested suites; return a dictionary for JSON, described in docs/performance-bench.md.
+
+    `report` is called with a line of text when a part begins. A ValueError names a backend or device that is not
+    available; nothing is measured then.
+    """
+    targets = find_targets(settings)
+    begun = datetime.now(UTC).isoformat(timespec="seconds")
+    runs = []
+    for suite in settings.wanted:
+        report(f"suite {suite}")
+        for run in RUNS[suite](settings, targets):
+            made = run["settings"]
+            report(f"  {made['method']}, {made['precision']} on {made['backend']} {made['device']}: done")
+            runs.append(run)
+    return to_json({"schema": SCHEMA, "begun": begun, "machine": machine(), "runs": runs})

@@ -3,12 +3,9 @@
 import contextlib
 import re
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
-
-if TYPE_CHECKING:
-    from aerokernels.scene import Scene
 
 SceneName = Annotated[
     str, typer.Argument(metavar="SCENE", help="A TOML file, the name of a shipped scene, or - for standard input.")
@@ -25,40 +22,18 @@ Settings = Annotated[
 ]
 
 
-def load_scene(
-    place: str,
-    backend: str | None = None,
-    device: str | None = None,
-    precision: str | None = None,
-    rays: str | None = None,
-    settings: list[str] | None = None,
-) -> "Scene":
-    """Load a scene with the changes of the command line; named options such as --device override --set."""
-    from aerokernels.scene import Scene
-
-    return Scene.load(place, scene_changes(backend, device, precision, rays, settings))
-
-
 def scene_changes(
-    backend: str | None = None,
-    device: str | None = None,
-    precision: str | None = None,
-    rays: str | None = None,
-    settings: list[str] | None = None,
+    backend: str | None, device: str | None, precision: str | None, rays: str | None, settings: list[str] | None
 ) -> dict[str, str]:
-    """Return the changes that the command line makes to a scene, by dotted key."""
+    """Return the changes that the command line makes to a scene, by dotted key; --device and others override --set."""
     changes: dict[str, str] = {}
     for setting in settings or []:
         key, separator, value = setting.partition("=")
         if not (separator and key.strip()):
             raise ValueError(f"--set {setting!r} is not KEY=VALUE: write, say, --set target.distance='1.2 m'")
         changes[key.strip()] = value.strip()
-    options = {
-        "trace.backend": backend,
-        "trace.device": device,
-        "trace.precision": precision,
-        "strehl.ray_count": rays,
-    }
+    trace = {"trace.backend": backend, "trace.device": device, "trace.precision": precision}
+    options = {**trace, "strehl.ray_count": rays}
     return changes | {key: value for key, value in options.items() if value is not None}
 
 
@@ -80,7 +55,7 @@ def parse_vary(options: Sequence[str]) -> dict[str, list]:
     A value may be written as in a scene file ("10 deg", 0.3, '["piston", "tilt"]'). LOW:HIGH:COUNT means COUNT values
     of a quantity, evenly spaced from LOW to HIGH.
     """
-    from aerokernels.scene.changes import key_dimension
+    from aerokernels.scene.scene import key_dimension
 
     found: dict[str, list] = {}
     for option in options:
@@ -120,7 +95,7 @@ def split_at_commas(text: str) -> list[str]:
 
 
 def _spaced(key: str, text: str, low: str, high: str, count: str) -> list[float]:
-    from aerokernels.scene.changes import key_value
+    from aerokernels.scene.scene import key_value
 
     first, last, number = key_value(key, low), key_value(key, high), int(count)
     if not isinstance(first, float) or not isinstance(last, float) or number < 2 or first == last:

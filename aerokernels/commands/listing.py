@@ -251,8 +251,8 @@ def bench(
 
     Report rays per second, CPU seconds and the share of the hardware's peak performance.
     """
-    from aerokernels.benchmark import Settings, run_bench
-    from aerokernels.benchmark.measuring import COLUMNS, table_row
+    from aerokernels.benchmark.measuring import COLUMNS, Settings, table_row
+    from aerokernels.benchmark.suites import run_bench
     from aerokernels.files.writing import replacing
 
     settings = Settings(

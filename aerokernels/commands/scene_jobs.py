@@ -23,7 +23,6 @@ from aerokernels.commands._scene import (
     Rays,
     SceneName,
     Settings,
-    load_scene,
     naming_scene,
     parse_vary,
     scene_changes,
@@ -50,8 +49,9 @@ def run(
     from aerokernels.jobs.report import headline_rows, remark_rows
     from aerokernels.jobs.run import simulate, write_run
     from aerokernels.jobs.store import check_output_folder
+    from aerokernels.scene import Scene
 
-    loaded = load_scene(scene, backend, device, precision, rays, settings)
+    loaded = Scene.load(scene, scene_changes(backend, device, precision, rays, settings))
     check_output_folder(out)
     import_ahead(REPORT)
     with only_writer(out), shown_progress(loaded.name) as progress:
@@ -87,9 +87,9 @@ def explain(
     Flow, region, grid, method, ray counts, predicted cost and errors.
     """
     from aerokernels.jobs.explain import explanation
-    from aerokernels.scene import warn_of_unused
+    from aerokernels.scene import Scene, warn_of_unused
 
-    loaded = load_scene(scene, backend, device, precision, rays, settings)
+    loaded = Scene.load(scene, scene_changes(backend, device, precision, rays, settings))
     warn_of_unused(loaded, "run")
     with naming_scene(scene):
         rows = explanation(loaded)
@@ -112,9 +112,9 @@ def strehl(
     """
     from aerokernels.jobs.run import scene_strehl
     from aerokernels.prepare import prepare_field
-    from aerokernels.scene import warn_of_unused
+    from aerokernels.scene import Scene, warn_of_unused
 
-    loaded = load_scene(scene, backend, device, precision, rays, settings)
+    loaded = Scene.load(scene, scene_changes(backend, device, precision, rays, settings))
     warn_of_unused(loaded, "strehl")
     with naming_scene(scene):
         estimate = scene_strehl(loaded, prepare_field(loaded).field)
@@ -140,8 +140,9 @@ def series(
     from aerokernels.display.quantities import judge
     from aerokernels.jobs.numbers import quantity_of
     from aerokernels.jobs.series_job import headline_rows, run_series
+    from aerokernels.scene import Scene
 
-    loaded = load_scene(scene, backend, device, precision, None, settings)
+    loaded = Scene.load(scene, scene_changes(backend, device, precision, None, settings))
     with shown_progress(loaded.name) as progress, naming_scene(scene):
         summary = run_series(loaded, out, every_tenth(progress))
     print_table(loaded.title or loaded.name, ("quantity", "value"), headline_rows(summary))

@@ -2,7 +2,7 @@
 
 Relations: `isentropic`, `tunnel_conditions`, `free_stream`, `normal_shock`, `oblique_shock`, `cone_shock`,
 `prandtl_meyer`, `expansion_fan`, `Vortex`, `bow_shock`. Density fields of exact flows: `wedge`,
-`plane_shock`, `cone`, `expansion`, `vortex`; from an approximate correlation: `blunt_body`; shipped:
+`cone`, `expansion`, `vortex`; from an approximate correlation: `blunt_body`; shipped:
 `shipped`. Density to index: `refractivity_model`.
 """
 
@@ -10,7 +10,7 @@ from aerokernels.flow.blunt_body import BluntBodyFlow, BowShock, blunt_body, bow
 from aerokernels.flow.ciddor import ciddor_constant, ciddor_refractivity, moist_air_density, water_fraction
 from aerokernels.flow.conical_field import ConicalFlow, cone
 from aerokernels.flow.density_field import DensityField
-from aerokernels.flow.exact_field import ExactField, uniform_air
+from aerokernels.flow.exact_field import ExactField, Vortex, uniform_air, vortex
 from aerokernels.flow.gas import (
     GAMMA_AIR,
     GAS_CONSTANT_AIR,
@@ -28,7 +28,6 @@ from aerokernels.flow.plane_flows import (
     expansion_fan,
     mach_after_turn,
     maximum_expansion,
-    plane_shock,
     wedge,
 )
 from aerokernels.flow.reading import Contents, Frame, Reader, ReadError, Resampling, VolumeResampling, contents, read
@@ -48,7 +47,6 @@ from aerokernels.flow.shipped import shipped, shipped_names
 from aerokernels.flow.shocks import PrandtlMeyer, Shock, maximum_deflection, normal_shock, oblique_shock, prandtl_meyer
 from aerokernels.flow.species import SPECIES, SPECIES_NAMES, Composition, Species, species_constant
 from aerokernels.flow.taylor_maccoll import ConeShock, cone_shock, maximum_cone_angle
-from aerokernels.flow.vortex import Vortex, vortex
 
 __all__ = [
     "GAMMA_AIR",
@@ -106,7 +104,6 @@ __all__ = [
     "normal_shock",
     "oblique_shock",
     "open_series",
-    "plane_shock",
     "prandtl_meyer",
     "read",
     "refractivity",

@@ -1,22 +1,8 @@
 """The flow ahead of and around a round nose as a density field: an approximation behind Billig's bow shock.
 
-Just behind the shock the density is exactly that of the oblique shock of the local slope. On the wall it follows from
-the modified Newtonian pressure, p = p1 + (p02 - p1) cos^2 t at an angle t from the nose, at the entropy behind the
-normal shock. Between shock and wall the density is interpolated linearly along the wall's normal. On the axis both ends
-are exact for the assumed shock (Rankine-Hugoniot relations and the stagnation point).
-
-Billig's correlation takes the shock to be the hyperbola
-
-    z = d - Rc cot^2 b (sqrt(1 + (r tan b / Rc)^2) - 1)
-
-with the nose at z = 0 and r measured from the axis; its asymptotes make the stream's Mach angle b with the axis. The
-stand-off d and the radius of curvature Rc at the vertex are fitted to experiments in air (R: nose radius):
-
-    sphere      d / R = 0.143 exp(3.24 / M^2)     Rc / R = 1.143 exp(0.54 / (M - 1)^1.2)
-    cylinder    d / R = 0.386 exp(4.67 / M^2)     Rc / R = 1.386 exp(1.8 / (M - 1)^0.75)
-
-Reference: F. S. Billig, Shock-wave shapes around spherical- and cylindrical-nosed bodies, J. Spacecraft Rockets 4
-(1967) 822; J. D. Anderson, Hypersonic and High Temperature Gas Dynamics, eq 5.36-5.38.
+The density is that of the oblique shock of the local slope just behind the shock, that of the modified Newtonian
+pressure on the wall, and linear between along the wall's normal. Reference: F. S. Billig, J. Spacecraft Rockets 4
+(1967) 822, a fit to experiments in air; J. D. Anderson, Hypersonic and High Temperature Gas Dynamics, eq 5.36-5.38.
 """
 
 import math
@@ -48,12 +34,14 @@ _FITS = {"axisymmetric": (0.143, 3.24, 1.143, 0.54, 1.2), "planar": (0.386, 4.67
 class BowShock:
     """The shape of a bow shock ahead of a round nose. The nose is at z = 0 [m]; the stream comes from +z.
 
+    It is the hyperbola z = d - Rc cot^2 b (sqrt(1 + (r tan b / Rc)^2) - 1), r measured from the axis.
+
     Attributes:
         mach: Mach number of the free stream.
         radius: Radius of the nose [m].
-        stand_off: Distance of the shock ahead of the nose [m].
-        curvature_radius: Radius of curvature of the shock on the axis [m].
-        far_angle: Angle between the shock far away and the stream [rad]: the Mach angle.
+        stand_off: Distance d of the shock ahead of the nose [m].
+        curvature_radius: Radius of curvature Rc of the shock on the axis [m].
+        far_angle: Angle b between the shock far away and the stream [rad]: the Mach angle.
         geometry: "axisymmetric" for a sphere, "planar" for a cylinder across the stream.
     """
 
@@ -158,16 +146,13 @@ class BluntBodyFlow:
         reach = np.where(on_nose, self.bow.distance_along(angle), self.bow.radius_at(z))
         share = np.maximum(distance - radius, 0.0) / (reach - radius)
         shock = self.shock_ratio_at(np.where(on_nose, reach * np.sin(angle), reach))
-        return (1.0 - share) * self.wall_ratio_at(angle) + share * shock
+        pressure = self.pressure_share + (1.0 - self.pressure_share) * np.cos(angle) ** 2  # modified Newtonian
+        wall = self.stagnation_density_ratio * pressure ** (1.0 / self.gamma)
+        return (1.0 - share) * wall + share * shock
 
     def shock_ratio_at(self, r) -> np.ndarray:
         """Density just behind the shock over the free stream's, exact for the shock's slope at r from the axis [m]."""
         return density_jump(self.bow.normal_mach_square_at(r), self.gamma)
-
-    def wall_ratio_at(self, angle) -> np.ndarray:
-        """Density at the wall over that of the free stream, modified Newtonian, at angles from the nose [rad]."""
-        pressure = self.pressure_share + (1.0 - self.pressure_share) * np.cos(angle) ** 2
-        return self.stagnation_density_ratio * pressure ** (1.0 / self.gamma)
 
 
 @checked
@@ -186,8 +171,8 @@ def blunt_body(
     """Return the approximate flow over a hemisphere-cylinder, or over a slab with a round nose, as a density field.
 
     The shock is Billig's, whose stand-off is accurate to some per cent. The density between shock and wall is a model
-    (see the module's docstring) that is exact only on the axis, at the shock and at the wall. The averages of cells cut
-    by the shock are those of the model to 1e-13; at the wall, where the model has a kink, to 1e-3.
+    that is exact only on the axis, at the shock and at the wall. The averages of cells cut by the shock are those of
+    the model to 1e-13; at the wall, where the model has a kink, to 1e-3.
 
     Args:
         mach: Mach number of the free stream, at least 1.5.
@@ -200,9 +185,6 @@ def blunt_body(
         spacing: Greatest side of the square cells [m]; None takes 1/50 of the radius.
         gamma: Ratio of specific heats; Billig's experiments were in air.
         gas_constant: [J/(kg K)].
-
-    Returns:
-        The field; `solution.bow` has the shock's stand-off and shape.
 
     Raises:
         ValueError: A Mach number below 1.5, a quantity that is not positive, an unknown geometry, a length below the
@@ -244,8 +226,7 @@ def blunt_body(
 def _averages(flow: BluntBodyFlow, r: np.ndarray, z: np.ndarray, *, weighted: bool) -> np.ndarray:
     """Return averages over rectangles [r, z], weighted by r (volumes of revolution) if `weighted`.
 
-    In each cell the parts behind and ahead of the shock are integrated separately: along z the Gauss points end at the
-    shock, and along r the integral is split where the shock enters and leaves the cell.
+    Along z the Gauss points end at the shock, and along r the integral is split where it enters and leaves the cell.
     """
     share, weight = unit_gauss(6)
     low, high = z[:-1], z[1:]

@@ -1,22 +1,8 @@
-r"""The refractive index of moist air with carbon dioxide by Ciddor's equations, 0.3 to 1.69 um.
+"""The refractive index of moist air by Ciddor's equations, 0.3 to 1.69 um; uncertainty 2e-8 to 5e-8 in n.
 
-With s = 1 / lambda^2 in vacuum, lambda in um:
-
-    dry air, 15 degC, 101325 Pa, 450 ppm CO2   1e8 (n - 1) = 5792105 / (238.0185 - s) + 167917 / (57.362 - s)
-    with a mole fraction c of CO2              times 1 + 0.534 (c - 450e-6)
-    water vapour, 20 degC, 1333 Pa             1e8 (n - 1) = 1.022 (295.235 + 2.6422 s - 0.032380 s^2 + 0.004028 s^3)
-    moist air                                  n - 1 = (n - 1)_air rho_a / rho_a,standard
-                                                     + (n - 1)_water rho_w / rho_w,standard
-
-Temperature and pressure enter only through the two densities, rho = p M / (Z R T) with the compressibility Z of moist
-air (BIPM 1981/91). For a gas of fixed composition the refractivity is therefore proportional to the density;
-`ciddor_constant` returns the constant of proportionality. A flow field supplies the density itself and needs no Z.
-
-The group index n + 2 s dn/ds follows from the derivatives of the two standard refractivities.
-
-References: P. E. Ciddor, Refractive index of air: new equations for the visible and near infrared, Applied Optics 35
-(1996) 1566-1573, eq 1-5 and appendices A and B. Uncertainty there: 2e-8 to 5e-8 in n near room conditions. P. E. Ciddor
-and R. J. Hill, Refractive index of air. 2. Group index, Applied Optics 38 (1999) 1663-1667.
+Temperature and pressure enter only through the densities of dry air and of vapour, so that refractivity over density
+is a constant of the wavelength and the composition. References: P. E. Ciddor, Applied Optics 35 (1996) 1566, eq 1-5,
+appendices A and B; group index: P. E. Ciddor and R. J. Hill, Applied Optics 38 (1999) 1663.
 """
 
 import math
@@ -53,9 +39,17 @@ def ciddor_constant(wavelength: float, *, water: float = 0.0, co2: float = STAND
         ValueError: A wavelength or a fraction outside its range.
     """
     _check(water, co2)
-    dry, vapour = _standard_refractivities(_wavenumber_square(wavelength), co2, group)
+    wavelength, (low, high) = check_wavelength(wavelength), RANGE
+    if not low * (1.0 - SAME) <= wavelength <= high * (1.0 + SAME):
+        raise ValueError(
+            f"wavelength {wavelength:g} m is outside Ciddor's {low * 1e6:g} to {high * 1e6:g} um: "
+            "choose another relation"
+        )
+    dry, vapour = _standard_refractivities(1.0 / (wavelength * 1e6) ** 2, co2, group)
+    dry_density = _molar_mass(co2) * _molar_density(288.15, 101325.0, 0.0)  # both at the standard states
+    vapour_density = WATER_MOLAR_MASS * _molar_density(293.15, 1333.0, 1.0)
     dry_share, vapour_share = (1.0 - water) * _molar_mass(co2), water * WATER_MOLAR_MASS
-    per_mass = dry_share * dry / _standard_air_density(co2) + vapour_share * vapour / _standard_vapour_density()
+    per_mass = dry_share * dry / dry_density + vapour_share * vapour / vapour_density
     return per_mass / (dry_share + vapour_share)
 
 
@@ -91,7 +85,7 @@ def moist_air_density(temperature: float, pressure: float, *, water: float = 0.0
     """Return the density of moist air [kg/m3] as a real gas (BIPM 1981/91, Ciddor's eq 4).
 
     Outside -40 to 100 degC and above 140 kPa the compressibility is extrapolated, with a warning: its error is about
-    1e-3 at 600 K and 1e-2 at 1500 K (at 1e5 Pa), and at 100 MPa the density is not meaningful.
+    1e-3 at 600 K and 1e-2 at 1500 K (at 1e5 Pa).
 
     Args:
         temperature: [K].
@@ -123,8 +117,7 @@ def water_fraction(temperature: float, pressure: float, humidity: float) -> floa
     Mauersberger's over ice below, multiplied by the enhancement factor of air.
 
     Raises:
-        ValueError: A humidity outside 0 to 1, a humidity at which the vapour pressure would exceed the pressure, or a
-            temperature or pressure that is not positive.
+        ValueError: A humidity outside 0 to 1, or one at which the vapour pressure would exceed the pressure.
     """
     check_positive(temperature, "temperature")
     check_positive(pressure, "pressure")
@@ -143,16 +136,6 @@ def water_fraction(temperature: float, pressure: float, humidity: float) -> floa
     return water
 
 
-def _wavenumber_square(wavelength: float) -> float:
-    wavelength, (low, high) = check_wavelength(wavelength), RANGE
-    if not low * (1.0 - SAME) <= wavelength <= high * (1.0 + SAME):
-        raise ValueError(
-            f"wavelength {wavelength:g} m is outside Ciddor's {low * 1e6:g} to {high * 1e6:g} um: "
-            "choose another relation"
-        )
-    return 1.0 / (wavelength * 1e6) ** 2
-
-
 def _standard_refractivities(square: float, co2: float, group: bool = False) -> tuple[float, float]:
     """Return n - 1, or n_g - 1, of standard dry air and of standard water vapour at a squared wavenumber [1/um2]."""
     first, second = 238.0185 - square, 57.362 - square
@@ -167,14 +150,6 @@ def _standard_refractivities(square: float, co2: float, group: bool = False) -> 
 def _molar_mass(co2: float) -> float:
     """Return the molar mass of dry air [kg/mol]: CO2 replaces O2, which adds the mass of a carbon atom."""
     return 1e-3 * (28.9635 + 12.011 * (co2 - 400e-6))
-
-
-def _standard_air_density(co2: float) -> float:
-    return _molar_mass(co2) * _molar_density(288.15, 101325.0, 0.0)
-
-
-def _standard_vapour_density() -> float:
-    return WATER_MOLAR_MASS * _molar_density(293.15, 1333.0, 1.0)
 
 
 def _molar_density(temperature: float, pressure: float, water: float) -> float:

@@ -1,12 +1,8 @@
 """The flow over a cone as a density field: exact density, and its refractive index on a uniform (r, z) grid.
 
-Inside the body there is no flow. Nodes there take the flow's values mirrored at the wall in polar angle; the slope at
-the wall is zero, so an interpolant sees a smooth field across the wall.
-
-The shock cuts cells at any angle. Node values are therefore weighted averages under a bell-shaped kernel about three
-cells wide, made from exact averages over half cells: the shock keeps its position and is spread little more than the
-interpolant needs to resolve it. Plain cell averages at least double the error of the direction of rays at an angle to
-grid and shock.
+Nodes inside the body take the flow's values mirrored at the wall in polar angle, where the slope is zero. Node values
+are averages under a bell-shaped kernel about three cells wide: the shock keeps its position and is spread as much as
+the interpolant needs to resolve it. Plain cell averages double the error of the direction of rays at an angle to it.
 """
 
 import math
@@ -43,8 +39,7 @@ BLOCK = 20_000  # speed only
 class ConicalFlow(DensityField):
     """The flow over a sharp cone at zero incidence, in the optical frame: tip at the origin, body along -z.
 
-    The free stream comes from +z. The field ends at the base of the body and at `radius`; beyond them the air counts as
-    ambient.
+    The field ends at the base of the body and at `radius`; beyond them the air counts as ambient.
 
     Attributes:
         shock: The Taylor-Maccoll solution.
@@ -117,12 +112,9 @@ class ConicalFlow(DensityField):
     ) -> IndexField:
         """Return the refractive index on a uniform (r, z) grid: see `cone` for the errors of the grid.
 
-        With "cubic" the node values are corrected for the averaging kernel, so that the kernel's error in the smooth
-        flow is of fourth order; the shock overshoots by a few per cent. "linear" and "monotone" use uncorrected values.
-
-        The other arguments are those of `SampledDensity.index_field`; a composition is the same everywhere. `spacing`
-        is the greatest node spacing [m], one number, or two for r and z; None takes 1/400 of the length.
-        `interpolation` is one of IndexField.from_samples.
+        "cubic" corrects the node values for the averaging kernel, to fourth order; "linear" and "monotone" do not.
+        `spacing` is the greatest node spacing [m], one number, or two for r and z; None takes 1/400 of the length. The
+        other arguments are those of `SampledDensity.index_field`; a composition is the same everywhere.
 
         Raises:
             TypeError: The wavelength is not one number.
@@ -144,12 +136,20 @@ class ConicalFlow(DensityField):
         z_count = round(self.length / step[1]) + MARGIN + 1
 
         def contrast(angle: np.ndarray) -> np.ndarray:
-            density = self.ambient_density * self.shock.density_ratio_at(self._mirrored(angle))
+            # Polar angles inside the body are mirrored at the wall, to at most half the shock layer's depth.
+            deepest = 0.5 * (self.shock.shock_angle - self.half_angle)
+            mirrored = self.half_angle + np.minimum(self.half_angle - angle, deepest)
+            angle = np.where(angle < self.half_angle, mirrored, angle)
+            density = self.ambient_density * self.shock.density_ratio_at(angle)
             return model.contrast(density, self.ambient_density, wavelength, group=group)
 
+        # Five more half cells on each side: three under the kernel, and two to the next node, for the correction.
+        shape, low = (2 * r_count + 4, 2 * z_count + 9), -self.length - 2.5 * step[1]
+        half = cell_averages(contrast, self.shock.shock_angle, shape, low, 0.5 * step)
+        sharpen = interpolation == "cubic"
         again = partial(self.index_field, wavelength, relation, composition=composition, spacing=spacing)
         return IndexField.from_samples(
-            self._node_values(contrast, (r_count, z_count), step, sharpen=interpolation == "cubic"),
+            bell(bell(np.concatenate([half[5:0:-1], half]), 0, sharpen), 1, sharpen),
             origin=(0.0, -self.length),
             spacing=step,
             geometry="axisymmetric",
@@ -159,19 +159,6 @@ class ConicalFlow(DensityField):
                 self.ambient_density, wavelength, 0.0, group, partial(again, interpolation=interpolation)
             ),
         )
-
-    def _node_values(self, contrast, shape: tuple[int, int], step: np.ndarray, *, sharpen: bool) -> np.ndarray:
-        """Return kernel averages at the nodes of a grid that starts on the axis and at the base."""
-        # Five more half cells on each side: three under the kernel, and two to the next node, for the correction.
-        count = (2 * shape[0] + 4, 2 * shape[1] + 9)
-        low = -self.length - 2.5 * step[1]
-        half = cell_averages(contrast, self.shock.shock_angle, count, low, 0.5 * step)
-        return bell(bell(np.concatenate([half[5:0:-1], half]), 0, sharpen), 1, sharpen)
-
-    def _mirrored(self, angle: np.ndarray) -> np.ndarray:
-        """Return polar angles, those inside the body mirrored at the wall to at most half the shock layer's depth."""
-        deepest = 0.5 * (self.shock.shock_angle - self.half_angle)
-        return np.where(angle < self.half_angle, self.half_angle + np.minimum(self.half_angle - angle, deepest), angle)
 
 
 @checked
@@ -220,13 +207,9 @@ def cone(
 
 
 def bell(half: np.ndarray, axis: int, sharpen: bool) -> np.ndarray:
-    """Return node values along one axis from averages over half cells, every second of which is centred on a node.
+    """Return node values along an axis from averages over half cells, five more at either end.
 
-    Args:
-        half: The averages; the sixth is centred on the first node, and five follow that of the last node.
-        axis: The axis.
-        sharpen: Correct for the kernel's second moment: the result is then exact for cubics, otherwise for linear
-            functions.
+    `sharpen` corrects for the kernel's second moment: the result is then exact for cubics, else for linear functions.
     """
     moved = np.moveaxis(half, axis, 0)
     count = len(moved) - len(BELL) + 1
@@ -244,14 +227,9 @@ def cell_averages(
     low: float,
     step: np.ndarray,
 ) -> np.ndarray:
-    """Return averages of a conical field over the cells centred on the nodes of a grid.
+    """Return averages of a conical field over the cells centred on the nodes of a grid (r from 0, z from `low`) [m].
 
-    Args:
-        contrast: The field as a function of polar angle [rad]; ahead of the shock it is zero.
-        shock_angle: Polar angle of the shock [rad].
-        shape: Number of nodes in r, starting at r = 0, and in z.
-        low: z of the first node [m].
-        step: Spacing in r and z [m].
+    `contrast` takes polar angles [rad] and is zero ahead of the shock.
     """
     r = step[0] * np.arange(shape[0])
     z = low + step[1] * np.arange(shape[1])
@@ -306,9 +284,8 @@ def _gauss(contrast, box, point_count) -> np.ndarray:
 def _gauss_to_shock(contrast, shock_angle, box, point_count) -> np.ndarray:
     """Return averages over boxes that the shock may cut.
 
-    The integral along z ends at the shock, and the integral along r is split where the shock enters and leaves the box.
-    The variable along z is the square root of the distance from the shock, because behind a weak shock the density
-    rises with that root.
+    The integral along z ends at the shock, that along r is split where the shock enters and leaves the box. The
+    variable along z is the square root of the distance from the shock, with which the density rises behind a weak one.
     """
     share, weight = unit_gauss(point_count)
     r_low, r_high, z_low, z_high = box.T

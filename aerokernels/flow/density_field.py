@@ -22,9 +22,8 @@ if TYPE_CHECKING:
 class DensityField(ReadOnly, ABC):
     """Density in the optical frame (z points upstream), surrounded by ambient gas: the base class of all flows.
 
-    `DensityField(mesh, density, ambient_density, ...)` makes a `CellDensity`, as `pathlib.Path` makes a path of the
-    system it runs on; `from_samples` makes a field on a uniform grid. Every flow that `aerokernels.flow` makes is an
-    instance of `DensityField`.
+    `DensityField(mesh, density, ambient_density, ...)` makes a `CellDensity`; `from_samples` makes a field on a uniform
+    grid.
 
     Attributes:
         geometry: "volume", "planar" or "axisymmetric".
@@ -109,27 +108,19 @@ class DensityField(ReadOnly, ABC):
 
     @staticmethod
     def from_xarray(array, **arguments) -> "DensityField":
-        """Return a density field from an xarray object: see `aerokernels.flow.reading.read.from_xarray`.
+        """Return a density field from an xarray object.
 
         Coordinates x, y, z make a volume, two of them a plane, r and z an axisymmetric field; their attribute `units`
         gives their unit. The arguments are those of `flow.read` except spacing, region, walls and those for one file
         format.
-
-        Raises:
-            TypeError: Not an xarray object.
-            ValueError: Coordinates or densities that do not make a field.
         """
         return import_module("aerokernels.flow.reading.read").from_xarray(array, **arguments)
 
     @staticmethod
     def from_pyvista(dataset, **arguments) -> "DensityField":
-        """Return a density field from a pyvista or VTK grid: see `aerokernels.flow.reading.read.from_pyvista`.
+        """Return a density field from a pyvista or VTK grid.
 
         The arguments are those of `flow.read` except time, walls and those for one file format.
-
-        Raises:
-            TypeError: Not a pyvista or VTK data set.
-            ValueError: Cells or densities that do not make a field.
         """
         return import_module("aerokernels.flow.reading.read").from_pyvista(dataset, **arguments)
 

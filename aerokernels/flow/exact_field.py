@@ -1,13 +1,9 @@
 """A density field made from a formula: exact averages over rectangular cells, together with the formula.
 
-A density f that depends only on the direction from the origin (a wedge, a plane shock, an expansion fan) is homogeneous
-of degree 0. Hence div(f x) = 2 f, and the integral over a cell becomes one over the cell's edges:
-
-    2 int f dA = z+ int_{z+} f dy - z- int_{z-} f dy + y+ int_{y+} f dz - y- int_{y-} f dz
-
-An edge is split where it crosses a shock, a Mach line or a contact, and each part is integrated by Gauss's rule: the
-area behind a shock in a cell is exact at any angle, and so is the average over a cell at the origin, where a fan has
-all its densities. Rounding error: 1e-16 of the change within a cell, times the number of cells from the origin.
+A density f of the direction from the origin alone has div(f x) = 2 f, and the integral over a cell becomes one over its
+edges: 2 int f dA = z+ int_{z+} f dy - z- int_{z-} f dy + y+ int_{y+} f dz - y- int_{y-} f dz. An edge is split at
+shocks and Mach lines and each part integrated by Gauss's rule. Rounding error: 1e-16 of the change within a cell, times
+the number of cells from the origin.
 """
 
 import math
@@ -15,13 +11,13 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Protocol
+from typing import Any
 
 import numpy as np
 
 from aerokernels.display.shown import shown
 from aerokernels.flow.density_field import local_points
-from aerokernels.flow.gas import SEA_LEVEL_DENSITY, FreeStream
+from aerokernels.flow.gas import GAMMA_AIR, SEA_LEVEL_DENSITY, FreeStream, check_density, check_gamma
 from aerokernels.flow.sampled_density import CellDensity
 from aerokernels.inputs.arguments import Numbers, checked
 from aerokernels.inputs.checks import check_positive
@@ -29,17 +25,8 @@ from aerokernels.medium import Body, QuadMesh
 
 # A spacing given in the wrong unit could otherwise request more cells than fit in memory.
 CELL_LIMIT = 4_000_000
-# Default number of cells along the field, cells of undisturbed gas around the disturbed region, and the least number of
-# cells along either axis.
-DEFAULT_CELLS, MARGIN, LEAST_CELLS = 200, 8, 8
-
-
-class Solution(Protocol):
-    """A flow in a plane whose density relative to the ambient density is known everywhere."""
-
-    def density_ratio_at(self, y: np.ndarray, z: np.ndarray) -> np.ndarray:
-        """Density over the ambient density at (y, z) or (r, z) [m]."""
-        ...
+# Default number of cells along the field, and cells of undisturbed gas around the disturbed region.
+DEFAULT_CELLS, MARGIN = 200, 8
 
 
 class DirectionFlow(ABC):
@@ -77,20 +64,16 @@ class ExactField(CellDensity):
         solution: The flow, with its relations.
     """
 
-    solution: Solution | None = None
+    solution: Any = None
 
     def density_at(self, points) -> np.ndarray:
         """Return the formula's density [kg/m3], shape (n,), at points (x, y, z) [m], shape (n, 3).
 
         NaN inside the body and at points that are NaN; the ambient density outside the mesh.
-
-        Raises:
-            ValueError: Points of another shape.
         """
         local = local_points(points, self.geometry)
         low, high = self.mesh.box
         inside = np.all((local >= low) & (local <= high), axis=1)
-        assert self.solution is not None
         ratio = np.where(inside, self.solution.density_ratio_at(local[:, 0], local[:, 1]), 1.0)
         return self._where_known(self.ambient_density * ratio, local)
 
@@ -117,10 +100,6 @@ def rectangles(y: np.ndarray, z: np.ndarray, geometry: str = "planar") -> QuadMe
     cells = (len(y) - 1, len(z) - 1)
     if cells[0] * cells[1] > CELL_LIMIT:
         raise ValueError(f"spacing gives {cells[0]} x {cells[1]} cells, more than {CELL_LIMIT}: take a wider one")
-    if min(cells) < LEAST_CELLS:
-        raise ValueError(
-            f"spacing gives {cells[0]} x {cells[1]} cells: take one with at least {LEAST_CELLS} along either axis"
-        )
     first, second = np.meshgrid(y, z, indexing="ij")
     return QuadMesh.structured(first, second, geometry)
 
@@ -134,13 +113,7 @@ def unit_gauss(points: int) -> tuple[np.ndarray, np.ndarray]:
 def piecewise_means(
     function: Callable[[np.ndarray], np.ndarray], edges: np.ndarray, breaks: Sequence[float]
 ) -> np.ndarray:
-    """Return means of a function over the intervals between edges, shape (len(edges) - 1,).
-
-    Args:
-        function: Takes an array of any shape; smooth between breaks.
-        edges: Increasing, shape (n,).
-        breaks: Positions of jumps and kinks.
-    """
+    """Return means over the intervals between increasing edges of a function that is smooth between `breaks`."""
     share, weight = unit_gauss(12)
     low, high = edges[:-1], edges[1:]
     cuts = np.stack([low, *(np.clip(place, low, high) for place in sorted(breaks)), high])
@@ -155,13 +128,10 @@ def piecewise_means(
 def direction_averages(
     function: Callable[[np.ndarray], np.ndarray], breaks: Sequence[float], y: np.ndarray, z: np.ndarray
 ) -> np.ndarray:
-    """Return averages over rectangular cells of a function of the direction from the origin.
+    """Return averages over rectangles, with edges y and z [m], of a function of the direction from the origin.
 
-    Args:
-        function: Takes the angle from the downstream direction -z towards +y [rad], -pi to pi.
-        breaks: Angles of its jumps and kinks [rad], -pi to pi.
-        y: Edges of the cells along y [m], increasing, shape (ny + 1,).
-        z: Edges of the cells along z [m], increasing, shape (nz + 1,).
+    The direction is the angle from -z towards +y [rad], -pi to pi; `breaks` are those of the function's jumps and
+    kinks.
     """
     cosine, sine = np.cos(breaks), np.sin(breaks)
     # Means along the edges of constant y and of constant z: each edge belongs to two cells and is integrated once.
@@ -184,7 +154,6 @@ def direction_averages(
 
 
 def _seen_from_origin(function, y, z):
-    """Return a function of direction at positions (y, z)."""
     return function(np.arctan2(y, -z))
 
 
@@ -229,3 +198,85 @@ def uniform_air(
     nodes = np.meshgrid(np.linspace(0.0, radius, 9), np.linspace(low, high, 9), indexing="ij")
     mesh, ambient = QuadMesh.structured(*nodes, "axisymmetric"), check_positive(density, "density")
     return CellDensity(mesh, np.full(len(mesh.cells), ambient), ambient, body, None, f"air at rest, {ambient:g} kg/m3")
+
+
+# Half width of the field in radii: at its faces the temperature deviation is 1e-15 of that in the middle.
+REACH = 6.0
+
+
+@dataclass(frozen=True)
+class Vortex:
+    """An isentropic vortex about the line x = 0, y = 0, z = 0 of the optical frame.
+
+    Attributes:
+        mach: Greatest speed of the swirl over the sound speed far away.
+        radius: Radius at which the swirl is fastest [m].
+        gamma: Ratio of specific heats.
+    """
+
+    mach: float
+    radius: float
+    gamma: float = GAMMA_AIR
+
+    def __post_init__(self):
+        """Check the numbers."""
+        check_positive(self.mach, "mach")
+        check_positive(self.radius, "radius")
+        check_gamma(self.gamma)
+        greatest = math.sqrt(2.0 / ((self.gamma - 1.0) * math.e))
+        if self.mach >= greatest:
+            raise ValueError(
+                f"mach {self.mach:g} is too great for a vortex: it must be below {greatest:.6g}, where the gas in the "
+                f"middle reaches vacuum (gamma {self.gamma:g})"
+            )
+
+    @checked
+    def temperature_ratio_at(self, distance: Numbers) -> np.ndarray:
+        """Temperature over that far away at distances from the middle [m]."""
+        square = (np.asarray(distance, dtype=np.float64) / self.radius) ** 2
+        return 1.0 - 0.5 * (self.gamma - 1.0) * self.mach**2 * np.exp(1.0 - square)
+
+    @checked
+    def density_ratio_at(self, y: Numbers, z: Numbers) -> np.ndarray:
+        """Density over that far away at (y, z) [m]."""
+        return self.temperature_ratio_at(np.hypot(y, z)) ** (1.0 / (self.gamma - 1.0))
+
+
+@checked
+def vortex(
+    mach: float,
+    *,
+    radius: float = 0.01,
+    density: float = SEA_LEVEL_DENSITY,
+    spacing: float | None = None,
+    gamma: float = GAMMA_AIR,
+) -> ExactField:
+    """Return the isentropic vortex as a planar density field, with its axis along x through the origin.
+
+    The field extends six radii to each side, where the density equals the ambient one to rounding. Cell averages by
+    Gauss's rule are accurate to 1e-11 for cells up to half a radius.
+
+    Args:
+        mach: Greatest speed of the swirl over the sound speed far away; below 1.356 in air.
+        radius: Radius at which the swirl is fastest [m].
+        density: Density far away [kg/m3].
+        spacing: Greatest side of the square cells [m]; None takes 1/40 of the radius.
+        gamma: Ratio of specific heats.
+
+    Raises:
+        ValueError: A quantity that is not positive, a Mach number at which the middle reaches vacuum, gamma not above
+            1, or a spacing that exceeds half a radius or gives too many cells.
+    """
+    swirl = Vortex(float(mach), float(radius), float(gamma))
+    check_density(density, "density")
+    step = radius / 40 if spacing is None else check_positive(spacing, "spacing")
+    if step > 0.5 * radius * (1.0 + 1e-9):
+        raise ValueError(f"spacing {step:g} m must be at most half the radius {radius:g} m")
+    side = edges(-REACH * radius, REACH * radius, step)
+    return ExactField(
+        rectangles(side, side),
+        density * smooth_averages(swirl.density_ratio_at, side, side),
+        density,
+        provenance=f"exact isentropic vortex of Mach {mach:g} and radius {radius:g} m",
+        solution=swirl,
+    )

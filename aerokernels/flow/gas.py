@@ -1,8 +1,5 @@
 """Perfect-gas relations along a streamline without shocks, and the free stream of a wind tunnel.
 
-    T / T0 = 1 / (1 + (gamma - 1) / 2 M^2)
-    p / p0 = (T / T0)^(gamma / (gamma - 1)),   rho / rho0 = (T / T0)^(1 / (gamma - 1))
-
 Reference: J. D. Anderson, Modern Compressible Flow, 3rd ed., eq 3.28, 3.30, 3.31.
 """
 
@@ -67,20 +64,6 @@ class FreeStream:
     stagnation_temperature: float
     gamma: float = GAMMA_AIR
     gas_constant: float = GAS_CONSTANT_AIR
-
-    @property
-    def dynamic_pressure(self) -> float:
-        """Half the density times the velocity squared [Pa]."""
-        return 0.5 * self.density * self.velocity**2
-
-    @property
-    def reynolds_per_metre(self) -> float:
-        """Reynolds number of a length of one metre, in air [1/m].
-
-        The viscosity is Sutherland's, 1.458e-6 T^1.5 / (T + 110.4) Pa s (U.S. Standard Atmosphere 1976, eq 51).
-        """
-        viscosity = 1.458e-6 * self.temperature**1.5 / (self.temperature + 110.4)
-        return self.density * self.velocity / viscosity
 
     @checked
     def at_density(self, density: float) -> "FreeStream":
@@ -236,11 +219,9 @@ def check_density(density: float, name: str) -> float:
 
 
 def no_gas(density: np.ndarray, passed: np.ndarray | None = None) -> tuple[str, int, int] | None:
-    """Return what is wrong with densities, how many are wrong, and the flat index of the first; None if all are fine.
+    """Return what is wrong with densities [kg/m3], how many are, and the flat index of the first; None if all are fine.
 
-    Args:
-        density: [kg/m3], of any shape.
-        passed: Entries that are not used and may have any value, or None.
+    Entries of `passed` are not used and may have any value.
     """
     if density.size and density.min() >= LEAST_DENSITY and density.max() <= GREATEST_DENSITY:  # false if there is a NaN
         return None

@@ -1,16 +1,8 @@
-"""Plane flows whose density depends only on the direction from the origin: a wedge, one shock, an expansion fan.
+"""Plane flows whose density depends only on the direction from the origin: a wedge, an expansion fan.
 
-In the optical frame the stream comes from +z and flows towards -z.
-
-With nu(M) the Prandtl-Meyer function and k = (g + 1) / (g - 1), the angle between the Mach line of the sonic stream and
-that of Mach number M is psi = nu + acos(1 / M), and
-
-    sqrt(M^2 - 1) = sqrt(k) tan(psi / sqrt(k)),      T / T0 = 2 / (g + 1) cos^2(psi / sqrt(k)).
-
-The density along the Mach line at an angle psi - psi1 behind the first one is therefore
-rho / rho1 = (cos(psi / sqrt(k)) / cos(psi1 / sqrt(k)))^(2 / (g - 1)).
-
-References: NACA Report 1135 (1953), eq 171; L. D. Landau and E. M. Lifshitz, Fluid Mechanics, 2nd ed., paragraph 109.
+The stream comes from +z. With the Prandtl-Meyer function nu, the angle between the Mach lines of the sonic stream and
+of Mach number M is psi = nu + acos(1 / M), and T / T0 = 2 / (g + 1) cos^2(psi / sqrt(k)), k = (g + 1) / (g - 1).
+References: NACA Report 1135 (1953), eq 171; Landau and Lifshitz, Fluid Mechanics, 2nd ed., paragraph 109.
 """
 
 import math
@@ -28,7 +20,7 @@ from aerokernels.flow.gas import (
     free_stream,
     isentropic,
 )
-from aerokernels.flow.shocks import Shock, bisect, normal_shock, oblique_shock, prandtl_meyer
+from aerokernels.flow.shocks import Shock, bisect, oblique_shock, prandtl_meyer
 from aerokernels.inputs.arguments import Numbers, checked
 from aerokernels.inputs.checks import check_positive
 from aerokernels.medium import Body
@@ -36,31 +28,21 @@ from aerokernels.medium import Body
 
 @dataclass(frozen=True)
 class PlaneShock(DirectionFlow):
-    """One plane shock through the origin, or the two shocks of a wedge, mirrored at y = 0.
-
-    Attributes:
-        shock: State behind the shock, and its angle.
-        mirrored: Whether there are two shocks, as over a wedge.
-    """
+    """The two plane shocks of a wedge, mirrored at y = 0; `shock` is the state behind them, and their angle."""
 
     shock: Shock
-    mirrored: bool
 
     @checked
     def ratio_of_angle(self, angle: Numbers) -> np.ndarray:
         """Density over that of the free stream in a direction from the origin, an angle from -z towards +y [rad]."""
         angle = np.asarray(angle, dtype=np.float64)
-        if self.mirrored:
-            behind = np.abs(angle) < self.shock.shock_angle
-        else:
-            behind = np.sin(self.shock.shock_angle - angle) > 0.0
+        behind = np.abs(angle) < self.shock.shock_angle
         return np.where(np.isnan(angle), np.nan, np.where(behind, self.shock.density_ratio, 1.0))
 
     @property
     def breaks(self) -> tuple[float, float]:
-        """Directions of the shock's two halves [rad]."""
-        angle = self.shock.shock_angle
-        return (angle, -angle) if self.mirrored else (angle, angle - math.pi)
+        """Directions of the two shocks [rad]."""
+        return self.shock.shock_angle, -self.shock.shock_angle
 
 
 @checked
@@ -79,9 +61,8 @@ def wedge(
 ) -> ExactField:
     """Return the exact flow over a symmetric wedge at zero incidence as a planar density field.
 
-    The tip is at the origin; body and field end at z = -length. Behind either shock the density is uniform, and cells
-    inside the body have that density too, so that an interpolant has no error at the wall. The average over a cell cut
-    by a shock is exact to rounding: integrals over whole cells are exact.
+    The tip is at the origin; body and field end at z = -length. Cells inside the body have the density behind the
+    shock. Averages over cells cut by a shock are exact to rounding.
 
     Args:
         mach: Mach number of the free stream.
@@ -96,12 +77,9 @@ def wedge(
         gamma: Ratio of specific heats.
         gas_constant: [J/(kg K)].
 
-    Returns:
-        The field; `solution.shock` has the oblique shock's relations.
-
     Raises:
-        ValueError: As for `oblique_shock` (if the shock detaches, the message gives the greatest angle); a quantity
-            that is not positive; a height below the shock's; a spacing that gives too few or too many cells.
+        ValueError: As for `oblique_shock`; a quantity that is not positive; a height below the shock's; a spacing that
+            gives too few or too many cells.
     """
     check_positive(half_angle, "half_angle")
     shock = oblique_shock(mach, half_angle, strong=strong, gamma=gamma)
@@ -112,63 +90,12 @@ def wedge(
         raise ValueError(f"height {reach:g} m cuts the flow: the shock reaches {least:g} m at the base of the wedge")
     base = length * math.tan(half_angle)
     words = f"a wedge of half angle {math.degrees(half_angle):.6g} deg at Mach {mach:g}"
-    return PlaneShock(shock, mirrored=True).field(
+    return PlaneShock(shock).field(
         edges(-reach, reach, step),
         edges(-length, MARGIN * step, step),
         free_stream(mach, density, temperature, gamma=gamma, gas_constant=gas_constant),
         Body(np.array([[0.0, 0.0], [base, -length], [-base, -length]]), "planar"),
         f"exact flow over {words} ({'strong' if strong else 'weak'} oblique shock)",
-    )
-
-
-@checked
-def plane_shock(
-    mach: float,
-    deflection: float | None = None,
-    *,
-    strong: bool = False,
-    density: float = SEA_LEVEL_DENSITY,
-    temperature: float = SEA_LEVEL_TEMPERATURE,
-    length: float = 0.1,
-    height: float | None = None,
-    spacing: float | None = None,
-    gamma: float = GAMMA_AIR,
-    gas_constant: float = GAS_CONSTANT_AIR,
-) -> ExactField:
-    """Return one plane shock across a stream, through the origin, as a planar density field without a body.
-
-    The field is a box about the origin. Outside the box the index is that of the free stream, even downstream of the
-    shock, so rays should end inside the box.
-
-    Args:
-        mach: Mach number of the free stream.
-        deflection: Angle by which the shock turns the flow [rad]; None for a normal shock.
-        strong: Use the strong one of the two solutions of an oblique shock.
-        density: Density of the free stream [kg/m3].
-        temperature: Static temperature of the free stream [K]; affects only pressure and velocity in `conditions`.
-        length: Extent of the box along z [m].
-        height: Extent of the box along y [m]; None takes `length`.
-        spacing: Greatest side of the square cells [m]; None takes 1/200 of the length.
-        gamma: Ratio of specific heats.
-        gas_constant: [J/(kg K)].
-
-    Raises:
-        ValueError: As for `normal_shock` or `oblique_shock`; a quantity that is not positive; a spacing that gives too
-            few or too many cells.
-    """
-    if deflection is None:
-        shock, words = normal_shock(mach, gamma=gamma), "normal shock"
-    else:
-        shock = oblique_shock(mach, deflection, strong=strong, gamma=gamma)
-        words = f"{'strong' if strong else 'weak'} oblique shock with a turn of {math.degrees(deflection):.6g} deg"
-    step = square_step(length, spacing)
-    tall = length if height is None else check_positive(height, "height")
-    return PlaneShock(shock, mirrored=False).field(
-        edges(-0.5 * tall, 0.5 * tall, step),
-        edges(-0.5 * length, 0.5 * length, step),
-        free_stream(mach, density, temperature, gamma=gamma, gas_constant=gas_constant),
-        None,
-        f"exact {words} at Mach {mach:g}",
     )
 
 
@@ -200,10 +127,7 @@ class ExpansionFan(DirectionFlow):
 
     @checked
     def ratio_of_angle(self, angle: Numbers) -> np.ndarray:
-        """Density over that of the stream ahead in a direction from the corner, an angle from -z towards +y [rad].
-
-        Inside the body the value of the nearer wall.
-        """
+        """Density over that of the stream ahead; in the body that of the nearer wall. Angle from -z to +y [rad]."""
         angle = np.asarray(angle, dtype=np.float64)
         root = math.sqrt((self.gamma + 1.0) / (self.gamma - 1.0))
         first = math.atan(math.sqrt((self.mach - 1.0) * (self.mach + 1.0)) / root)
@@ -304,8 +228,7 @@ def expansion(
     """Return the exact flow around a convex corner as a planar density field.
 
     The stream comes from +z along a wall at y = 0. At the corner, the origin, the wall turns away towards -y. The field
-    extends from z = length / 2 to -length. Cell averages are exact to rounding, also in the cells at the corner, where
-    the fan has all its densities.
+    extends from z = length / 2 to -length. Cell averages are exact to rounding, also at the corner.
 
     Args:
         mach: Mach number of the stream ahead, 1 or more.
@@ -319,12 +242,8 @@ def expansion(
         gamma: Ratio of specific heats.
         gas_constant: [J/(kg K)].
 
-    Returns:
-        The field; `solution` is the fan with its relations.
-
     Raises:
-        ValueError: As for `expansion_fan`; a turn of 90 degrees or more; a quantity that is not positive; a spacing
-            that gives too few or too many cells.
+        ValueError: As for `expansion_fan` or `wedge`; a turn of 90 degrees or more.
     """
     fan = expansion_fan(mach, deflection, gamma=gamma)
     if deflection >= 0.5 * math.pi:

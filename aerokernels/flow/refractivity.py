@@ -1,18 +1,10 @@
-"""Refractivity and index contrast from density.
+"""Refractivity and index contrast from density; refractivities n - 1 are never differences of numbers near 1.
 
     Lorentz-Lorenz (the paper's eq 1):  (n^2 - 1) / (n^2 + 2) = 2/3 K rho
     Gladstone-Dale (eq 3):              n = 1 + K rho                     the linear limit, lower by (K rho)^2 / 6
-    K (eq 2):                           K = 2.23e-4 (1 + 7.52e-3 / lambda^2) m3/kg, lambda in um
 
-A pulse travels by the group index n_g = n - lambda dn/dlambda. Dispersion formulas are functions of s = 1 / lambda^2:
-
-    n_g = n + 2 s dn/ds,    K_g = K + 2 s dK/ds
-
-K_g is called the group constant. In the linear form n_g = 1 + K_g rho. A given K is a number without dispersion: its
-group constant is itself. A relation for air is a row of `AIR`, a gas a row of species.py.
-
-Results are refractivities n - 1 or contrasts n - n_ambient, and no step subtracts numbers near 1: at 1 kg/m3 the index
-differs from 1 by only 2e-4.
+A pulse travels by n_g = n + 2 s dn/ds, s = 1 / lambda^2, with the group constant K_g = K + 2 s dK/ds. A relation for
+air is a row of `AIR`, a gas a row of species.py.
 """
 
 from collections.abc import Callable, Mapping
@@ -39,7 +31,7 @@ SHORTEST_WAVELENGTH = 200e-9
 def gladstone_dale_constant(wavelength: float, *, group: bool = False) -> float:
     """Return the Gladstone-Dale constant of air [m3/kg] at a vacuum wavelength [m], the paper's eq 2.
 
-    At 905 nm it is 2.250475e-4, 0.46 % above Ciddor's dry air.
+    K = 2.23e-4 (1 + 7.52e-3 / lambda^2), lambda in um; at 905 nm 0.46 % above Ciddor's dry air.
 
     Args:
         wavelength: [m].
@@ -83,9 +75,7 @@ def index_contrast(
 ):
     """Return the contrast n - n_ambient of densities of any shape and an ambient density [kg/m3].
 
-    With a = 2/3 K rho, Lorentz-Lorenz gives n^2 - 1 = q = 3 a / (1 - a), so the contrast is
-    (q - q_ambient) / (n + n_ambient) with q - q_ambient = 3 (a - a_ambient) / ((1 - a) (1 - a_ambient)). The only
-    difference taken is that of the densities.
+    The only difference taken is that of the densities.
 
     Raises:
         ValueError: An unknown relation, a constant outside 1e-5 to 1e-2 m3/kg, or densities for which Lorentz-Lorenz
@@ -109,19 +99,6 @@ def index_contrast(
     index = np.sqrt(1.0 + 2.0 * gladstone_dale * density / inside)
     ambient_index = np.sqrt(1.0 + 2.0 * gladstone_dale * ambient_density / outside)
     return difference_of_squares / (index + ambient_index)
-
-
-def group_refractivity(density, gladstone_dale, group_constant, relation: str):
-    """Return n_g - 1 at densities [kg/m3], from K and the group constant [m3/kg], all of them arrays or numbers.
-
-    n depends on the wavelength through K alone: n_g = n + (K_g - K) dn/dK, and by Lorentz-Lorenz, with a = 2/3 K rho,
-    dn/dK = rho / (n (1 - a)^2).
-    """
-    if relation == "gladstone-dale":
-        return group_constant * density
-    excess = index_contrast(density, 0.0, gladstone_dale, relation)
-    slope = density / ((1.0 + excess) * (1.0 - 2.0 / 3.0 * gladstone_dale * density) ** 2)
-    return excess + (group_constant - gladstone_dale) * slope
 
 
 def _check(gladstone_dale: float | np.ndarray, relation: str) -> None:
@@ -148,18 +125,17 @@ class _AirRelation(NamedTuple):
     group_length: float = 0.0
 
 
-def _of_paper(wavelength: float, *, water: float, co2: float, group: bool) -> float:
-    return gladstone_dale_constant(wavelength, group=group)
-
-
 # Eq 2 exceeds Ciddor's constant by 1.2 % at 400 nm, 0.84 % at 532 nm, 0.46 % at 905 nm and 0.31 % at 1.6 um, its group
 # constant by 2.5 %, 1.8 %, 0.9 % and 0.5 %.
 AIR = {
-    "paper": _AirRelation((SHORTEST_WAVELENGTH, LONGEST), 1.2e-2, "the paper's eq 2", _of_paper, 1e-8),
+    "paper": _AirRelation(
+        (SHORTEST_WAVELENGTH, LONGEST), 1.2e-2, "the paper's eq 2",
+        lambda wavelength, *, group, **moisture: gladstone_dale_constant(wavelength, group=group), 1e-8,
+    ),
     "ciddor": _AirRelation(
         ciddor.RANGE, ciddor.UNCERTAINTY, "P. E. Ciddor, Applied Optics 35 (1996) 1566", ciddor.ciddor_constant
     ),
-}
+}  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -196,10 +172,7 @@ class RefractivityModel:
     def constant(self, wavelength: float, *, ambient: bool = False, group: bool = False):
         """Return the constant K [m3/kg] at a vacuum wavelength [m], an array if the composition varies in space.
 
-        Args:
-            wavelength: [m].
-            ambient: Return the constant of the ambient gas, which is always a number.
-            group: Return the group constant.
+        `ambient` returns that of the ambient gas, which is a number; `group` the group constant.
 
         Raises:
             ValueError: A wavelength outside the model's range.
@@ -217,11 +190,7 @@ class RefractivityModel:
     def refractivity(self, density, wavelength: float, *, ambient: bool = False, group: bool = False):
         """Return the refractivity n - 1 at densities [kg/m3] of any shape and a vacuum wavelength [m].
 
-        Args:
-            density: [kg/m3].
-            wavelength: [m].
-            ambient: Return that of the ambient gas.
-            group: Return n_g - 1 of the group index.
+        `ambient` returns that of the ambient gas, `group` n_g - 1 of the group index.
 
         Raises:
             ValueError: A wavelength outside the model's range, or a composition by cell of another shape.
@@ -230,39 +199,31 @@ class RefractivityModel:
         if not group:
             return refractivity(density, constant, self.form)
         of_group = self._at(density, self.constant(wavelength, ambient=ambient, group=True))
-        return group_refractivity(density, constant, of_group, self.form)
+        if self.form == "gladstone-dale":
+            return of_group * density
+        # n_g = n + (K_g - K) dn/dK, and with a = 2/3 K rho dn/dK = rho / (n (1 - a)^2).
+        excess = index_contrast(density, 0.0, constant, self.form)
+        slope = density / ((1.0 + excess) * (1.0 - 2.0 / 3.0 * constant * density) ** 2)
+        return excess + (of_group - constant) * slope
 
     def ambient_index(self, density: float, wavelength: float, *, group: bool = False) -> float:
         """Return the refractive index of the ambient gas at a density [kg/m3] and a vacuum wavelength [m]."""
         return 1.0 + float(self.refractivity(density, wavelength, ambient=True, group=group))
-
-    def upstream(self, wavelength: float, column: float = 0.0) -> Upstream:
-        """Return the errors of an index made by this model.
-
-        Args:
-            wavelength: Vacuum wavelength [m].
-            column: Root mean square error of integrals of the density along lines [kg/m2].
-        """
-        constant = float(np.max(self.constant(wavelength)))
-        return Upstream(constant * column, self.uncertainty, f"{self.name}: {self.source}")
 
     def field_arguments(
         self, ambient_density: float, wavelength: float, column: float, group: bool, again: Callable[..., IndexField]
     ) -> dict[str, Any]:
         """Return ambient_index, wavelength and upstream of an index field, as IndexField's constructors take them.
 
-        Args:
-            ambient_density: [kg/m3].
-            wavelength: Vacuum wavelength [m].
-            column: As for `upstream`.
-            group: Whether the field is that of the group index.
-            again: Makes the same field anew, with `group=True` that of the group index.
+        `column` is the rms error of columns of the density [kg/m2]; `again(group=True)` makes the field of the group
+        index, and `group` says that it is the one that is being made.
         """
         uncertainty = self.uncertainty
         if uncertainty == self._air.uncertainty:
             uncertainty = max(uncertainty, self._air.group_length / wavelength)
         constant, of_group = (self.constant(wavelength, ambient=True, group=one) for one in (False, True))
-        made = self.upstream(wavelength, column)
+        columns = float(np.max(self.constant(wavelength))) * column
+        made = Upstream(columns, self.uncertainty, f"{self.name}: {self.source}")
         if group:
             made = replace(made, refractivity=uncertainty)
         else:
@@ -275,11 +236,7 @@ class RefractivityModel:
     def contrast(self, density, ambient_density: float, wavelength: float, *, group: bool = False):
         """Return the contrast n - n_ambient of densities of any shape and an ambient one [kg/m3] at a wavelength [m].
 
-        Args:
-            density: [kg/m3].
-            ambient_density: [kg/m3].
-            wavelength: [m].
-            group: Return that of the group index.
+        `group` returns that of the group index.
 
         Raises:
             ValueError: A wavelength outside the model's range, or a composition by cell of another shape.
@@ -320,14 +277,13 @@ def refractivity_model(
             K(wavelength) unless `constant` or `composition` is given. None is "ciddor", or "gladstone-dale" where one
             of these is given.
         constant: K [m3/kg] for "gladstone-dale" or "lorentz-lorenz".
-        composition: For these two a `Composition`, or mole fractions by species, for example
-            {"N2": 0.79, "O2": 0.21}. For "ciddor" the mole fractions {"H2O": in the moist air, "CO2": in the dry air},
-            each of which may be omitted.
+        composition: For these two a `Composition`, or mole fractions by species, {"N2": 0.79, "O2": 0.21} say. For
+            "ciddor" the mole fractions {"H2O": in the moist air, "CO2": in the dry air}, each of which may be omitted.
 
     Raises:
         TypeError: A composition that is neither a mapping nor a Composition.
-        ValueError: An unknown relation, a constant that is not positive, unknown species, fractions that do not add up
-            to 1, or a constant or composition that the relation does not take.
+        ValueError: An unknown relation, species or fraction, or a constant or composition that the relation does not
+            take.
     """
     relation = relation or default_relation(constant is not None, composition is not None)
     check_choice(relation, "relation", MODELS)

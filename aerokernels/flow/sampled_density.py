@@ -22,37 +22,6 @@ from aerokernels.medium.mesh import GEOMETRIES
 from aerokernels.medium.mesh_samples import MeshSamples
 
 
-@dataclass(frozen=True, eq=False)
-class WallDensity:
-    """Densities at points of walls: at the ends and the midpoints of the cells' edges.
-
-    Attributes:
-        points: Positions (y, z) or (r, z) [m], shape (n, 2).
-        density: [kg/m3], shape (n,).
-
-    Raises:
-        ValueError: Arrays of other shapes, or densities that no gas has.
-    """
-
-    points: np.ndarray
-    density: np.ndarray
-
-    def __post_init__(self):
-        """Check the densities."""
-        points, density = np.array(self.points, dtype=np.float64), np.array(self.density, dtype=np.float64)
-        if density.ndim != 1 or points.shape != (len(density), 2):
-            raise ValueError(f"walls have points of shape (n, 2) and n densities, got {points.shape}, {density.shape}")
-        if wrong := no_gas(density):
-            raise ValueError(f"{wrong[1]} of {len(density)} densities at walls are {wrong[0]}: repair the flow file")
-        for name, values in (("points", points), ("density", density)):
-            values.setflags(write=False)
-            object.__setattr__(self, name, values)
-
-    def scaled(self, ratio: float) -> "WallDensity":
-        """Return the wall densities multiplied by a ratio."""
-        return replace(self, density=self.density * ratio)
-
-
 class SampledDensity(DensityField):
     """Base class of density fields given by samples on a mesh or a grid."""
 
@@ -61,7 +30,7 @@ class SampledDensity(DensityField):
     conditions: FreeStream | None
     composition: Composition | None
     density: np.ndarray
-    wall: WallDensity | None = None
+    wall: tuple[np.ndarray, np.ndarray] | None = None
     _column_error = 0.0  # error of the integral of density along z [kg/m2] from resampling
 
     @property
@@ -73,8 +42,7 @@ class SampledDensity(DensityField):
     def scaled(self, ambient_density: float):
         """Return the same flow at another ambient density [kg/m3], with every density ratio unchanged.
 
-        A solution of the Euler equations remains one, at the same Mach number and temperature, when density and
-        pressure are multiplied by one factor. A viscous flow would change with its Reynolds number.
+        A solution of the Euler equations remains one, at the same Mach number and temperature.
         """
         ratio = check_positive(ambient_density, "ambient_density") / self.ambient_density
         return replace(  # type: ignore[type-var]
@@ -83,7 +51,7 @@ class SampledDensity(DensityField):
             ambient_density=float(ambient_density),
             conditions=None if self.conditions is None else self.conditions.at_density(self.conditions.density * ratio),
             provenance=f"{self.provenance}; densities multiplied by {ratio:.8g}".lstrip("; "),
-            **({} if self.wall is None else {"wall": self.wall.scaled(ratio)}),
+            **({} if self.wall is None else {"wall": (self.wall[0], self.wall[1] * ratio)}),
         )
 
     @checked
@@ -99,21 +67,18 @@ class SampledDensity(DensityField):
     ) -> IndexField:
         """Return the contrast n - n_ambient on the same mesh or grid as the densities.
 
-        The average of n over a cell is taken to be n of the average density. This is exact for Gladstone-Dale. For
-        Lorentz-Lorenz the error is the spread of (K rho)^2 / 6 within a cell, below 1e-8 for air.
+        The average of n over a cell is taken to be n of the average density: exact for Gladstone-Dale, for
+        Lorentz-Lorenz within 1e-8 for air.
 
         Args:
             wavelength: Vacuum wavelength [m], for K; stored with the index field.
-            relation: "paper", "ciddor", "gladstone-dale" or "lorentz-lorenz": see `refractivity_model`. The last two
-                take the paper's K(wavelength) unless `constant` or a composition is given, or the field has a
-                composition. None is "ciddor", or "gladstone-dale" where one of these is given.
+            relation: One of `MODELS`; None is "ciddor", or "gladstone-dale" with a constant or a composition: see
+                `refractivity_model`.
             constant: K [m3/kg].
             composition: A `Composition` or fractions of species from which K is computed; fractions may be arrays with
                 one entry for each density, in the same order. None takes the field's composition.
             interpolation: As in IndexField.from_mesh (None: "bilinear", or "conserving" where the walls have values of
-                their own) or IndexField.from_samples (None: "cubic"). Along rows of cells across a shock the integral
-                of the "bilinear" interpolant differs from the cell averages', at worst by about a per cent of the
-                range of densities.
+                their own) or IndexField.from_samples (None: "cubic").
             group: Make the field of the group index, by which a pulse travels; `trace` needs it only where the gas
                 varies.
 
@@ -134,8 +99,8 @@ class SampledDensity(DensityField):
         again = partial(self.index_field, wavelength, relation, composition=composition, interpolation=interpolation)
         walls = {}
         if self.wall is not None and not composition:
-            at_walls = model.contrast(self.wall.density, self.ambient_density, wavelength, group=group)
-            walls["walls"] = self.wall.points, at_walls
+            points, density = self.wall
+            walls["walls"] = points, model.contrast(density, self.ambient_density, wavelength, group=group)
         return self._index(
             contrast,
             interpolation,
@@ -172,7 +137,7 @@ class MeshDensity(SampledDensity):
         if not isinstance(self.mesh, QuadMesh):
             raise TypeError(f"mesh must be a QuadMesh, got {type(self.mesh).__name__}: see QuadMesh.structured")
         refuse_masked(self.density, "density")
-        object.__setattr__(self, "ambient_density", check_density(self.ambient_density, "ambient_density"))
+        self.set_fields(ambient_density=check_density(self.ambient_density, "ambient_density"))
 
     def _check_shape(self, density: np.ndarray, shapes: list[tuple[int, ...]], wanted: str) -> None:
         if density.shape not in shapes:
@@ -205,15 +170,14 @@ class CellDensity(MeshDensity):
         conditions: The free stream, or None where the gas is at rest.
         provenance: Where the field comes from, in words.
         composition: The gas, where it is a mixture that is known cell by cell; None for one gas.
-        wall: The solver's densities at walls, or None.
+        wall: Points of walls (y, z) or (r, z) [m], shape (n, 2), and the solver's densities there [kg/m3]; or None.
 
     Raises:
         TypeError: The mesh is not a QuadMesh.
-        ValueError: Densities that are not positive and finite or are too great for a gas (the message says how many,
-            and where the first is), or a number of densities other than the number of cells.
+        ValueError: Densities that no gas has, or a number of them other than the number of cells.
     """
 
-    wall: WallDensity | None = field(default=None, kw_only=True)
+    wall: tuple[np.ndarray, np.ndarray] | None = field(default=None, kw_only=True)
 
     def __post_init__(self):
         """Check the densities."""
@@ -223,8 +187,10 @@ class CellDensity(MeshDensity):
         density = density.ravel()
         if wrong := no_gas(density):
             self._refuse(density, *wrong)
-        density.setflags(write=False)
-        object.__setattr__(self, "density", density)
+        if self.wall is not None and (wrong := no_gas(self.wall[1])):
+            total = len(self.wall[1])
+            raise ValueError(f"{wrong[1]} of {total} densities at walls are {wrong[0]}: repair the flow file")
+        self.set_fields(density=density)
 
     def _refuse(self, density: np.ndarray, fault: str, count: int, first: int) -> NoReturn:
         place = f"cell {first}"
@@ -254,9 +220,6 @@ class CellDensity(MeshDensity):
     def columns(self, position: Numbers, direction: Numbers) -> np.ndarray:
         """Return integrals of (density - ambient density) along whole lines [kg/m2], exact for the cell averages.
 
-        See `aerokernels.medium.mesh_columns`. Rays see an interpolant of the averages or, with the interpolation
-        "cells", the averages themselves.
-
         Args:
             position: A point on each line [m], shape (line_count, 3) or (3,).
             direction: Unit vectors, shape (line_count, 3) or (3,).
@@ -264,7 +227,7 @@ class CellDensity(MeshDensity):
         Raises:
             ValueError: Directions that are not unit vectors, or lines along x of a planar field.
         """
-        from aerokernels.medium.mesh_columns import mesh_columns
+        from aerokernels.medium.mesh_samples import mesh_columns
 
         return mesh_columns(self.mesh, self.density - self.ambient_density, position, direction)
 
@@ -297,7 +260,7 @@ class VertexDensity(MeshDensity):
         self._check_mesh()
         density = _checked(self.density, "at vertices")
         self._check_shape(density, self.mesh.array_shapes[0], f"{len(self.mesh.vertices)} vertices")
-        object.__setattr__(self, "density", density.reshape(-1))
+        self.set_fields(density=density.reshape(-1))
 
     @checked
     def density_at(self, points: Numbers) -> np.ndarray:
@@ -362,9 +325,8 @@ class GridDensity(SampledDensity):
         origin, spacing = checked_axes(density.shape, self.origin, self.spacing)
         if self.geometry == "axisymmetric":
             check_starts_on_axis(origin, spacing)
-        for name, value in (("density", density), ("origin", origin), ("spacing", spacing)):
-            object.__setattr__(self, name, value)
-        object.__setattr__(self, "ambient_density", float(self.ambient_density))
+        ambient_density = float(self.ambient_density)
+        self.set_fields(density=density, origin=origin, spacing=spacing, ambient_density=ambient_density)
 
     @property
     def box(self) -> tuple[np.ndarray, np.ndarray]:
@@ -377,12 +339,15 @@ class GridDensity(SampledDensity):
 
         NaN inside the body and at points that are NaN; the ambient density outside the grid.
         """
+        from scipy.ndimage import map_coordinates
+
         local = local_points(points, self.geometry)
         low, high = self.box
         slack = 1e-12 * (high - low)
         inside = np.all((local >= low - slack) & (local <= high + slack), axis=1)
         density = np.full(len(local), self.ambient_density)
-        density[inside] = linear_between(self.density, self.origin, self.spacing, local[inside])
+        place = ((local[inside] - self.origin) / self.spacing).T
+        density[inside] = map_coordinates(self.density, place, order=1, mode="nearest", prefilter=False)
         return self._where_known(density, local)
 
     @property
@@ -399,14 +364,6 @@ class GridDensity(SampledDensity):
             cell_averages=self.cell_averages,
             **common,
         )
-
-
-def linear_between(samples: np.ndarray, origin, spacing, points: np.ndarray) -> np.ndarray:
-    """Return values at points (n, d), linear between the nodes of a grid; beyond the grid those at its edge."""
-    from scipy.ndimage import map_coordinates
-
-    place = ((points - origin) / spacing).T
-    return np.asarray(map_coordinates(samples, place, order=1, mode="nearest", prefilter=False))
 
 
 def _checked(density, what: str) -> np.ndarray:

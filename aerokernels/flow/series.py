@@ -1,7 +1,6 @@
 """Series: snapshots of a flow in time, each read when it is requested.
 
-A series has its times and, where all snapshots share one mesh, the mesh. `series[i]` is a DensityField;
-`series.density(i)` is the bare array, with which a hundred thousand snapshots can be processed quickly.
+`series[i]` is a DensityField; `series.density(i)` the bare array, for a hundred thousand snapshots one after another.
 """
 
 import hashlib
@@ -13,13 +12,12 @@ import numpy as np
 
 from aerokernels.derived import Derived
 from aerokernels.device_arrays import host_array
-from aerokernels.display.plain_text import cut
 from aerokernels.display.shown import shown
 from aerokernels.flow.density_field import DensityField
 from aerokernels.flow.gas import FreeStream, check_density
 from aerokernels.flow.sampled_density import CellDensity, GridDensity, SampledDensity, VertexDensity
 from aerokernels.inputs.arguments import seconds
-from aerokernels.inputs.checks import check_choice, check_positive
+from aerokernels.inputs.checks import check_choice
 from aerokernels.medium import Body, QuadMesh, SolidBody
 from aerokernels.medium.grid import checked_axes
 from aerokernels.medium.mesh import GEOMETRIES
@@ -54,8 +52,7 @@ class GridMesh(Derived):
         if len(shape) != dimension:
             raise ValueError(f"a {self.geometry} series has arrays of {dimension} axes, got shape {shape}")
         origin, spacing = checked_axes(shape, self.origin, self.spacing)
-        for name, value in (("origin", origin), ("spacing", spacing), ("shape", shape)):
-            object.__setattr__(self, name, value)
+        self.set_fields(origin=origin, spacing=spacing, shape=shape)
 
     @property
     def box(self) -> tuple[np.ndarray, np.ndarray]:
@@ -152,11 +149,7 @@ class Series:
         return array
 
     def mark(self, index: int = 0) -> str:
-        """Return a hash of a snapshot's samples, which distinguishes series of other contents.
-
-        The first snapshot of an iterator can still be read afterwards, and its others have no hash. The hash of a
-        formula, which has no samples, is empty.
-        """
+        """Return a hash of a snapshot's samples; empty for a formula, and after the first snapshot of an iterator."""
         number = self._number(index)
         if isinstance(self.get, InOrder) and number > 0:
             return ""
@@ -261,32 +254,10 @@ class InOrder:
             raise ValueError(f"the iterator ended before snapshot {number}: fewer snapshots than times") from None
 
 
-def times_of(time: Sequence[float] | None, step: float | None, start: float, count: int | None) -> np.ndarray:
-    """Return the times of a series [s], from a list of times or from a step."""
-    if time is not None and step is not None:
-        raise ValueError("give either time, one for each snapshot, or time_step")
-    if time is not None:
-        try:
-            times = np.array(seconds(np.asarray(time))).reshape(-1)
-        except (TypeError, ValueError):
-            got = cut(repr(time))
-            raise ValueError(f"time must be numbers of seconds, or dates, one for each snapshot, got {got}") from None
-        if count is not None and len(times) != count:
-            raise ValueError(f"{len(times)} times for {count} snapshots: give one for each")
-        return times
-    if step is None:
-        raise ValueError("a series needs times: give time, one for each snapshot in seconds, or time_step")
-    check_positive(step, "time_step", "s")
-    if count is None:
-        raise ValueError("an iterator does not say how many snapshots it has: give time, one for each, or count")
-    return start + step * np.arange(count)
-
-
 def on_known_geometry(flow: DensityField, known: Sequence[DensityField]) -> DensityField:
     """Return a flow with its mesh and body replaced by the equal mesh and body of a known flow, where there are such.
 
-    Geometry computed from a mesh or a body is cached on that object: with the same object, another snapshot or another
-    density field does not compute it again.
+    What is computed from a mesh or a body is cached on that object, and is then not computed again.
     """
     if not isinstance(flow, SampledDensity):
         return flow

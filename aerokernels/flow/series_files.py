@@ -12,8 +12,6 @@ from aerokernels.files.netcdf_reading import open_netcdf
 from aerokernels.flow.reading.arrays import ambient_attribute, known_names, stated_unit
 from aerokernels.flow.reading.density import DENSITY_NAMES
 from aerokernels.flow.reading.formats import files_behind, stamp
-from aerokernels.flow.reading.fractions import Fractions, mass_fractions, mixture_in_words, species_arrays
-from aerokernels.flow.sampled_density import GridDensity
 from aerokernels.flow.series import GridMesh, Series
 from aerokernels.inputs.arguments import seconds
 from aerokernels.inputs.checks import listed
@@ -24,57 +22,6 @@ from aerokernels.process.foreign_files import FileFault, check_file, check_room,
 TIME_NAMES = ("time", "t", "Time")
 # Fraction of a spacing by which nodes may deviate from an even grid: coordinates may be rounded to single precision.
 UNEVEN = 1e-3
-
-
-class Mixture:
-    """The variables of an xarray object that hold the fractions of species.
-
-    Attributes:
-        said: The variables used, in words.
-        identity: The variables used, as plain JSON types.
-    """
-
-    def __init__(self, name: str, data: Any, axes: tuple[str, ...], species: Any):
-        """Find the variables."""
-        if not hasattr(data, "data_vars"):
-            raise ValueError(
-                f"{name}: a single array has no species: give a dataset with the density and the fractions"
-            )
-        self._basis, self._arrays = species_arrays(name, [str(one) for one in data.data_vars], species)
-        self._name, self._clock, self._shares = name, axes[0], []
-        for variable in self._arrays.values():
-            own = data[variable]
-            if set(own.dims) not in (set(axes), set(axes[1:])):
-                raise ValueError(
-                    f"{name}: {variable} has axes {', '.join(map(str, own.dims))}, the density "
-                    f"{', '.join(axes)}: give both on the same ones"
-                )
-            self._shares.append(own.transpose(*(axis for axis in axes if axis in own.dims)))
-        self.said = mixture_in_words(self._basis, self._arrays)
-        self.identity = [self._basis, *map(list, self._arrays.items())]
-
-    def field(self, density: np.ndarray, where: GridMesh, ambient: float, own: dict, number: int) -> GridDensity:
-        """Return the density field of a snapshot, with its composition.
-
-        Args:
-            density: [kg/m3], on the grid.
-            where: The grid.
-            ambient: Density around the grid [kg/m3].
-            own: The body and the free stream, by name.
-            number: Number of the snapshot.
-        """
-        variables = [one.isel({self._clock: number}) if self._clock in one.dims else one for one in self._shares]
-        fractions = np.stack([np.asarray(one.values, dtype=np.float64).ravel() for one in variables])
-        label = f"{self._name}, snapshot {number}"
-        mass = mass_fractions(label, fractions, "node", self._arrays, self._basis)
-        density = np.array(density, dtype=np.float64)
-        partial = (mass * density.ravel()).reshape(-1, *density.shape)
-        ambient_partial = partial[..., -1].reshape(len(partial), -1).mean(axis=1)  # greatest z: the inflow
-        composition = Fractions(tuple(self._arrays), [], self.said).composition(partial, ambient_partial)
-        return GridDensity(
-            density, where.origin, where.spacing, where.geometry, ambient, where.cell_averages,
-            own["body"], own["conditions"], f"{label}; {self.said}", composition=composition,
-        )  # fmt: skip
 
 
 def opened(path: Path) -> tuple[Any, dict[str, Any]]:
@@ -110,13 +57,10 @@ def _zarr(path: Path, what: str, most_axes: float) -> Any:
 def series_of_dataset(data: Any, given: Mapping[str, Any], name: str, identity: Mapping[str, Any]) -> Series:
     """Return the series of an xarray object, of which one time at a time is read.
 
-    Args:
-        data: The object.
-        given: Arguments of `open_series` by name: those of `TAKES[WITH_TIME]` that the caller gives.
-        name: Its name, for messages.
-        identity: What identifies it, in plain JSON types.
+    `given` has the arguments of `open_series` that are for data with a time axis; `name` is for messages, and
+    `identity` tells the series from others, in plain JSON types.
     """
-    density, species = given.get("density"), given.get("species")
+    density = given.get("density")
     own: dict[str, Any] = {key: given.get(key) for key in ("body", "conditions")}
     unit = given.get("length_unit")
     if unit is not None:
@@ -141,7 +85,8 @@ def series_of_dataset(data: Any, given: Mapping[str, Any], name: str, identity: 
             f"{name}: {array.name} has axes {', '.join(map(str, array.dims))}: rename them to time and "
             "x, y, z, or y, z, or r, z"
         )
-    turned = {axis: slice(None, None, -1) for axis in axes if _falls(name, array.coords.get(axis))}
+    nodes = {axis: _along(name, array.coords[axis]) for axis in axes if axis in array.coords}
+    turned = {axis: slice(None, None, -1) for axis, own in nodes.items() if len(own) > 1 and own[0] > own[-1]}
     if turned:
         data, array = data.isel(turned), array.isel(turned)
     array = array.transpose(clock, *axes)
@@ -154,7 +99,10 @@ def series_of_dataset(data: Any, given: Mapping[str, Any], name: str, identity: 
         bool(given.get("cell_averages")),
     )
     times = _in_si(name, clock, array, "time")
-    described = name + _without_unit(array, clock)
+    stated = array.coords[clock].dtype.kind in "mM" or stated_unit(
+        {**array.coords[clock].encoding, **array.coords[clock].attrs}
+    )
+    described = name + ("" if stated else f"; no unit is stated, taken: {clock} in s")
     factor = _factor(name, stated_unit(attributes), "density", f"{array.name}")
     around = given.get("ambient_density")
     if around is None:
@@ -165,34 +113,18 @@ def series_of_dataset(data: Any, given: Mapping[str, Any], name: str, identity: 
     if np.ndim(around) or not np.can_cast(np.asarray(around).dtype, np.float64):
         raise ValueError(f"{name}: ambient_density must be one number, in kg/m3, got {str(around)[:40]!r}")
 
+    # At least a whole chunk of the file is read.
+    chunks = array.encoding.get("chunks") or array.encoding.get("chunksizes") or (0,)
+    counts = (np.prod(array.shape[1:], dtype=float), np.prod(chunks, dtype=float))
+    size = float(max(counts)) * array.dtype.itemsize
+
     def get(number: int) -> np.ndarray:
-        check_room(_snapshot_size(array), f"{name}: a snapshot")
+        check_room(size, f"{name}: a snapshot")
         values = _numbers(name, array.isel({clock: number}), "iuf")
         return values if factor == 1.0 else values * factor
 
     identity = {**identity, "variable": array.name}
-    if species is not None:
-        mixture = Mixture(name, data, array.dims, species)
-        identity["species"] = mixture.identity
-        return Series(
-            lambda number: mixture.field(get(number), where, float(around), own, number),
-            times, where, float(around), **own, provenance=f"{described}; {mixture.said}", identity=identity,
-        )  # fmt: skip
     return Series(get, times, where, float(around), **own, provenance=described, identity=identity)
-
-
-def _without_unit(array: Any, clock: str) -> str:
-    """Say that times are taken in seconds although their unit is not stated."""
-    times = array.coords[clock]
-    stated = times.dtype.kind in "mM" or stated_unit({**times.encoding, **times.attrs})
-    return "" if stated else f"; no unit is stated, taken: {clock} in s"
-
-
-def _falls(name: str, coordinate: Any) -> bool:
-    if coordinate is None or coordinate.size < 2:
-        return False
-    values = _along(name, coordinate)
-    return bool(values[0] > values[-1])
 
 
 def _along(name: str, coordinate: Any) -> np.ndarray:
@@ -215,13 +147,6 @@ def _numbers(name: str, array: Any, kinds: str = "iufmM") -> np.ndarray:
     if values.dtype.kind not in kinds:
         raise ValueError(f"{name}: {array.name} holds no real numbers but {values.dtype}: write it again as numbers")
     return values
-
-
-def _snapshot_size(array: Any) -> float:
-    """Return the memory needed to read one time of an array [bytes]: at least a whole chunk of the file."""
-    chunks = array.encoding.get("chunks") or array.encoding.get("chunksizes") or (0,)
-    counts = (np.prod(array.shape[1:], dtype=float), np.prod(chunks, dtype=float))
-    return float(max(counts)) * array.dtype.itemsize
 
 
 def _in_si(name: str, axis: str, array: Any, dimension: str, unit: float | None = None) -> np.ndarray:

@@ -9,21 +9,22 @@ from functools import partial
 from importlib import import_module
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from aerokernels.device_arrays import host_array
+from aerokernels.display.plain_text import cut
 from aerokernels.flow.density_field import DensityField
 from aerokernels.flow.gas import FreeStream
-from aerokernels.flow.refractivity import refractivity_model
 from aerokernels.flow.sampled_density import CellDensity, GridDensity, VertexDensity
-from aerokernels.flow.series import GridMesh, InOrder, Series, mesh_of, times_of
+from aerokernels.flow.series import GridMesh, InOrder, Series, mesh_of
 from aerokernels.flow.series_files import opened, series_of_dataset
-from aerokernels.inputs.checks import check_path, warn_caller
-from aerokernels.inputs.wavelength import DEFAULT_WAVELENGTH
+from aerokernels.inputs.arguments import seconds
+from aerokernels.inputs.checks import check_path, check_positive, warn_caller
 from aerokernels.medium import Body, QuadMesh
 
+READING = "aerokernels.flow.reading"  # imported when it is needed
 FILES, WITH_TIME = "files that are read one by one", "data with a time axis"
 ARRAYS, FIELDS = "arrays", "density fields"
 # The arguments of each kind of source, apart from its times; all others are rejected, since the snapshots would have
@@ -31,7 +32,7 @@ ARRAYS, FIELDS = "arrays", "density fields"
 TAKES = {
     FILES: ("density", "ambient_density", "geometry", "spacing", "mesh", "species", "body", "conditions", "read"),
     WITH_TIME: (
-        "density", "ambient_density", "geometry", "length_unit", "cell_averages", "species", "body", "conditions",
+        "density", "ambient_density", "geometry", "length_unit", "cell_averages", "body", "conditions",
     ),
     ARRAYS: ("ambient_density", "geometry", "origin", "spacing", "mesh", "cell_averages", "body", "conditions"),
     FIELDS: ("ambient_density", "body", "conditions"),
@@ -93,14 +94,9 @@ def open_series(
         conditions: The free stream; likewise.
         read: Reads a numbered file, `read(path, **options)`, or one time of a case,
             `read(path, time=..., **options)`; None: `flow.read`.
-        species: Fractions of the species of which a file's gas is a mixture, as in `flow.read`; they may vary in time.
-            Density fields have their own, and bare arrays have none.
+        species: Fractions of the species of which the gas of files is a mixture, as in `flow.read`; they may vary in
+            time. Density fields have their own; arrays and data with a time axis have none.
         options: For `read`: the frame, the unit of length, and so on. Files with a time axis take `length_unit`.
-
-    Warns:
-        UserWarning: The density at the upstream end of a later file differs from that of the first one by more than
-            turbulence there explains, and by more than a thousandth of a wave along the box: the series holds several
-            flow conditions, but has one ambient density.
 
     Raises:
         TypeError: A source of none of these kinds, or an option that it does not have.
@@ -113,55 +109,41 @@ def open_series(
         "spacing": spacing, "mesh": mesh, "cell_averages": cell_averages or None, "body": body,
         "conditions": conditions, "read": read, "species": None if species is False else species,
     }  # fmt: skip
-    given = _Arguments({name: value for name, value in named.items() if value is not None}, options)
     if start_time != 0.0 and time_step is None:
         raise ValueError(f"start_time={start_time!r} goes with time_step: give it too")
-    clock = _Clock(time, time_step, start_time)
+    times = partial(times_of, time, time_step, start_time)
+    given = {name: value for name, value in named.items() if value is not None}
+    call = _Call(given, options, times, time is None)
     if isinstance(source, (str, bytes, os.PathLike)):
-        series = _of_path(check_path(source, "source"), given, clock)
+        series = _of_path(check_path(source, "source"), call)
     elif type(source).__module__.partition(".")[0] == "xarray":
-        series = clock.replace_in(_of_dataset(source, given, "xarray object", {}))
+        series = _of_dataset(source, call, "xarray object", {})
     else:
-        series = _of_items(source, given, count, clock)
+        series = _of_items(source, call, count)
+    if time is not None or time_step is not None:
+        series = replace(series, time=times(len(series)))
     if count is not None and count != len(series):
         raise ValueError(f"count={count}, but the source has {len(series)} snapshots: leave count out, or check it")
     return series
 
 
-class _Clock(NamedTuple):
-    """The times that a caller gives: one for each snapshot, or a step and the first."""
-
-    time: Sequence[float] | None
-    step: float | None
-    start: float
-
-    def of(self, count: int | None) -> np.ndarray:
-        return times_of(self.time, self.step, self.start, count)
-
-    def replace_in(self, series: Series) -> Series:
-        """Return a series with these times in place of its own; its own if none are given."""
-        return series if self.time is None and self.step is None else replace(series, time=self.of(len(series)))
-
-
 @dataclass(frozen=True)
-class _Arguments:
-    """The arguments that a caller of `open_series` gives, apart from times: its own by name, and further options."""
+class _Call:
+    """What a caller of `open_series` gives: arguments by name, further options, and the times of a count."""
 
     named: dict[str, Any]
     options: dict[str, Any]
-
-    @property
-    def values(self) -> dict[str, Any]:
-        """All arguments that are given."""
-        return self.named | {name: value for name, value in self.options.items() if value is not None}
+    times: Callable[[int | None], np.ndarray]
+    are_even: bool
 
     def check(self, source: str, kind: str) -> None:
         """Reject an argument that a kind of source has no use for: a TypeError for a name that there is not."""
         optical = [name for name in ("wavelength", "relation", "constant", "interpolation") if name in self.options]
-        if optical and "read" not in self.values:
+        if optical and "read" not in self.named:
             raise TypeError(f"a series holds densities: give {optical[0]} to optical_series, or to index_field")
         takes = (*TAKES[kind], *(self.options if kind == FILES else ()))
-        unused = [name for name in self.values if name not in takes]
+        values = self.named | {name: value for name, value in self.options.items() if value is not None}
+        unused = [name for name in values if name not in takes]
         if kind == FILES and isinstance(self.named.get("mesh"), QuadMesh):
             unused.append("QuadMesh as mesh")
         if unused:
@@ -186,45 +168,62 @@ class _Arguments:
         """Return the options with which a file is read: `read` has these arguments under the same names."""
         return self.only("density", "ambient_density", "geometry", "spacing", "mesh", "species") | self.options
 
-    def reader(self, name: str) -> "_Reader":
-        """Return what reads files, of a source of that name."""
-        self.check(name, FILES)
-        return _Reader(self.named.get("read"), self.for_files(), self.only("body", "conditions"))
+
+def times_of(time: Sequence[float] | None, step: float | None, start: float, count: int | None) -> np.ndarray:
+    """Return the times of a series [s], from a list of times or from a step."""
+    if time is not None and step is not None:
+        raise ValueError("give either time, one for each snapshot, or time_step")
+    if time is not None:
+        try:
+            times = np.array(seconds(np.asarray(time))).reshape(-1)
+        except (TypeError, ValueError):
+            got = cut(repr(time))
+            raise ValueError(f"time must be numbers of seconds, or dates, one for each snapshot, got {got}") from None
+        if count is not None and len(times) != count:
+            raise ValueError(f"{len(times)} times for {count} snapshots: give one for each")
+        return times
+    if step is None:
+        raise ValueError("a series needs times: give time, one for each snapshot in seconds, or time_step")
+    check_positive(step, "time_step", "s")
+    if count is None:
+        raise ValueError("an iterator does not say how many snapshots it has: give time, one for each, or count")
+    return start + step * np.arange(count)
 
 
-def _of_path(path: Path, given: _Arguments, clock: _Clock) -> Series:
+def _of_path(path: Path, call: _Call) -> Series:
     if any(letter in str(path) for letter in "*?[") and not path.exists():
-        reader = given.reader(str(path))
-        return _of_files(_matching(path), clock, reader)
-    lists = import_module("aerokernels.flow.reading.readers.vtk_files")
-    case = import_module("aerokernels.flow.reading.readers.foam_case")
+        call.check(str(path), FILES)
+        return _of_numbered(_matching(path), call, str(path))
+    lists = import_module(f"{READING}.readers.vtk_files")
+    case = import_module(f"{READING}.readers.foam_case")
     times: Any
     times, kind = None, "file"
     if path.suffix.lower() in lists.LISTS and path.is_file():
         entries = lists.collection(path)
         times = [entry.time for entry in entries]
         if len(set(times)) == len(times):
-            own = _of_files([entry.file for entry in entries], _Clock(times, None, 0.0), given.reader(str(path)))
-            return clock.replace_in(own)
+            return _of_files([entry.file for entry in entries], np.array(times), call, str(path))
         times = np.unique(times)  # several files make up one time: `read` the collection instead
     elif path.exists() and case.may_be_case(path) and case.is_case(path):
         times, kind = [one.value for one in case.case_times(case.case_folder(path))], "case"
     elif path.is_file():
-        times = import_module("aerokernels.flow.reading.formats").times_in(path, given.for_files())
+        times = import_module(f"{READING}.formats").times_in(path, call.for_files())
     if times is not None:
-        return clock.replace_in(_at_times(path, np.array(times), given.reader(str(path)), {kind: path.name}))
+        places = [(path, float(time)) for time in times]
+        identity = {kind: path.name, "times": [time for _, time in places]}
+        return _one_by_one(places, np.array(times), call, str(path), f"{path}, {len(places)} times", identity)
     data, attributes = opened(path)
-    return clock.replace_in(replace(_of_dataset(data, given, str(path), {"file": path.name}), **attributes))
+    return replace(_of_dataset(data, call, str(path), {"file": path.name}), **attributes)
 
 
-def _of_dataset(data: Any, given: _Arguments, name: str, identity: dict[str, Any]) -> Series:
-    given.check(name, WITH_TIME)
-    series = series_of_dataset(data, given.values, name, identity)
-    given.check_geometry(name, series.mesh)
+def _of_dataset(data: Any, call: _Call, name: str, identity: dict[str, Any]) -> Series:
+    call.check(name, WITH_TIME)
+    series = series_of_dataset(data, call.named | call.options, name, identity)
+    call.check_geometry(name, series.mesh)
     return series
 
 
-def _of_items(items: Any, given: _Arguments, count: int | None, clock: _Clock) -> Series:
+def _of_items(items: Any, call: _Call, count: int | None) -> Series:
     """Return the series of a list or an iterator of arrays, density fields or paths."""
     listed = hasattr(items, "__getitem__") and (hasattr(items, "__len__") or len(getattr(items, "shape", ())) > 0)
     if not listed and not isinstance(items, Iterable):
@@ -235,21 +234,21 @@ def _of_items(items: Any, given: _Arguments, count: int | None, clock: _Clock) -
     if listed and total == 0:
         raise ValueError("the series is empty: give at least one snapshot")
     if listed and isinstance(items[0], (str, os.PathLike)):
-        return _of_files([Path(item) for item in items], clock, given.reader("the list of paths"))
-    times, own = clock.of(total), given.only(*TAKES[FIELDS])
+        return _of_numbered([Path(item) for item in items], call, "the list of paths")
+    times, own = call.times(total), call.only(*TAKES[FIELDS])
     once = None if listed else InOrder(_with_own(item, own) for item in items)
     get: Callable[[int], Any] = once or (lambda number: _with_own(items[number], own))
     first, where = once.first() if once else get(0), "the list" if listed else "the iterator"
     if isinstance(first, DensityField):
-        given.check(where, FIELDS)
+        call.check(where, FIELDS)
         return _of_fields(get, times, first, "density fields", once=not listed)
-    array, values = host_array(first), given.named
-    given.check(where, ARRAYS)
+    array, values = host_array(first), call.named
+    call.check(where, ARRAYS)
     mesh = values.get("mesh")
     if mesh is not None:
         if not isinstance(mesh, QuadMesh):
             raise TypeError(f"mesh must be a QuadMesh, got {type(mesh).__name__}: see QuadMesh.structured")
-        given.check_geometry(where, mesh)
+        call.check_geometry(where, mesh)
         if of_grid := [name for name in ("origin", "spacing", "cell_averages") if name in values]:
             raise ValueError(f"arrays are on a mesh or on a grid: give mesh, or {of_grid[0]} and what belongs to it")
     elif not {"geometry", "origin", "spacing"} <= values.keys():
@@ -259,31 +258,55 @@ def _of_items(items: Any, given: _Arguments, count: int | None, clock: _Clock) -
         mesh = GridMesh(values["geometry"], origin, spacing, array.shape, "cell_averages" in values)
     if "ambient_density" not in values:
         raise ValueError("arrays need an ambient_density, that of the air around them, in kg/m3")
-    own = given.only("body", "conditions")
+    own = call.only("body", "conditions")
     return Series(get, times, mesh, float(values["ambient_density"]), **own, provenance="arrays", once=not listed)
 
 
-def _of_files(paths: list[Path], clock: _Clock, reader: "_Reader") -> Series:
+def _of_numbered(paths: list[Path], call: _Call, name: str) -> Series:
+    """Return the series of files without times of their own."""
+    call.check(name, FILES)
+    times = call.times(len(paths))
+    series = _of_files(paths, times, call, name)
+    if call.are_even:
+        _warn_of_gaps(paths)
+    return series
+
+
+def _of_files(paths: list[Path], times: np.ndarray, call: _Call, name: str) -> Series:
     missing = [path for path in paths if not path.exists()]
     if missing:
         raise ValueError(f"{missing[0]}: no such file ({len(missing)} of {len(paths)} are missing)")
-    times = clock.of(len(paths))
-    if clock.time is None:
-        _warn_of_gaps(paths)
     described = f"{len(paths)} files from {paths[0].name} to {paths[-1].name}"
-    return _of_fields(
-        lambda number: reader(paths[number]), times, reader(paths[0]), described,
-        identity={"files": [path.name for path in paths]}, stamp=lambda number: reader.stamp(paths[number]),
-    )  # fmt: skip
+    identity = {"files": [path.name for path in paths]}
+    return _one_by_one([(path,) for path in paths], times, call, name, described, identity)
 
 
-def _at_times(path: Path, times: np.ndarray, reader: "_Reader", identity: dict) -> Series:
-    """Return the series of a file or case with several times, each read by `reader(path, time=...)`."""
-    return _of_fields(
-        lambda number: reader(path, time=float(times[number])), times, reader(path, time=float(times[0])),
-        f"{path}, {len(times)} times", identity={**identity, "times": times.tolist()},
-        stamp=lambda number: reader.stamp(path, float(times[number])),
-    )  # fmt: skip
+def _one_by_one(
+    places: Sequence[tuple[Any, ...]], times: np.ndarray, call: _Call, name: str, described: str, identity: dict
+) -> Series:
+    """Return the series of files, or of times of one file: `places` has the path of each snapshot, and its time."""
+    call.check(name, FILES)
+    given, own, behind = call.for_files(), call.only("body", "conditions"), import_module(f"{READING}.formats")
+    read: Any = call.named.get("read")
+    if is_ours := read is None:
+        read = import_module(f"{READING}.read").Reader(**given)
+        given = read.options
+
+    def get(number: int) -> DensityField:
+        path, *time = places[number]
+        more = {"time": time[0]} if time else {}
+        field = read(path, **more) if is_ours else read(path, **given, **more)
+        if is_ours:
+            # The median of each file's own turbulence would tilt its wavefront: all get that of the first one.
+            given.setdefault("ambient_density", field.ambient_density)
+        changed: DensityField = _with_own(field, own)
+        return changed
+
+    def stamp(number: int) -> str:
+        path, *time = places[number]
+        return str(behind.stamp(behind.files_behind(path, given if is_ours else None, *time)))
+
+    return _of_fields(get, times, get(0), described, identity=identity, stamp=stamp)
 
 
 def _of_fields(get: Callable[[int], Any], times: np.ndarray, first: Any, described: str, **more: Any) -> Series:
@@ -304,66 +327,6 @@ def _with_own(item: Any, own: Mapping[str, Any]) -> Any:
     return replace(item, **own)  # type: ignore[type-var]
 
 
-class _Reader:
-    """Reads files, or one file at several times, as density fields; the first one read is the first snapshot.
-
-    All files get the ambient density of the first one, unless the caller gives it or a function that reads them. That
-    of each file would be the median of its own turbulence: on lines of unequal length through the grid its fluctuations
-    would tilt the wavefront. A file of other flow conditions has a far field that differs by more than turbulence, and
-    gets a warning.
-    """
-
-    def __init__(self, read: Callable[..., DensityField] | None, options: dict[str, Any], own: Mapping[str, Any]):
-        """Store the function, None for `flow.read`, its options, and attributes that replace those of the fields."""
-        self.options: dict[str, Any] | None = None  # those of `flow.read`
-        self._read: Any = partial(read, **options) if read is not None else None
-        if read is None:
-            self._read = import_module("aerokernels.flow.reading.read").Reader(**options)
-            self.options = self._read.options
-        self._own, self._first = own, np.empty(0)
-        self._is_watched = read is None and "ambient_density" not in options
-
-    def __call__(self, path: Path, **more: Any) -> DensityField:
-        """Read a file, or a time of it. Errors as in `flow.read`."""
-        field = self._read(path, **more)
-        if self._is_watched:
-            self._watch(path, field)
-        changed: DensityField = _with_own(field, self._own)
-        return changed
-
-    def stamp(self, path: Path, time: float | None = None) -> str:
-        """Return a text that changes when one of the files is written again that are read for a path at a time."""
-        behind = import_module("aerokernels.flow.reading.formats")
-        return str(behind.stamp(behind.files_behind(path, self.options, time)))
-
-    def _watch(self, path: Path, field: DensityField) -> None:
-        """Hold the ambient density of the first file, and warn of the first other one with another far field.
-
-        Its difference is that of another flow if it is three times the scatter of the densities there and changes the
-        optical path by more than the default tolerance.
-        """
-        assert self.options is not None
-        front = import_module("aerokernels.flow.reading.read").far_field(field, self._read.resampling)
-        low, middle, high = np.quantile(front[:: max(1, front.size // 2**17)], (0.16, 0.5, 0.84))
-        here = np.array([middle, 0.5 * (high - low)])
-        if not self._first.size:
-            self.options["ambient_density"], self._first = field.ambient_density, here
-            return
-        difference, scatter = abs(here[0] - self._first[0]), max(here[1], self._first[1])
-        length = float(field.box[1][-1] - field.box[0][-1])
-        constant = float(refractivity_model("gladstone-dale").constant(DEFAULT_WAVELENGTH))
-        waves = constant * difference * length / DEFAULT_WAVELENGTH
-        if difference > 3.0 * scatter and waves > 1e-3:
-            self._is_watched = False  # one warning for a series
-            warn_caller(
-                f"{path}: the density at its upstream end is {here[0]:.6g} kg/m3, in the first snapshot "
-                f"{self._first[0]:.6g} kg/m3, but all snapshots are taken to be in air of {field.ambient_density:.6g} "
-                f"kg/m3: {waves:.2g} waves along the box at {1e9 * DEFAULT_WAVELENGTH:.0f} nm. Open snapshots of "
-                "different flow conditions as separate series, or give density fields, which keep their own "
-                "ambient_density; if the conditions are the same, give ambient_density"
-            )
-
-
 def _matching(pattern: Path) -> list[Path]:
     """Return the files of a pattern, in order."""
     parts = pattern.parts
@@ -377,8 +340,7 @@ def _matching(pattern: Path) -> list[Path]:
 def in_order(paths: Sequence[Path]) -> list[Path]:
     """Return files ordered by the numbers in their names.
 
-    Files of a run are written at even steps, so the reading in which the numbers grow evenly is the right one; without
-    one they are counters.
+    Files of a run are written at even steps, so the reading in which the numbers grow evenly is the right one.
     """
     for reading in (COUNTERS, DECIMALS):
         ordered = sorted(paths, key=partial(_pieces, reading=reading))

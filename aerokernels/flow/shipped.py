@@ -15,9 +15,8 @@ from aerokernels.inputs.arguments import checked
 from aerokernels.medium import Body, QuadMesh, SolidBody
 
 _DATA = files(__package__) / "data"
-PLANE_NAMES = ("mach2", "mach3", "mach4")
 VOLUME = "dome-alpha10"
-_NAMES = (*PLANE_NAMES, VOLUME)
+_NAMES = ("mach2", "mach3", "mach4", VOLUME)
 
 
 def shipped_names() -> tuple[str, ...]:
@@ -61,11 +60,12 @@ def shipped(name: str) -> CellDensity | GridDensity:
         density, ambient_density, conditions = data["rho"], float(data["rho_inf"]), _free_stream(data)
     z[z == 0.0] = 0.0  # no negative zero at the nose tip
     mesh = QuadMesh.structured(radius, z, "axisymmetric")
+    wall = np.stack([radius[:, 0], z[:, 0]], axis=1)  # from the nose tip; the base goes back to the axis
     return CellDensity(
         mesh=mesh,
         density=density,
         ambient_density=ambient_density,
-        body=Body(_wall(radius, z), "axisymmetric"),
+        body=Body(np.vstack([wall, [0.0, z[-1, 0]]]), "axisymmetric"),
         conditions=conditions,
         provenance=f"shipped field {name}: rhoCentralFoam (OpenFOAM 1912), inviscid, "
         f"{density.shape[0]} x {density.shape[1]} cells",
@@ -94,12 +94,6 @@ def _volume(name: str) -> GridDensity:
 
 
 def _free_stream(data) -> FreeStream:
-    """Return the free stream from the stagnation state, by the relations with which the solver was initialised."""
+    """Return the free stream, by the relations with which the solver was initialised."""
     mach, pressure, temperature, gamma, gas = (float(data[name]) for name in ("mach", "p0", "T0", "gamma", "R"))
     return tunnel_conditions(mach, pressure, temperature, gamma=gamma, gas_constant=gas)
-
-
-def _wall(radius: np.ndarray, z: np.ndarray) -> np.ndarray:
-    """Return the model's outline, shape (k, 2): the wall from the nose tip, then the base back to the axis."""
-    wall = np.stack([radius[:, 0], z[:, 0]], axis=1)
-    return np.vstack([wall, [0.0, z[-1, 0]]])

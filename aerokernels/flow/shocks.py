@@ -1,15 +1,5 @@
 """Shock waves and expansions of a perfect gas in closed form.
 
-Normal shock (Rankine-Hugoniot), M the Mach number normal to it:
-
-    rho2 / rho1 = (g + 1) M^2 / ((g - 1) M^2 + 2),   p2 / p1 = 1 + 2 g / (g + 1) (M^2 - 1)
-
-Oblique shock of angle b that turns the flow by d:
-
-    tan d = 2 cot b (M^2 sin^2 b - 1) / (M^2 (g + cos 2b) + 2)
-
-Prandtl-Meyer function nu(M) = sqrt(k) atan(sqrt((M^2 - 1) / k)) - atan(sqrt(M^2 - 1)), k = (g + 1) / (g - 1).
-
 Reference: NACA Report 1135 (1953), eq 92-98, 138, 168, 171c. Air: g = 1.4.
 """
 

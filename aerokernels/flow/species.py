@@ -1,18 +1,9 @@
-r"""Refractivity of gases by species, and of their mixtures.
+"""Refractivity of gases by species, and of their mixtures.
 
-A published dispersion formula gives n - 1 at one reference state, in one of two forms (vacuum wavelength lambda in um):
-
-    "sum"         n - 1 = c0 + sum a / (b - 1 / lambda^2)
-    "sellmeier"   n^2 - 1 = sum a lambda^2 / (lambda^2 - b)
-
-Divided by the density of the real gas at that state, rho = p M / (Z R T) with Z = 1 + B p / (R T), it gives the
-species' constant K; n_g = n + 2 s dn/ds, s = 1 / lambda^2, gives the group constant. In a mixture the refractivities
-add: K = sum w K over mass fractions w.
-
-The coefficients are those of the refractiveindex.info database (CC0), each from the paper named with it. Second virial
-coefficients B are those of J. H. Dymond and E. B. Smith, The Virial Coefficients of Pure Gases and Mixtures (Oxford,
-1980), to about 1 cm3/mol, which is 4.5e-5 of the density. Mixed in dry air's proportions the constants agree with
-Ciddor's to 5e-5, the group constants to 6e-5.
+A published dispersion formula gives n - 1 at one reference state; over the density of the real gas there it gives the
+species' constant K, and K = sum w K over mass fractions. Coefficients are those of the refractiveindex.info database
+(CC0); virial coefficients of J. H. Dymond and E. B. Smith (Oxford, 1980). In dry air's proportions the constants agree
+with Ciddor's to 5e-5, the group constants to 6e-5.
 """
 
 from collections.abc import Mapping
@@ -33,12 +24,15 @@ WATER = "H2O"
 
 @dataclass(frozen=True)
 class Species:
-    """A gas and its dispersion.
+    """A gas and its dispersion, with the vacuum wavelength lambda in um.
+
+    "sum": n - 1 = c0 + sum a / (b - 1 / lambda^2). "sellmeier": n^2 - 1 = sum a lambda^2 / (lambda^2 - b). "ciddor":
+    the vapour of Ciddor's moist air.
 
     Attributes:
         name: Chemical formula.
         molar_mass: [kg/mol].
-        form: "sum" or "sellmeier".
+        form: "sum", "sellmeier" or "ciddor".
         coefficients: (c0, a, b, a, b, ...) for "sum", (a, b, a, b, ...) for "sellmeier".
         wavelength_range: Vacuum wavelengths for which the formula was fitted [m].
         temperature: Temperature of the reference state [K].
@@ -77,6 +71,8 @@ class Species:
                 f"wavelength {wavelength:g} m is outside {low * 1e6:g} to {high * 1e6:g} um, where the refractivity of "
                 f"{self.name} is known: {self.source}"
             )
+        if self.form == "ciddor":
+            return self.constant(wavelength, group=group) * self.reference_density
         square = 1.0 / (wavelength * 1e6) ** 2
         constant = self.coefficients[: len(self.coefficients) % 2]
         numbers = self.coefficients[len(constant) :]
@@ -92,14 +88,14 @@ class Species:
     def constant(self, wavelength: float, form: str = "gladstone-dale", *, group: bool = False) -> float:
         """Return the constant K [m3/kg] at a vacuum wavelength [m].
 
-        Args:
-            wavelength: [m].
-            form: "gladstone-dale", K = (n - 1) / rho, or "lorentz-lorenz", K = 3/2 (n^2 - 1) / (n^2 + 2) / rho.
-            group: Return the group constant K + 2 s dK/ds.
+        `form` is "gladstone-dale", K = (n - 1) / rho, or "lorentz-lorenz", K = 3/2 (n^2 - 1) / (n^2 + 2) / rho; `group`
+        returns the group constant.
 
         Raises:
             ValueError: A wavelength outside the formula's range.
         """
+        if self.form == "ciddor":  # at the density of the vapour, below 1e-2 kg/m3, the two forms agree to 1e-6
+            return ciddor.ciddor_constant(wavelength, water=1.0, group=group)
         excess = self.refractivity(wavelength)
         turned = self.refractivity(wavelength, group=True) - excess if group else 0.0
         if form == "lorentz-lorenz":
@@ -138,9 +134,11 @@ _TABLE = [
      (273.0, 100000.0), _BORZSONYI),
     ("Xe", 131.293, "sellmeier", (103701.61e-8, 12.75e-3, 31228.61e-8, 0.561e-3), (0.4, 1.0), -154.0, 3e-3,
      (273.0, 100000.0), _BORZSONYI),
+    # Fitted to moist air: the uncertainty is 1 % of the vapour's contribution.
+    (WATER, 18.015, "ciddor", (), (0.3, 1.69), -1240.0, 1e-2, (293.15, 1333.0), "Ciddor (1996)"),
 ]  # fmt: skip
 SPECIES: dict[str, Species] = {row[0]: _gas(*row) for row in _TABLE}
-SPECIES_NAMES = (*SPECIES, WATER)
+SPECIES_NAMES = tuple(SPECIES)
 
 
 @dataclass(frozen=True, eq=False)
@@ -206,11 +204,8 @@ class Composition:
     def constant(self, wavelength: float, form: str = "gladstone-dale", *, ambient: bool = False, group: bool = False):
         """Return the constant K [m3/kg] of the mixture at a vacuum wavelength [m], a number or an array: sum of w K.
 
-        Args:
-            wavelength: [m].
-            form: "gladstone-dale" or "lorentz-lorenz": see Species.constant.
-            ambient: Return the constant of the ambient gas.
-            group: Return the group constant, which adds up likewise.
+        `form` is "gladstone-dale" or "lorentz-lorenz": see Species.constant; `ambient` returns the constant of the
+        ambient gas, `group` the group constant.
 
         Raises:
             ValueError: A wavelength outside the range of one of the species' formulas.
@@ -222,21 +217,18 @@ class Composition:
     @property
     def range(self) -> tuple[float, float]:
         """Vacuum wavelengths at which every species' formula holds [m]."""
-        bands = [ciddor.RANGE if name == WATER else SPECIES[name].wavelength_range for name in self._names]
+        bands = [SPECIES[name].wavelength_range for name in self._names]
         return max(low for low, _ in bands), min(high for _, high in bands)
 
     @property
     def uncertainty(self) -> float:
         """Relative uncertainty of the constant: the greatest among those of its species."""
-        # Ciddor's water vapour was fitted to moist air: the uncertainty is 1 % of the vapour's contribution.
-        return max(1e-2 if name == WATER else SPECIES[name].uncertainty for name in self._names)
+        return max(SPECIES[name].uncertainty for name in self._names)
 
     @property
     def source(self) -> str:
         """The papers from which the constants come."""
-        return "; ".join(
-            dict.fromkeys("Ciddor (1996)" if name == WATER else SPECIES[name].source for name in self._names)
-        )
+        return "; ".join(dict.fromkeys(SPECIES[name].source for name in self._names))
 
     @property
     def _names(self) -> tuple[str, ...]:
@@ -249,24 +241,17 @@ def molar_mass(name: str) -> float:
     """Return the molar mass of a species [kg/mol]."""
     if name not in SPECIES_NAMES:
         raise ValueError(f"species {name!r} is not known: choose one of {', '.join(SPECIES_NAMES)}")
-    return ciddor.WATER_MOLAR_MASS if name == WATER else SPECIES[name].molar_mass
+    return SPECIES[name].molar_mass
 
 
 @checked
 def species_constant(name: str, wavelength: float, form: str = "gladstone-dale", *, group: bool = False) -> float:
     """Return the constant K of a species [m3/kg] at a vacuum wavelength [m]: refractivity over density.
 
-    Args:
-        name: One of `SPECIES_NAMES`: N2, O2, Ar, CO2, He, H2, Ne, Kr, Xe, H2O.
-        wavelength: [m].
-        form: "gladstone-dale" or "lorentz-lorenz": see Species.constant.
-        group: Return the group constant.
+    `name` is one of `SPECIES_NAMES`; `form` and `group` as in Species.constant.
 
     Raises:
         ValueError: An unknown species, or a wavelength outside the range of its formula.
     """
-    if name == WATER:
-        # At the density of the vapour, below 1e-2 kg/m3, the two forms agree to 1e-6.
-        return ciddor.ciddor_constant(wavelength, water=1.0, group=group)
     molar_mass(name)
     return SPECIES[name].constant(wavelength, form, group=group)

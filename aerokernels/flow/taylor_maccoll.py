@@ -1,28 +1,19 @@
-r"""Supersonic flow over a circular cone at zero incidence: the Taylor-Maccoll solution.
+"""Supersonic flow over a circular cone at zero incidence: the Taylor-Maccoll solution.
 
-Behind the attached conical shock the flow depends only on the polar angle t from the axis. With velocities in units of
-the free stream's speed, v_r along the ray from the tip, v_t across it, and the sound speed a,
-
-    v_r' = v_t                                                        (no vorticity)
-    v_t' = -v_r - a^2 (v_r + v_t cot t) / (a^2 - v_t^2)               (mass)
-    a^2  = 1 / M^2 + (g - 1) / 2 (1 - v_r^2 - v_t^2)                  (energy)
-
-from the shock, where the Rankine-Hugoniot relations hold, to the wall, where v_t = 0. The variables integrated are the
-deviations from the free stream, u = v_r - cos t and w = v_t + sin t, and the unknown is the shock's strength
-e = M^2 sin^2 b - 1 with the shock angle b. No step subtracts nearly equal numbers, so slender cones, with e of the
-order of the half angle's fourth power, are as accurate as blunt ones.
-
-References: G. I. Taylor and J. W. Maccoll, Proc. R. Soc. A 139 (1933) 278; J. D. Anderson, Modern Compressible Flow,
-3rd ed., ch. 10. Tables: J. L. Sims, NASA SP-3004 (1964).
+The variables integrated from shock to wall are the deviations from the free stream, u = v_r - cos t and w = v_t + sin
+t, and the unknown is the shock's strength e = M^2 sin^2 b - 1: no step subtracts nearly equal numbers, so slender cones
+are as accurate as blunt ones. References: G. I. Taylor and J. W. Maccoll, Proc. R. Soc. A 139 (1933) 278; J. D.
+Anderson, Modern Compressible Flow, 3rd ed., ch. 10. Tables: J. L. Sims, NASA SP-3004 (1964).
 """
 
 import math
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
 from aerokernels.flow.gas import GAMMA_AIR, stagnation_ratio
-from aerokernels.flow.shocks import check_supersonic, density_jump, maximum_deflection, oblique_shock
+from aerokernels.flow.shocks import Shock, check_supersonic, density_jump, maximum_deflection, oblique_shock
 from aerokernels.inputs.arguments import Numbers, checked
 
 # Below this half angle the shock's strength is less than 1e-24 and the flow is the free stream to double precision.
@@ -32,83 +23,35 @@ TOLERANCE = 1e-13
 PARTS = 16
 
 
-@dataclass(frozen=True, eq=False)
-class ConicalProfile:
-    """The flow between wall and shock as a function of the angle below the shock, s = shock_angle - polar angle [rad].
-
-    Attributes:
-        depth: Increasing s, from 0 at the shock to the wall, shape (n,).
-        radial: u = v_r - cos t over the free stream's speed, shape (n,).
-        polar: w = v_t + sin t over the free stream's speed, shape (n,).
-        polar_slope: dw / ds, shape (n,).
-    """
-
-    depth: np.ndarray
-    radial: np.ndarray
-    polar: np.ndarray
-    polar_slope: np.ndarray
-
-    def deviation(self, depth: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the deviation (u, w) at each s between shock and wall, by cubics through values and slopes."""
-        right = np.clip(np.searchsorted(self.depth, depth), 1, len(self.depth) - 1)
-        width = self.depth[right] - self.depth[right - 1]
-        x = (depth - self.depth[right - 1]) / width
-        # du / ds = -w: the flow has no vorticity.
-        radial = _hermite(x, width, right, self.radial, -self.polar)
-        return radial, _hermite(x, width, right, self.polar, self.polar_slope)
-
-
-def _hermite(x, width, right, value, slope):
-    before, after = value[right - 1], value[right]
-    y = 1.0 - x
-    ends = before + x**2 * (3.0 - 2.0 * x) * (after - before)
-    return ends + width * x * y * (y * slope[right - 1] - x * slope[right])
-
-
 @dataclass(frozen=True)
-class ConeShock:
-    """The flow over a cone, relative to the free stream.
+class ConeShock(Shock):
+    """The flow over a cone, relative to the free stream; see `Shock` for the state just behind the shock.
 
     Attributes:
-        mach: Mach number of the free stream.
         half_angle: Half angle of the cone [rad].
-        shock_angle: Angle between the shock and the axis [rad].
-        deflection: Angle by which the shock turns the flow [rad]; the rest of the turn happens between shock and wall.
-        density_ratio: rho2 / rho1 across the shock.
-        pressure_ratio: p2 / p1 across the shock.
-        temperature_ratio: T2 / T1 across the shock.
-        stagnation_pressure_ratio: p02 / p01, the same everywhere behind the shock.
-        downstream_mach: Mach number just behind the shock.
         surface_mach: Mach number at the wall.
         surface_density_ratio: Density at the wall over that of the free stream.
         surface_pressure_ratio: Pressure at the wall over that of the free stream.
         surface_temperature_ratio: Temperature at the wall over that of the free stream.
         gamma: Ratio of specific heats.
-        profile: The flow between wall and shock.
+        profile: SciPy's spline of u = v_r - cos t and w = v_t + sin t, over the free stream's speed, in the angle below
+            the shock s = shock_angle - t [rad], t the polar angle.
     """
 
-    mach: float
     half_angle: float
-    shock_angle: float
-    deflection: float
-    density_ratio: float
-    pressure_ratio: float
-    temperature_ratio: float
-    stagnation_pressure_ratio: float
-    downstream_mach: float
     surface_mach: float
     surface_density_ratio: float
     surface_pressure_ratio: float
     surface_temperature_ratio: float
     gamma: float
-    profile: ConicalProfile = field(repr=False, compare=False)
+    profile: Any = field(repr=False, compare=False)
 
     @checked
     def density_ratio_at(self, polar_angle: Numbers) -> np.ndarray:
         """Return density over that of the free stream at polar angles [rad]; inside the body the value at the wall."""
         angle = np.asarray(polar_angle, dtype=np.float64)
         ahead = angle > self.shock_angle  # NaN is not, and stays NaN
-        u, w = self.profile.deviation(self._depth(angle))
+        u, w = self._deviation(angle)
         excess = temperature_excess(self.mach, self.gamma, np.clip(angle, self.half_angle, self.shock_angle), u, w)
         ratio = self.stagnation_pressure_ratio * (1.0 + excess) ** (1.0 / (self.gamma - 1.0))
         return np.where(ahead, 1.0, ratio)
@@ -117,17 +60,17 @@ class ConeShock:
     def velocity_at(self, polar_angle: Numbers) -> tuple[np.ndarray, np.ndarray]:
         """Return the radial and polar velocity about the tip, over the free stream's speed, at polar angles [rad].
 
-        The polar velocity is positive toward greater angles, so it is negative here. Inside the body both have their
-        values at the wall.
+        The polar velocity is positive toward greater angles. Inside the body both have their values at the wall.
         """
         angle = np.asarray(polar_angle, dtype=np.float64)
         ahead = angle > self.shock_angle
         outside = np.maximum(angle, self.half_angle)
-        u, w = self.profile.deviation(self._depth(angle))
+        u, w = self._deviation(angle)
         return np.cos(outside) + np.where(ahead, 0.0, u), np.where(ahead, 0.0, w) - np.sin(outside)
 
-    def _depth(self, angle: np.ndarray) -> np.ndarray:
-        return np.clip(self.shock_angle - angle, 0.0, self.profile.depth[-1])
+    def _deviation(self, angle: np.ndarray) -> np.ndarray:
+        """Return (u, w), shape (2, ...), at polar angles [rad], those outside moved to the shock or to the wall."""
+        return np.moveaxis(self.profile(np.clip(self.shock_angle - angle, 0.0, self.profile.x[-1])), -1, 0)
 
 
 def temperature_excess(mach, gamma, angle, u, w):
@@ -283,6 +226,8 @@ def _wall_angle(mach: float, strength: float, gamma: float, floor: float) -> flo
 
 
 def _assemble(mach: float, half_angle: float, gamma: float, strength: float) -> ConeShock:
+    from scipy.interpolate import CubicHermiteSpline
+
     shock_angle, solution, slope = _integrate(mach, strength, gamma, half_angle, wall=False, dense=True)
     steps = solution.t
     depth = np.append((steps[:-1, None] + np.diff(steps)[:, None] * np.arange(PARTS) / PARTS).ravel(), steps[-1])
@@ -290,24 +235,18 @@ def _assemble(mach: float, half_angle: float, gamma: float, strength: float) -> 
     polar_slope = np.array(
         [slope(s, state)[1] for s, state in zip(depth, zip(radial, polar, strict=True), strict=True)]
     )
-    for array in (depth, radial, polar, polar_slope):
-        array.setflags(write=False)
-
+    # du / ds = -w: the flow has no vorticity.
+    profile = CubicHermiteSpline(depth, np.stack([radial, polar], axis=1), np.stack([-polar, polar_slope], axis=1))
     density = density_jump(1.0 + strength, gamma)
     pressure = 1.0 + 2.0 * gamma / (gamma + 1.0) * strength
     stagnation = stagnation_ratio(density, pressure, gamma)
-    state = {
-        name: (
+    (temperature, speed), (wall_temperature, wall_speed) = (
+        (
             1.0 + float(temperature_excess(mach, gamma, angle, u, w)),
             math.hypot(math.cos(angle) + u, w - math.sin(angle)),
         )
-        for name, angle, u, w in (
-            ("behind", shock_angle, radial[0], polar[0]),
-            ("wall", half_angle, radial[-1], polar[-1]),
-        )
-    }
-    temperature, speed = state["behind"]
-    wall_temperature, wall_speed = state["wall"]
+        for angle, u, w in ((shock_angle, radial[0], polar[0]), (half_angle, radial[-1], polar[-1]))
+    )
     return ConeShock(
         mach=mach,
         half_angle=half_angle,
@@ -323,5 +262,5 @@ def _assemble(mach: float, half_angle: float, gamma: float, strength: float) -> 
         surface_pressure_ratio=stagnation * wall_temperature ** (gamma / (gamma - 1.0)),
         surface_temperature_ratio=wall_temperature,
         gamma=gamma,
-        profile=ConicalProfile(depth, radial, polar, polar_slope),
+        profile=profile,
     )

@@ -134,8 +134,14 @@ def _accepted(value: Any, parameter: str, taken: Kinds | None, name: str) -> Any
     if not is_plain and type(value) is not np.ndarray:
         value = on_host(value)
         refuse_masked(value, parameter)
+    kind = type(value)
     if taken is None:
         return value
+    if kind in taken.members:  # most arguments
+        if kind in (str, bool, type(None)) or (is_plain and abs(value) <= GREAT and parameter != "seed"):
+            return value
+        if kind is np.ndarray and not taken.has_classes and value.ndim and value.dtype.char in "fdbhilqBHILQ?":
+            return value
     if not taken.has_classes:
         # Numbers that need more digits than half precision has.
         if not is_plain and (taken.unit or parameter in ("opd", "direction")):

@@ -30,10 +30,11 @@ class Kinds:
         self.unit = "" if Callable in self.members else unit  # that of a function's description is its argument's
         self.are_numbers = float in self.members or int in self.members
         # Whether it accepts objects of classes, or tuples.
-        self.has_classes = any(
-            isinstance(kind, tuple) or (isinstance(kind, type) and kind not in (*_NOUNS, float, int))
-            for kind in self.members
-        )
+        known = (*_NOUNS, float, int)
+        classes = [
+            one for one in self.members if isinstance(one, tuple) or (isinstance(one, type) and one not in known)
+        ]
+        self.has_classes = bool(classes)
 
     def plain(self, value: Any, parameter: str, owner: str) -> Any:
         """Return the value; a single number as Python's float or, where only whole ones make sense, as its int.

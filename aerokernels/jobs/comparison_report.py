@@ -173,9 +173,6 @@ def notes(found: BenchComparison) -> list[str]:
             for one in found.labels
             for error in [one.covering * one.trigger_offset_error if is_measured else None]
         ),
-        "The simulation is interpolated at the recorded times by a spline, because it is smooth and finely sampled; "
-        "recorded samples are unchanged.",
-        "Both peak errors are recorded minus simulated peak; the paper's Table 4 divides by the simulated one.",
         f"Degrees of correlation: {degrees}.",
         f"At most {found.options.ranged_count} echoes of a label, chosen at random, were ranged one by one.",
     ]
@@ -193,11 +190,7 @@ def notes(found: BenchComparison) -> list[str]:
 
 
 def write_comparison(found: BenchComparison, out: Path) -> list[str]:
-    """Write compare.csv, compare.nc, compare.png, summary.json and report.html to `out`: all of them, or none.
-
-    Returns:
-        Names of the files written.
-    """
+    """Write compare.csv, compare.nc, compare.png, summary.json and report.html: all or none; return their names."""
     rows = [one.row() for one in found.labels]
     with house_style():
         picture = png(waveforms_figure(found))

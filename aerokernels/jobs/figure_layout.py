@@ -5,12 +5,10 @@ draw every figure twice or more.
 """
 
 import io
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
-
-from aerokernels.process.foreign_files import fault_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -121,12 +119,3 @@ def png(figure: "Figure") -> bytes:
     with house_style():
         figure.savefig(buffer, format="png", pil_kwargs={"compress_level": 4})
     return buffer.getvalue()
-
-
-def png_or_fault(draw: "Callable[[], Figure]") -> bytes | str:
-    """Return the figure that `draw` makes as a PNG file, or the error on one line: a report needs no figure."""
-    try:
-        with house_style():
-            return png(draw())
-    except Exception as fault:
-        return fault_text(fault, None)

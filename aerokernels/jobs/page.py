@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 from aerokernels.display.plain_text import plain
 from aerokernels.display.shown import NOTHING
-from aerokernels.jobs.figure_layout import png_or_fault
+from aerokernels.jobs.figure_layout import house_style, png
+from aerokernels.process.foreign_files import fault_text
 from aerokernels.process.opened import OPENED
 
 if TYPE_CHECKING:
@@ -42,19 +43,20 @@ def page(
 
 
 def drawn(pictures: Iterable[Picture]) -> list[Figure]:
-    """Draw figures; one that cannot be drawn is replaced by the reason."""
-    images = ((name, caption, png_or_fault(draw)) for name, caption, draw in pictures)
-    return [(name, caption, f"({image})" if isinstance(image, str) else image) for name, caption, image in images]
+    """Draw figures; one that cannot be drawn is replaced by the reason, since a report needs no figure."""
+    figures: list[Figure] = []
+    for name, caption, draw in pictures:
+        try:
+            with house_style():
+                figures.append((name, caption, png(draw())))
+        except Exception as fault:
+            figures.append((name, caption, fault_text(fault, None)))
+    return figures
 
 
 def table(title: str, columns: Sequence[str], rows: Iterable[Sequence[str]]) -> dict[str, Any]:
     """Return a section with a table."""
     return {"title": title, "table": (columns, list(rows))}
-
-
-def named_values(title: str, rows: Iterable[tuple[str, str]]) -> dict[str, Any]:
-    """Return a section with a table of names and values."""
-    return {"title": title, "rows": list(rows)}
 
 
 def embedded(data: bytes) -> str:

@@ -6,16 +6,15 @@ The page is self-contained: figures are embedded, and it loads nothing.
 import json
 import math
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from aerokernels.display.quantities import WORTHLESS, Quantity, listed, two_digits
 from aerokernels.display.shown import NOTHING, told
 from aerokernels.jobs import plots
-from aerokernels.jobs.figure_layout import png_or_fault
 from aerokernels.jobs.numbers import NUMBERS, TEXTS, is_ratio, quantity_of
-from aerokernels.jobs.page import named_values, page
+from aerokernels.jobs.page import Figure, drawn, page
 from aerokernels.jobs.store import number_or_nan, to_json
 
 if TYPE_CHECKING:
@@ -78,46 +77,29 @@ def remark_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
     return rows
 
 
-def draw_pictures(dataset: "xarray.Dataset") -> tuple[dict[str, bytes], dict[str, str]]:
-    """Return the report's figures as PNG files by name, and by "picture NAME" why a figure could not be drawn.
-
-    A figure whose data are missing because a stage failed is in neither: the stage's own reason is reported.
-    """
-    drawn, undrawn = {}, {}
-    for name, (_, draw, needed) in plots.FIGURES.items():
-        if needed <= set(dataset.variables):
-            data = png_or_fault(partial(draw, dataset))
-            if isinstance(data, str):
-                undrawn[f"picture {name}"] = data
-            else:
-                drawn[name] = data
-    return drawn, undrawn
+def run_figures(dataset: "xarray.Dataset") -> list[Figure]:
+    """Draw the figures of a run, but for those whose data are missing because a stage failed."""
+    there = set(dataset.variables)
+    return drawn(
+        (name, caption, partial(draw, dataset))
+        for name, (caption, draw, needed) in plots.FIGURES.items()
+        if needed <= there
+    )
 
 
-def render_report(pictures: Mapping[str, bytes], summary: Mapping[str, Any], scene_text: str) -> str:
-    """Write the report.
-
-    Args:
-        pictures: PNG files by the names in `plots.FIGURES`, as `draw_pictures` makes them.
-        summary: The content of `summary.json`.
-        scene_text: The scene as it was run, with all defaults filled in.
-
-    Returns:
-        A complete HTML document.
-    """
+def render_report(figures: Sequence[Figure], summary: Mapping[str, Any], scene_text: str) -> str:
+    """Return the report as an HTML document: `figures` by `run_figures`, summary.json, and the scene as it was run."""
     version = str(summary.get("version"))
-    missing = "The reason is given at the top of the page."
-    figures = [(name, caption, pictures.get(name, missing)) for name, (caption, *_) in plots.FIGURES.items()]
     cite = f"The method follows the paper below; please cite it together with aerokernels {version}."
     return page(
         str(summary.get("title") or summary.get("scene", "run")),
         ", ".join(str(summary.get(key)) for key in ("backend", "device", "precision")) + f", aerokernels {version}",
         [
             {"title": "Pictures", "figures": figures},
-            named_values("Numbers (SI), each with its error", _numbers(summary)),
-            named_values("Error budget of the Strehl ratio", _budget(summary.get("error") or {})),
-            named_values("Plan: what was done, what was skipped, and why", _all_of(summary.get("plan", {}))),
-            named_values("Seconds per stage", _all_of(summary.get("seconds", {}))),
+            {"title": "Numbers (SI), each with its error", "rows": _numbers(summary)},
+            {"title": "Error budget of the Strehl ratio", "rows": _budget(summary.get("error") or {})},
+            {"title": "Plan: what was done, what was skipped, and why", "rows": _all_of(summary.get("plan", {}))},
+            {"title": "Seconds per stage", "rows": _all_of(summary.get("seconds", {}))},
             {"title": "Scene as it was run", "text": scene_text},
             {"title": "How to cite", "paragraphs": [cite], "text": CITATION},
         ],

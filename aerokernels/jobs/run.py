@@ -13,12 +13,12 @@ from aerokernels.flow import DensityField
 from aerokernels.focus import StrehlEstimate
 from aerokernels.focus.estimate import estimate_strehl
 from aerokernels.inputs.arguments import checked
-from aerokernels.jobs.report import draw_pictures, render_report
+from aerokernels.jobs.report import render_report, run_figures
 from aerokernels.jobs.run_files import RayFan, RunResult, scene_toml
 from aerokernels.jobs.store import REPORT_FILE, RESULT_FILE, SUMMARY_FILE, staged_folder, write_result, write_summary
 from aerokernels.lidar import EchoResult
 from aerokernels.lidar.parts import Setup, trace_options
-from aerokernels.lidar.rangefinder import VacuumEcho, check_echo
+from aerokernels.lidar.rangefinder import check_echo
 from aerokernels.lidar.simulate import echo_through
 from aerokernels.medium import IndexField
 from aerokernels.prepare import Prepared, prepare_field
@@ -55,13 +55,6 @@ def scene_strehl(scene: Scene, field: IndexField) -> StrehlEstimate:
         remove=scene.strehl.remove,
         allow_truncation=scene.trace.allow_truncation,
     )
-
-
-def _echo_with_errors(vacuum: VacuumEcho, field: IndexField, strehl: StrehlEstimate | None) -> EchoResult:
-    """Simulate the echo through a field from the scene's echo in vacuum, and compute its errors."""
-    echo = echo_through(field, vacuum, estimate=strehl)
-    _ = echo.quantities
-    return echo
 
 
 def scene_wavefront(scene: Scene, field: IndexField) -> Wavefront:
@@ -197,9 +190,13 @@ def run_stages(
             fan = attempted("fan", lambda: ray_fan(index, scene, prepared.front), "rays")
         timed("error", lambda: (strehl.quantities, waves and waves.opd_error))
         if with_echo:
-            echo = attempted(
-                "echo", lambda: _echo_with_errors(vacuum, index, None if scene.has_own_pupil else strehl), "echo"
-            )
+
+            def simulated() -> EchoResult:
+                found = echo_through(index, vacuum, estimate=None if scene.has_own_pupil else strehl)
+                _ = found.quantities  # the errors too, within the time of this stage
+                return found
+
+            echo = attempted("echo", simulated, "echo")
         else:
             failed["echo"] = "left out, as requested"
     seconds["total"] = stages["total"]
@@ -207,15 +204,15 @@ def run_stages(
 
 
 def write_run(result: RunResult, out: Path) -> dict[str, Any]:
-    """Write summary.json, result.nc and report.html to the folder `out`: all of them, or none; see `staged_folder`.
+    """Write summary.json, result.nc and report.html: all of them, or none; return the summary.
 
-    Returns:
-        The summary as it was written; its failures include any figure that could not be drawn.
+    Its failures include any figure that could not be drawn.
     """
     dataset = result.to_xarray()
-    pictures, undrawn = draw_pictures(dataset)
+    figures = run_figures(dataset)
+    undrawn = {f"picture {name}": image for name, _, image in figures if isinstance(image, str)}
     summary = {**result.summary, "failures": {**result.summary["failures"], **undrawn}}
-    page = render_report(pictures, summary, scene_toml(result.scene))
+    page = render_report(figures, summary, scene_toml(result.scene))
     with staged_folder(out) as folder:
         write_result(folder / RESULT_FILE, dataset)
         (folder / REPORT_FILE).write_text(page, encoding="utf-8")

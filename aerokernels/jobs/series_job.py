@@ -1,11 +1,6 @@
-"""Run a series job: OPD maps of flow snapshots, their statistics, and a report.
-
-DIR/series.zarr holds the maps, DIR/statistics.nc their statistics with standard errors, DIR/summary.json the scalar
-statistics, each with its error, which is two standard errors, and DIR/report.html figures and a film.
-"""
+"""Run a series job: OPD maps of flow snapshots, their statistics, and a report."""
 
 import io
-import json
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,10 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from aerokernels import __version__
-from aerokernels.display.plain_text import plain_json
 from aerokernels.display.quantities import Quantity
 from aerokernels.display.shown import is_flat, say_flat, told
-from aerokernels.files.writing import only_writer
+from aerokernels.files.writing import only_writer, replacing
 from aerokernels.flow import Series, open_series
 from aerokernels.jobs.figure_layout import Panel, panelled_figure, plain_decades
 from aerokernels.jobs.numbers import SERIES_NUMBERS, quantity_of
@@ -30,6 +24,7 @@ from aerokernels.jobs.store import (
     check_output_folder,
     replace_result,
     to_json,
+    write_summary,
     write_text,
 )
 from aerokernels.pupils import direction_of
@@ -45,7 +40,6 @@ if TYPE_CHECKING:
 
 Progress = Callable[[str, float], None]
 STATISTICS_FILE = "statistics.nc"
-MAPS_SHARE = 0.9  # share of the job's time that the maps take
 STANDARD_ERRORS = 2.0  # of which an error consists: it covers the truth in at least 95 of 100 cases
 MOST_FRAMES, FRAME_SIDE = 60, 320  # most frames of the film, and least pixels along a side
 
@@ -72,55 +66,44 @@ def scene_series(scene: Scene) -> Series:
 
 def scene_look(scene: Scene) -> np.ndarray:
     """Return the direction of view of a series: that of [series], or of the pupil if it gives none; shape (3,)."""
-    angles = (
-        getattr(scene.pupil if getattr(scene.series, name) is None else scene.series, name)
-        for name in ("azimuth", "elevation")
-    )
-    return direction_of(*angles)
+    own, pupil = scene.series, scene.pupil
+    azimuth = pupil.azimuth if own.azimuth is None else own.azimuth
+    return direction_of(azimuth, pupil.elevation if own.elevation is None else own.elevation)
 
 
 def run_series(scene: Scene, out: Path, progress: Progress | None = None) -> dict[str, Any]:
-    """Run the whole job; maps from an interrupted job in the same folder are reused.
-
-    Returns:
-        The summary.
-    """
+    """Run the whole job and return its summary; maps from an interrupted job in the same folder are reused."""
     check_output_folder(out, own=(MAPS_FILE,))
     with only_writer(out):
-        return _run_alone(scene, out, progress)
-
-
-def _run_alone(scene: Scene, out: Path, progress: Progress | None) -> dict[str, Any]:
-    series, table, trace = scene_series(scene), scene.series, scene.trace
-    warn_of_unused(scene, "series")
-    report = progress or (lambda text, share: None)
-    maps = optical_series(
-        series,
-        scene.view,
-        direction=scene_look(scene),
-        remove=table.remove,
-        wavelength=scene.flow.wavelength,
-        relation=scene.flow.relation,
-        constant=scene.flow.gladstone_dale,
-        pixel_count=table.pixel_count,
-        tolerance=trace.tolerance,
-        backend=trace.backend,
-        device=trace.device,
-        precision=trace.precision,
-        out=out / MAPS_FILE,
-        progress=lambda text, share: report(text, MAPS_SHARE * share),
-    )
-    report("statistics", MAPS_SHARE)
-    found = statistics(maps, velocity=table.velocity, length=table.length)
-    found.attrs["pupil_axes"] = list(axis_words(scene.view))
-    summary = summarise(scene, maps, found)
-    report("writing the report", 0.95)
-    replace_result(out / STATISTICS_FILE, found)
-    write_text(
-        out / SUMMARY_FILE, plain_json(json.dumps(summary, indent=2, ensure_ascii=False, allow_nan=False)) + "\n"
-    )
-    write_text(out / REPORT_FILE, series_report(scene, maps, found, summary))
-    return summary
+        series, table, trace = scene_series(scene), scene.series, scene.trace
+        warn_of_unused(scene, "series")
+        report = progress or (lambda text, share: None)
+        maps = optical_series(
+            series,
+            scene.view,
+            direction=scene_look(scene),
+            remove=table.remove,
+            wavelength=scene.flow.wavelength,
+            relation=scene.flow.relation,
+            constant=scene.flow.gladstone_dale,
+            pixel_count=table.pixel_count,
+            tolerance=trace.tolerance,
+            backend=trace.backend,
+            device=trace.device,
+            precision=trace.precision,
+            out=out / MAPS_FILE,
+            progress=lambda text, share: report(text, 0.9 * share),
+        )
+        report("statistics", 0.9)
+        found = statistics(maps, velocity=table.velocity, length=table.length)
+        found.attrs["pupil_axes"] = list(axis_words(scene.view))
+        summary = summarise(scene, maps, found)
+        report("writing the report", 0.95)
+        replace_result(out / STATISTICS_FILE, found)
+        with replacing(out / SUMMARY_FILE, name="out=") as (draft,):
+            write_summary(draft, summary)
+        write_text(out / REPORT_FILE, series_report(scene, maps, found, summary))
+        return summary
 
 
 def summarise(scene: Scene, maps: "xarray.Dataset", found: "xarray.Dataset") -> dict[str, Any]:
@@ -157,9 +140,10 @@ def headline_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
 
 def series_report(scene: Scene, maps: "xarray.Dataset", found: "xarray.Dataset", summary: Mapping[str, Any]) -> str:
     """Return the HTML page of a finished series."""
-    lead = f"{summary['snapshot_count']} snapshots, as many as {summary['independent_count']:.3g} independent ones, "
-    lead += f"{summary['traced_count']} traced in full; "
-    lead += f"{summary['provenance']}; aerokernels {summary['version']}"
+    lead = (
+        f"{summary['snapshot_count']} snapshots, as many as {summary['independent_count']:.3g} independent ones, "
+        f"{summary['traced_count']} traced in full; {summary['provenance']}; aerokernels {summary['version']}"
+    )
     notes = [("Warning", text) for text in summary["warnings"]]
     notes += [("Skipped", summary["skipped"])] if summary["skipped"] else []
     if summary["known_share"] < 1.0 - GREATEST_SHARE:

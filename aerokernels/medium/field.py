@@ -95,9 +95,8 @@ class IndexField(Derived):
     def __post_init__(self):
         """Check the attributes that grids and meshes have in common."""
         check_positive(self.ambient_index, "ambient_index")
-        object.__setattr__(self, "ambient_index", float(self.ambient_index))
-        if self.wavelength is not None:
-            object.__setattr__(self, "wavelength", check_wavelength(self.wavelength))
+        wavelength = None if self.wavelength is None else check_wavelength(self.wavelength)
+        self.set_fields(ambient_index=float(self.ambient_index), wavelength=wavelength)
         least = self.samples.extremes[0] if isinstance(self.samples, UniformGrid) else self.samples.values.min()
         if least + self.ambient_index <= 0.0:
             raise ValueError(
@@ -130,18 +129,16 @@ class IndexField(Derived):
 
         Args:
             contrast: n - ambient_index at the nodes, float64 or float32, axes [x, y, z], [y, z] or [r, z]; float32 is
-                kept, and its interpolant rounded alike, in half of the memory. An array of any library that has DLPack
-                or `__cuda_array_interface__` (one on a GPU is copied to the host once).
+                kept, in half of the memory. An array of any library that has DLPack or `__cuda_array_interface__`.
             origin: Coordinates of the first node [m], one per axis; r starts at 0.
             spacing: Node spacing [m], one per axis.
             geometry: "volume", "planar" or "axisymmetric" (even in r).
             ambient_index: Index outside the box. The faces of the box do not refract.
             interpolation: "cubic" (C2 B-spline), "linear" or "monotone" (no overshoot at a shock).
             body: Solid body in the field: a `Body`, in a volume a `SolidBody`.
-            cell_averages: `contrast` holds averages over the cells centred on the nodes (finite-volume data), not
-                samples at the nodes: the position of a shock inside a cell is then kept. In an axisymmetric field they
-                are averages over the (r, z) rectangle, without the weight r; `from_mesh` takes averages over volumes
-                of revolution, which differ by spacing^2 / (12 r) times the slope along r. See spline.py.
+            cell_averages: `contrast` holds averages over the cells centred on the nodes, not samples at the nodes: the
+                position of a shock inside a cell is then kept. In an axisymmetric field they are averages over the (r,
+                z) rectangle, without the weight r; `from_mesh` takes averages over volumes of revolution.
             wavelength: Vacuum wavelength for which `contrast` was computed [m]; None if it is of no wavelength.
             upstream: Errors of `contrast` from how it was made.
 
@@ -176,7 +173,7 @@ class IndexField(Derived):
 
         Raises:
             TypeError: Not an xarray array.
-            ValueError: Other dimensions, coordinates that are absent or not evenly spaced, units that are not lengths.
+            ValueError: Other dimensions, coordinates that are absent or not even, units that are not lengths.
         """
         return cls.from_samples(**grid_arguments(array), body=body)
 
@@ -201,7 +198,7 @@ class IndexField(Derived):
             contrast: n - ambient_index at the vertices, shape (vertex_count,), or finite-volume averages over the
                 cells, shape (cell_count,); the shape decides. On a structured mesh also (ni, nj), (ni - 1, nj - 1).
             ambient_index: Index outside the mesh, in holes of it and in one about the axis too.
-            interpolation: "bilinear", "bilinear-barron", "idw" or "cells" (see mesh_samples.py); or "conserving":
+            interpolation: "bilinear", "bilinear-barron" or "idw" (see mesh_samples.py); or "conserving":
                 bilinear on cells cut in four, with values that keep the averages (see kept_averages.py).
             body: Solid body in the field.
             wavelength: Vacuum wavelength for which `contrast` was computed [m]; None if it is of no wavelength.
@@ -236,7 +233,7 @@ class IndexField(Derived):
             if interpolation == "conserving":
                 mesh, values, averages = cut_and_kept(mesh, averages, vacuum, walls)
                 interpolation = "bilinear"
-            elif interpolation in ("bilinear", "cells"):
+            elif interpolation == "bilinear":
                 values = conserving_values(mesh, averages, vacuum)
             else:
                 values = vertex_values(mesh, averages)
@@ -279,7 +276,7 @@ class IndexField(Derived):
         """Node spacing [m] of a uniform grid; the median cell size of a mesh, one entry per axis."""
         if self.is_uniform:
             return self.samples.spacing
-        return np.full(2, self.samples.mesh.median_cell_size)
+        return np.full(2, np.median(self.samples.mesh.cell_size))
 
     @property
     def box(self) -> tuple[np.ndarray, np.ndarray]:
@@ -344,7 +341,17 @@ class IndexField(Derived):
         region: Any = None,
         interpolation: str = "cubic",
     ):
-        """Return the same field on a uniform grid, with the measured resampling error: see `resample.resample`."""
+        """Return the same field on a uniform grid, with the measured resampling error.
+
+        Args:
+            spacing: Greatest node spacing [m], one number or one per axis (the region is divided evenly); or None, with
+            tolerance: greatest allowed change of the optical path along lines parallel to z, in waves. The spacing is
+                halved until the measured change is within it.
+            wavelength: Wavelength for `tolerance` [m]; None takes the field's own, or 905 nm where it has none.
+            region: Lowest and highest corner along the field's axes [m]; the whole box if None. Where the field is not
+                ambient at a face of its box, the jump there is smoothed over a cell of the grid.
+            interpolation: Interpolant of the result.
+        """
         from aerokernels.medium.resample import resample
 
         return resample(

@@ -1,8 +1,4 @@
-"""Quadrilateral meshes in a plane: geometry, checks, and finding the cell that contains a point.
-
-Cells are found by uniform bins: each bin lists the cells whose bounding box touches it. Those whose box contains the
-point are tested against their four edges.
-"""
+"""Quadrilateral meshes in a plane: geometry, checks, and finding the cell that contains a point."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -17,13 +13,14 @@ from aerokernels.inputs.arguments import Numbers, checked
 from aerokernels.medium.grid import as_points, check_finite
 from aerokernels.medium.mesh_cells import (
     EDGE_TOLERANCE,
+    Bins,
     bilinear_point,
+    bins_of,
     cells_across,
     check_duplicates,
     contains,
     invert_bilinear,
     oriented,
-    parts_across,
 )
 
 GEOMETRIES = ("volume", "planar", "axisymmetric")
@@ -32,26 +29,8 @@ GAUSS_2 = (0.5 - 0.5 / 3.0**0.5, 0.5 + 0.5 / 3.0**0.5)
 
 
 @dataclass(frozen=True, eq=False)
-class CellBins:
-    """Uniform bins over a mesh: bin (i, j) lists `cell[start[k]:start[k + 1]]` with k = i * count[1] + j."""
-
-    origin: np.ndarray
-    size: np.ndarray
-    count: tuple[int, int]
-    start: np.ndarray
-    cell: np.ndarray
-
-
-@dataclass(frozen=True, eq=False)
 class Places:
-    """The cells of a mesh in which points lie.
-
-    Attributes:
-        mesh: The mesh.
-        points: The points [m], shape (n, 2).
-        rows: Indices of the points that are in a cell, shape (m,).
-        cell: The cells of these points, shape (m,).
-    """
+    """The cells of a mesh in which points [m], shape (n, 2), lie: the points `rows` that are in one, and its `cell`."""
 
     mesh: "QuadMesh"
     points: np.ndarray
@@ -114,20 +93,13 @@ class QuadMesh(Derived):
             parents = np.array(self.parents)
             if parents.shape != (len(cells),) or not np.issubdtype(parents.dtype, np.integer) or parents.min() < 0:
                 raise ValueError(f"parents must be a number from 0 on for each of {len(cells)} cells")
-            parents.setflags(write=False)
-            object.__setattr__(self, "parents", parents)
-        for name, value in (("vertices", vertices), ("cells", cells)):
-            value.setflags(write=False)
-            object.__setattr__(self, name, value)
+            self.set_fields(parents=parents)
+        self.set_fields(vertices=vertices, cells=cells)
         if self.whole is None:
             self._refuse_overlaps()
 
     def _refuse_overlaps(self) -> None:
-        """Reject cells in other cells: one of two values would count.
-
-        Where meshes overlap, the boundary of one of them is within the other. Edges of parts that do not match may
-        cross by less than half a cell.
-        """
+        """Reject cells in other cells. The boundary of one of two meshes that overlap is within the other."""
         rim = np.flatnonzero((self.neighbors < 0).any(axis=1))
         middle = self.corners[rim].mean(axis=1)
         count = np.zeros(len(rim), np.int64)
@@ -169,11 +141,6 @@ class QuadMesh(Derived):
         return self.vertices[self.cells]
 
     @cached_property
-    def cell_area(self) -> np.ndarray:
-        """Area of each cell [m2], shape (cell_count,)."""
-        return _area(self.corners)
-
-    @cached_property
     def cell_centroid(self) -> np.ndarray:
         """Centroid of each cell [m], shape (cell_count, 2); of its volume of revolution if axisymmetric.
 
@@ -198,11 +165,7 @@ class QuadMesh(Derived):
 
     @cached_property
     def corner_weights(self) -> np.ndarray:
-        """Weights of the corners in the integral of a bilinear function over each cell, shape (cell_count, 4).
-
-        The integral is the sum of the weights times the values at the corners; the weights are in m2 (if axisymmetric
-        in m3 per radian). Exact by 2 x 2 Gauss points.
-        """
+        """Weights of the corners in integrals of bilinear functions over cells [m2, or m3 per radian], shape (n, 4)."""
         weights = np.zeros((len(self.cells), 4))
         for a, b, _, measure in self._gauss_points(GAUSS_2, (0.5, 0.5)):
             weights += measure[:, None] * np.array([(1 - a) * (1 - b), a * (1 - b), a * b, (1 - a) * b])
@@ -223,57 +186,21 @@ class QuadMesh(Derived):
         return np.sqrt(0.5 * (side[:, 0] + side[:, 2]) * 0.5 * (side[:, 1] + side[:, 3]))
 
     @cached_property
-    def median_cell_size(self) -> float:
-        """The median of `cell_size` [m]."""
-        return float(np.median(self.cell_size))
-
-    @cached_property
     def neighbors(self) -> np.ndarray:
         """Cell across each edge of each cell, -1 at the boundary, shape (cell_count, 4); edge k joins corners k, k + 1.
 
-        Edges are identified by their vertices: cells at a seam with separate vertices on either side are not
-        neighbours.
+        Edges are identified by their vertices: cells at a seam with separate vertices are not neighbours.
         """
-        if self.whole is not None and len(self.cells) == 4 * len(self.whole.cells):
-            return parts_across(self.whole.neighbors)
         return cells_across(self.cells, len(self.vertices))
 
     @cached_property
-    def bins(self) -> CellBins:
-        """Uniform bins, about as many as cells."""
-        from scipy.sparse import coo_matrix
-
-        low, high = self.box
-        extent = np.maximum(high - low, 1e-300)
-        count = np.maximum(1, np.sqrt(len(self.cells) * extent / extent[::-1]).astype(int))
-        count = np.minimum(count, 4096)
-        size = extent / count
-        tolerance = EDGE_TOLERANCE * extent
-        x = self.corners.T  # (2, 4, cell_count)
-        first, last = (
-            np.clip(((end - low[:, None]) / size[:, None]).astype(np.int32), 0, count[:, None].astype(np.int32) - 1)
-            for end in (x.min(axis=1) - tolerance[:, None], x.max(axis=1) + tolerance[:, None])
-        )
-        rows, columns = last - first + 1
-        cell = np.repeat(np.arange(len(self.cells), dtype=np.int32), rows * columns)
-        within = np.arange(len(cell), dtype=np.int32) - np.repeat(
-            np.cumsum(rows * columns, dtype=np.int32) - rows * columns, rows * columns
-        )
-        key = (first[0, cell] + within // columns[cell]) * np.int32(count[1]) + first[1, cell] + within % columns[cell]
-        # A sparse matrix of bins and cells sorts by counting.
-        found = coo_matrix(
-            (np.ones(len(key), np.int8), (key, cell)), shape=(int(count.prod()), len(self.cells))
-        ).tocsr()
-        start, listed = found.indptr.astype(np.int32), found.indices.astype(np.int32)
-        return CellBins(low, size, (int(count[0]), int(count[1])), start, listed)
-
-    @cached_property
-    def cell_boxes(self) -> tuple[np.ndarray, np.ndarray]:
-        """Lowest and highest coordinates of each cell, with a tolerance [m], shape (2, cell_count) each."""
+    def bins(self) -> Bins:
+        """Bins over the cells' bounding boxes, which have a tolerance."""
         low, high = self.box
         tolerance = (EDGE_TOLERANCE * (high - low))[:, None]
         x = self.corners.T  # (2, 4, cell_count)
-        return np.ascontiguousarray(x.min(axis=1) - tolerance), np.ascontiguousarray(x.max(axis=1) + tolerance)
+        first, last = (np.ascontiguousarray(end) for end in (x.min(axis=1) - tolerance, x.max(axis=1) + tolerance))
+        return bins_of(first, last, low, high - low)
 
     @checked
     def locate(self, points: Numbers) -> np.ndarray:
@@ -289,35 +216,9 @@ class QuadMesh(Derived):
 
     def holding(self, points: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
         """Yield all pairs of a point's index and a cell that contains it, for some points at a time; cells ascend."""
-        bins = self.bins
-        low, high = self.box
-        tolerance = EDGE_TOLERANCE * (high - low)
-        rows = np.flatnonzero(np.all((points >= low - tolerance) & (points <= high + tolerance), axis=1))
-        place = np.floor((points[rows] - bins.origin) / bins.size).astype(np.int64)
-        place = np.clip(place, 0, np.array(bins.count) - 1)
-        key = place[:, 0] * bins.count[1] + place[:, 1]
-        listed = (bins.start[key + 1] - bins.start[key]).astype(np.int64)
-        ends = np.cumsum(listed)
-        first = 0
-        while first < len(rows):
-            # A million pairs are tested together, which limits the size of arrays.
-            last = max(first + 1, int(np.searchsorted(ends, 1_000_000 + (ends[first - 1] if first else 0), "right")))
-            part = slice(first, last)
-            yield self._holding(points, rows[part], bins.start[key[part]], listed[part])
-            first = last
-
-    def _holding(self, points, rows, start, listed) -> tuple[np.ndarray, np.ndarray]:
-        """Return the pairs for some rows, whose bins' lists begin at `start` and have the lengths `listed`."""
-        row = np.repeat(rows, listed)
-        before = np.cumsum(listed) - listed
-        cell = self.bins.cell[np.arange(len(row)) - np.repeat(before - start, listed)]
-        low, high = self.cell_boxes
-        for axis in (0, 1):
-            place = points[row, axis]
-            near = np.flatnonzero((place >= low[axis][cell]) & (place <= high[axis][cell]))
-            row, cell = row[near], cell[near]
-        holds = contains(self.corners[cell], points[row])
-        return row[holds], cell[holds]
+        for row, cell in self.bins.pairs(points):
+            holds = contains(self.corners[cell], points[row])
+            yield row[holds], cell[holds]
 
     def places(self, points: np.ndarray) -> Places:
         """Return the cells in which points (n, 2) [m] lie, as found by `locate`."""
@@ -328,8 +229,3 @@ class QuadMesh(Derived):
     def local_coordinates(self, cell: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return bilinear coordinates (xi, eta) in [0, 1] of points in their cells."""
         return invert_bilinear(self.corners[cell], points)
-
-
-def _area(corners: np.ndarray) -> np.ndarray:
-    first, second = corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1]
-    return 0.5 * (first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0])

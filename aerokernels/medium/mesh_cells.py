@@ -1,9 +1,7 @@
-"""The cells of a quadrilateral mesh: bilinear map, orientation, faults, and the cells across their edges.
+"""The cells of a quadrilateral mesh: bilinear map, orientation, faults, and the cells across their edges."""
 
-With corners a, b, c, d in order around the cell, xi increasing from a to b and eta from a to d, the bilinear map is
-
-    p(xi, eta) = a + xi e + eta f + xi eta g,    e = b - a,  f = d - a,  g = (a - b) + (c - d).
-"""
+from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -23,23 +21,6 @@ def cells_across(cells: np.ndarray, vertex_count: int) -> np.ndarray:
     result[order[pair]] = order[pair + 1] // 4
     result[order[pair + 1]] = order[pair] // 4
     return result.reshape(-1, 4)
-
-
-def parts_across(across: np.ndarray) -> np.ndarray:
-    """Return the cells across each edge of the parts of cells cut in four, part k of cell i at 4 i + k, shape (4 n, 4).
-
-    `across` has those of the cells before the cut, shape (n, 4).
-    Part k begins with corner k of its cell; its edges go to the middle of the cell's edge k, to the middle of the cell,
-    to the middle of edge k - 1, and back.
-    """
-    cell = np.arange(len(across), dtype=np.int32)[:, None]
-    # The number of the same edge in the cell behind it, which runs the other way round.
-    back = (across[np.maximum(across, 0)] == cell[:, :, None]).argmax(axis=2).astype(np.int32)
-    parts = 4 * cell + np.arange(4, dtype=np.int32)
-    at_start = np.where(across < 0, np.int32(-1), 4 * across + (back + 1) % 4)
-    at_end = np.where(across < 0, np.int32(-1), 4 * across + back)
-    rows = [at_start, np.roll(parts, -1, axis=1), np.roll(parts, 1, axis=1), np.roll(at_end, 1, axis=1)]
-    return np.stack(rows, axis=2).reshape(-1, 4)
 
 
 def check_duplicates(vertices: np.ndarray) -> None:
@@ -135,3 +116,70 @@ def contains(corners: np.ndarray, points: np.ndarray) -> np.ndarray:
     across, up = np.roll(x, -1, axis=0) - x, np.roll(y, -1, axis=0) - y
     side = across * (points[:, 1] - y) - up * (points[:, 0] - x)
     return (side >= -EDGE_TOLERANCE * (across**2 + up**2)).all(axis=0)
+
+
+PAIRS = 1 << 17  # pairs of a point and a box that are tested together, which limits the size of arrays
+
+
+@dataclass(frozen=True, eq=False)
+class Bins:
+    """Uniform bins over boxes in a plane: bin (i, j) lists `cell[start[k]:start[k + 1]]` with k = i * count[1] + j.
+
+    `low` and `high` have the corners of the boxes, shape (2, box_count) each; `size` is that of a bin.
+    """
+
+    low: np.ndarray
+    high: np.ndarray
+    origin: np.ndarray
+    size: np.ndarray
+    count: tuple[int, int]
+    start: np.ndarray
+    cell: np.ndarray
+
+    def pairs(self, points: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+        """Yield all pairs of a point's index and a box that contains it, for some points at a time; boxes ascend."""
+        within = (points >= self.low.min(axis=1)) & (points <= self.high.max(axis=1))
+        rows = np.flatnonzero(within.all(axis=1))
+        place = np.floor((points[rows] - self.origin) / self.size).astype(np.int64)
+        place = np.clip(place, 0, np.array(self.count) - 1)
+        key = place[:, 0] * self.count[1] + place[:, 1]
+        listed = (self.start[key + 1] - self.start[key]).astype(np.int64)
+        ends = np.cumsum(listed)
+        first = 0
+        while first < len(rows):
+            before = ends[first - 1] if first else 0
+            last = max(first + 1, int(np.searchsorted(ends, PAIRS + before, "right")))
+            start, count = self.start[key[first:last]], listed[first:last]
+            row = np.repeat(rows[first:last], count)
+            before = np.cumsum(count) - count
+            cell = self.cell[np.arange(len(row)) - np.repeat(before - start, count)]
+            for axis in (0, 1):
+                at = points[row, axis]
+                near = np.flatnonzero((at >= self.low[axis][cell]) & (at <= self.high[axis][cell]))
+                row, cell = row[near], cell[near]
+            yield row, cell
+            first = last
+
+
+def bins_of(low: np.ndarray, high: np.ndarray, origin: np.ndarray, extent: np.ndarray) -> Bins:
+    """Return about as many bins as there are boxes, over a rectangle from `origin` of a size `extent`."""
+    from scipy.sparse import coo_matrix
+
+    box_count = low.shape[1]
+    extent = np.maximum(extent, 1e-300)
+    count = np.minimum(np.maximum(1, np.sqrt(box_count * extent / extent[::-1]).astype(int)), 4096)
+    size = extent / count
+    first, last = (
+        np.clip(((end - origin[:, None]) / size[:, None]).astype(np.int32), 0, count[:, None].astype(np.int32) - 1)
+        for end in (low, high)
+    )
+    rows, columns = last - first + 1
+    cell = np.repeat(np.arange(box_count, dtype=np.int32), rows * columns)
+    within = np.arange(len(cell), dtype=np.int32) - np.repeat(
+        np.cumsum(rows * columns, dtype=np.int32) - rows * columns, rows * columns
+    )
+    key = (first[0, cell] + within // columns[cell]) * np.int32(count[1]) + first[1, cell] + within % columns[cell]
+    # A sparse matrix of bins and boxes sorts by counting.
+    by_bin = coo_matrix((np.ones(len(key), np.int8), (key, cell)), shape=(int(count.prod()), box_count)).tocsr()
+    start, listed = by_bin.indptr.astype(np.int32), by_bin.indices.astype(np.int32)
+    return Bins(low, high, origin, size, (int(count[0]), int(count[1])), start, listed)

@@ -1,18 +1,7 @@
 """The index contrast on a quadrilateral mesh: values at vertices, interpolated in the cell that contains the point.
 
-Interpolations:
-
-    "bilinear"          value and gradient of the bilinear map's interpolant (default)
-    "bilinear-barron"   value bilinear, gradient bilinear between node gradients of eq 7
-    "idw"               the paper's: eq 6 for the value and for node gradients of eq 7
-    "cells"             no interpolant: the average of the cell everywhere in it. Rays are straight: the gradient within
-                        a cell is zero, and the jumps between cells, which are no physical surfaces, do not refract
-
-"idw" does not reproduce a linear field and jumps at cell edges; it is provided for comparison only. With "cells" line
-integrals are exactly those of the flow's cell averages; it is traced by the reference backend.
-
-`kinks` tells how much the gradient jumps at the edges between cells: error control steps over edges only where that
-allows it (tracing/engines/warp/kernels/edges.py).
+"bilinear" has value and gradient of the bilinear map's interpolant; "bilinear-barron" the gradients of eq 7 at nodes;
+"idw" eq 6 of the paper for both, for comparison only: it jumps at cell edges.
 """
 
 from collections.abc import Callable
@@ -21,15 +10,16 @@ from functools import cached_property
 
 import numpy as np
 
-from aerokernels.derived import Derived
+from aerokernels.derived import Derived, cached_on
 from aerokernels.display.shown import shown
 from aerokernels.medium.averages.kept_averages import cell_deficits
 from aerokernels.medium.averages.vertex_values import of_parents, values_and_smooth, vertex_gradients
-from aerokernels.medium.grid import eq5_step
+from aerokernels.medium.bodies.crossings import as_lines, crossings
+from aerokernels.medium.grid import eq5_step, local_coordinates
 from aerokernels.medium.mesh import Places, QuadMesh
 from aerokernels.medium.mesh_cells import PART
 
-MESH_INTERPOLATIONS = ("bilinear", "bilinear-barron", "idw", "cells")
+MESH_INTERPOLATIONS = ("bilinear", "bilinear-barron", "idw")
 # Places along an edge at which both sides are compared: along it the gradient of a bilinear interpolant changes slowly.
 PLACES = (0.0, 0.5, 1.0)
 
@@ -37,20 +27,12 @@ PLACES = (0.0, 0.5, 1.0)
 @shown
 @dataclass(frozen=True, eq=False)
 class MeshSamples(Derived):
-    """Vertex values on a mesh.
-
-    Attributes:
-        mesh: The mesh.
-        values: Contrast at the vertices, float64, shape (vertex_count,).
-        interpolation: One of MESH_INTERPOLATIONS.
-        averages: Averages over the cells from which the values were computed, shape (cell_count,); None for values
-            that were given at the vertices.
-    """
+    """Vertex values on a mesh."""
 
     mesh: QuadMesh
-    values: np.ndarray
-    interpolation: str
-    averages: np.ndarray | None = None
+    values: np.ndarray  # contrast at the vertices, float64, shape (vertex_count,)
+    interpolation: str  # one of MESH_INTERPOLATIONS
+    averages: np.ndarray | None = None  # over the cells, from which the values were computed, shape (cell_count,)
 
     def __post_init__(self):
         """Check the choice of interpolation."""
@@ -59,8 +41,6 @@ class MeshSamples(Derived):
                 f"interpolation {self.interpolation!r} is not known on a mesh: "
                 f"choose one of {', '.join(MESH_INTERPOLATIONS)}"
             )
-        if self.interpolation == "cells" and self.averages is None:
-            raise ValueError("interpolation 'cells' needs averages over cells, and there are values at vertices only")
 
     @property
     def places(self) -> QuadMesh:
@@ -119,20 +99,13 @@ class MeshSamples(Derived):
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return values, shape (n,), and gradients [1/m], shape (n, 2), at local points (n, 2); zero outside the mesh.
 
-        Args:
-            points: Local coordinates [m], shape (n, 2).
-            places: The cells in which the points lie, if known.
-            with_gradient: False omits the gradients of "bilinear", which are then zero.
+        `places` are the cells of the points, if known; `with_gradient` False omits the gradients of "bilinear".
         """
         if places is None:
             places = self.mesh.places(points)
         result, gradient = np.zeros(len(points)), np.zeros((len(points), 2))
         rows, cell = places.rows, places.cell
         if len(rows) == 0:
-            return result, gradient
-        if self.interpolation == "cells":
-            assert self.averages is not None
-            result[rows] = self.averages[cell]
             return result, gradient
         at = (0.0, 0.0) if self.interpolation == "idw" else places.local
         result[rows] = np.sum(self._weights(cell, points[rows], *at) * self.values[self.mesh.cells[cell]], axis=1)
@@ -178,10 +151,7 @@ def _bilinear_gradient(corners, value, xi, eta) -> np.ndarray:
 
 
 def bilinear_jumps(mesh: QuadMesh, values: np.ndarray) -> np.ndarray:
-    """Return the greatest jump of the bilinear interpolant's gradient at each edge of each cell [1/m], as below.
-
-    It jumps along the normal of the edge only, which is faster to compute; `values` are those at the vertices.
-    """
+    """As `gradient_jumps`, of a bilinear interpolant, whose gradient jumps along the normal of an edge only."""
 
     def changes(cell: np.ndarray, edge: np.ndarray, other: np.ndarray, back: np.ndarray) -> list[np.ndarray]:
         near, far = _rises(mesh, values, cell, edge), _rises(mesh, values, other, back)
@@ -192,13 +162,9 @@ def bilinear_jumps(mesh: QuadMesh, values: np.ndarray) -> np.ndarray:
 
 
 def gradient_jumps(mesh: QuadMesh, gradient_in: Callable[..., np.ndarray]) -> np.ndarray:
-    """Return the greatest jump of the gradient at each edge of each cell [1/m], shape (cell_count, 4).
+    """Return the greatest jump of the gradient at each edge of each cell [1/m], shape (n, 4); 0 at the boundary.
 
-    At the boundary, where there is no other side, it is 0.
-
-    Args:
-        mesh: The mesh.
-        gradient_in: Returns the gradients [1/m] in cells (n,) at points (n, 2) [m] with bilinear coordinates.
+    `gradient_in` returns the gradients in cells (n,) at points (n, 2) [m] with bilinear coordinates.
     """
 
     def changes(cell: np.ndarray, edge: np.ndarray, other: np.ndarray, back: np.ndarray) -> list[np.ndarray]:
@@ -250,3 +216,53 @@ def _on_edge(edge: np.ndarray, place: float) -> tuple[np.ndarray, np.ndarray]:
     """Return the bilinear coordinates of a place along each of the edges, which are numbered from 0 to 3."""
     xi = np.array([place, 1.0, 1.0 - place, 0.0])[edge]
     return xi, np.roll([place, 1.0, 1.0 - place, 0.0], 1)[edge]
+
+
+LINES = 64  # lines that are cut together; speed only
+
+
+def mesh_columns(mesh: QuadMesh, values: np.ndarray, position, direction, ends=None) -> np.ndarray:
+    """Return integrals along lines of a value for each cell, shape (line_count,); zero outside the mesh.
+
+    Lines are given by a point [m] and unit vectors; `ends` has the distances from the points at which each begins and
+    ends [m], shape (2, line_count); None takes whole lines.
+    """
+    position, direction = as_lines(position, direction)
+    if not np.isfinite(position).all():
+        raise ValueError("the points of lines must be finite")
+    if mesh.geometry == "planar" and (np.hypot(direction[:, 1], direction[:, 2]) == 0.0).any():
+        raise ValueError("lines along x never leave a planar mesh")
+    ends = None if ends is None else np.asarray(ends, dtype=np.float64)
+    if not len(position):
+        return np.zeros(0)
+    # The next call may have other values on the mesh along the same lines.
+    # Of many lines nothing is cached.
+    pieces = _pieces if len(position) <= 512 else _pieces.function
+    line, cell, length = pieces(mesh, position, direction, ends)
+    return np.bincount(line, np.where(cell >= 0, values[cell], 0.0) * length, len(position))
+
+
+@cached_on("mesh")
+def _pieces(mesh: QuadMesh, position: np.ndarray, direction: np.ndarray, ends) -> tuple[np.ndarray, ...]:
+    """Return the pieces of lines between cuts: number of the line, cell (-1 for none), and length [m]."""
+    edges = np.unique(np.sort(np.stack([mesh.cells, np.roll(mesh.cells, -1, axis=1)], axis=-1).reshape(-1, 2)), axis=0)
+    start, end = mesh.vertices[edges[:, 0]], mesh.vertices[edges[:, 1]]
+    if mesh.geometry == "axisymmetric":
+        keep = (start[:, 0] > 0.0) | (end[:, 0] > 0.0)
+        start, end = start[keep], end[keep]
+    found = []
+    for first in range(0, len(position), LINES):
+        rows = slice(first, first + LINES)
+        cuts = crossings(start, end, mesh.geometry, position[rows], direction[rows])
+        if ends is not None:  # cuts before the beginning or after the end are moved there: their pieces have no length
+            begins, stops = (np.asarray(own)[rows, None] for own in ends)
+            outer = np.where(np.isfinite(stops), stops, np.inf)
+            cuts = np.sort(np.concatenate([begins, np.clip(cuts, begins, stops), outer], axis=1), axis=1)
+        ahead, behind = cuts[:, 1:], cuts[:, :-1]
+        line, piece = np.nonzero(np.isfinite(ahead) & (ahead > behind))
+        ahead, behind = ahead[line, piece], behind[line, piece]
+        middle = 0.5 * (ahead + behind)
+        at = position[rows][line] + middle[:, None] * direction[rows][line]
+        cell = mesh.locate(local_coordinates(at, mesh.geometry))
+        found.append((first + line, cell, ahead - behind))
+    return tuple(np.concatenate(parts) for parts in zip(*found, strict=True))

@@ -1,19 +1,9 @@
-r"""A field on a mesh of four times the cells, from which the error of the bilinear interpolant is estimated.
+"""A field on a mesh of four times the cells, from which the error of the bilinear interpolant is estimated.
 
-The new values are those of a cubic along every edge and of a Coons patch in every cell (S. A. Coons, MIT MAC-TR-41
-(1967)), made from the values a, b and the gradients g at the vertices:
-
-    middle of an edge    (a + b) / 2 + (g_a - g_b) . (x_b - x_a) / 8
-    middle of a cell     half the sum of the values in the middles of its four edges, minus the mean of its corners
-
-Where the samples resolve the field, the new values are accurate to fourth order or to the order of the gradients. The
-interpolation error of the finer cells is then a quarter of the error before, the error of slopes a half. A linear field
-is not changed.
-
-Triangles and polygons with values at points are cut into quadrilaterals (`QuadMesh.parents`), and the vertices that cut
-them have the means of values at corners c, which are off by the curvature across the whole cell. On the finer mesh they
-first get the value of a quadratic at their place x, the mean plus half the mean of g_c . (x - x_c). The finer cells
-are then a quarter as long as the flow's.
+New values are those of a cubic along every edge and of a Coons patch in every cell (S. A. Coons, MIT MAC-TR-41 (1967)),
+of fourth order or of that of the gradients: the interpolation error of the finer cells is a quarter of that before,
+that of slopes a half. Vertices that cut triangles and polygons have means of corners, and are first lifted to third
+order.
 """
 
 from dataclasses import replace
@@ -28,7 +18,13 @@ def refined(field):
     """Return the field on cells cut in four; None where they make no valid mesh."""
     samples = field.samples
     if field.mesh.parents is not None and samples.averages is None:
-        samples = replace(samples, values=_lifted(field.mesh, samples.values, samples.gradients))
+        # Each part of a flow's cell begins with a corner of that cell; the other vertices of the part cut the cell.
+        mesh, gradient = field.mesh, samples.gradients
+        corner, cuts = mesh.cells[:, :1], mesh.cells[:, 1:]
+        rise = np.sum(gradient[corner] * (mesh.vertices[cuts] - mesh.vertices[corner]), axis=-1).ravel()
+        count = np.maximum(np.bincount(cuts.ravel(), minlength=len(samples.values)), 1)
+        lifted = samples.values + 0.5 * np.bincount(cuts.ravel(), rise, len(samples.values)) / count
+        samples = replace(samples, values=lifted)
     try:
         finer, values = cut_in_four(field.mesh, samples.values, samples.gradients)
     except ValueError:  # a mesh with a seam has two vertices in one place
@@ -36,25 +32,8 @@ def refined(field):
     return replace(field, samples=replace(samples, mesh=finer, values=values, averages=None))
 
 
-def _lifted(mesh: QuadMesh, values: np.ndarray, gradient: np.ndarray) -> np.ndarray:
-    """Return values at the vertices, those that cut a flow's cell lifted from the mean of corners to third order.
-
-    Each part of a flow's cell begins with a corner of that cell; the other vertices of the part cut the cell.
-    """
-    corner, cuts = mesh.cells[:, :1], mesh.cells[:, 1:]
-    rise = np.sum(gradient[corner] * (mesh.vertices[cuts] - mesh.vertices[corner]), axis=-1)
-    count = np.bincount(cuts.ravel(), minlength=len(values))
-    return values + 0.5 * np.bincount(cuts.ravel(), rise.ravel(), len(values)) / np.maximum(count, 1)
-
-
 def cut_in_four(mesh: QuadMesh, values: np.ndarray, gradient: np.ndarray) -> tuple[QuadMesh, np.ndarray]:
-    """Return the mesh with every cell cut in four parts, in the order of the cells, and the values at its vertices.
-
-    Args:
-        mesh: The mesh.
-        values: At its vertices, shape (vertex_count,).
-        gradient: At its vertices [1/m], shape (vertex_count, 2).
-    """
+    """Return the mesh with every cell cut in four, in the order of the cells, and values from those at its vertices."""
     finer, a, b, of_edge = _cut(mesh)
     rise = np.sum((gradient[a] - gradient[b]) * (mesh.vertices[b] - mesh.vertices[a]), axis=1)
     edge_value = 0.5 * (values[a] + values[b]) + 0.125 * rise
@@ -63,7 +42,7 @@ def cut_in_four(mesh: QuadMesh, values: np.ndarray, gradient: np.ndarray) -> tup
 
 
 def cells_of_four(mesh: QuadMesh) -> QuadMesh:
-    """Return the mesh with every cell cut in four parts, in the order of the cells: see `cut_in_four` for values."""
+    """Return the mesh with every cell cut in four parts, in the order of the cells."""
     return _cut(mesh)[0]
 
 

@@ -1,11 +1,8 @@
 """Resample any field to a uniform grid, and measure the error.
 
-Inside the body there is no flow. Nodes there continue the flow's values across the wall (to first order near the wall,
-constant deeper), so that the interpolant has no jump at the wall. The error is measured against the original field:
-pointwise at scattered points of the flow, and in optical path along lines parallel to the last axis (z). The spacing is
-chosen by these errors. The error for the rays of a trace depends on their lines and on where they end: the result
-stores the original field, and the budget of a trace sends rays of the trace through both
-(tracing/variants/causes.py).
+Nodes inside the body continue the flow's values across the wall, so that the interpolant has no jump there. The error
+is measured at scattered points of the flow, and in optical path along lines parallel to the last axis (z). That of a
+trace's rays depends on the rays: budgets send some through the original field, which the result stores.
 """
 
 from dataclasses import dataclass, field, replace
@@ -23,8 +20,6 @@ from aerokernels.process.machine import host_memory
 from aerokernels.sobol import sobol_points
 
 LINE_COUNT = 64
-# Greatest and least factor by which halving the spacing is predicted to reduce the error.
-GREATEST_GAIN, LEAST_GAIN = 64.0, 4.0
 # Most nodes of a grid whose geometry is cached on the mesh that was resampled last: 100 bytes each, and 10 MB.
 KEPT_NODES = 1 << 18  # speed only
 NODE_LIMIT = 200_000_000
@@ -56,18 +51,7 @@ class ResamplingError:
 
 
 def resample(field, spacing=None, *, tolerance=None, wavelength=None, region=None, interpolation="cubic"):
-    """Resample a field to a uniform grid.
-
-    Args:
-        field: The IndexField to resample.
-        spacing: Greatest node spacing [m], one number or one per axis (the region is divided evenly); or None, with
-        tolerance: greatest allowed change of the optical path along lines parallel to z, in waves. The spacing is
-            halved until the measured change is within it.
-        wavelength: Wavelength for `tolerance` [m]; None takes the field's own, or 905 nm where it has none.
-        region: Lowest and highest corner along the field's axes [m]; the whole box if None. Beyond the box the field is
-            ambient: where it is not ambient at a face, the jump there is smoothed over a cell of the grid.
-        interpolation: Interpolant of the result.
-    """
+    """Resample a field to a uniform grid: see `IndexField.resample`."""
     wavelength = field.wavelength_for(wavelength)
     if (spacing is None) == (tolerance is None):
         raise ValueError("give either spacing [m] or tolerance [waves]")
@@ -89,7 +73,10 @@ def resample(field, spacing=None, *, tolerance=None, wavelength=None, region=Non
         error = result.resampling.opd_max
         if error <= tolerance * wavelength:
             return result
-        halvings = _halvings(error / (tolerance * wavelength), before and before / error)
+        # By the spline's order a halving reduces the error 16-fold, 64-fold at most. If the last one reduced it less,
+        # each of the next does so at most by the square of that, but by no less than 4, the order at kinks.
+        gain = 64.0 if before is None else min(max((before / error) ** 2, 4.0), 64.0)
+        halvings = max(1, int(np.ceil(np.log(error / (tolerance * wavelength)) / np.log(gain) - 1e-9)))
         if np.prod((high - low) / (0.5**halvings * step) + 1.0) > NODE_LIMIT / 4:
             raise ValueError(
                 f"a spacing of {step.max():.3g} m still changes the optical path by {error / wavelength:.3g} waves, "
@@ -98,17 +85,6 @@ def resample(field, spacing=None, *, tolerance=None, wavelength=None, region=Non
             )
         # Steps above the field's own spacing do not show how fast the error decreases below it.
         step, before = 0.5 * step, error if (step <= field.spacing * (1.0 + 1e-9)).all() else None
-
-
-def _halvings(excess: float, gained: float | None) -> int:
-    """Return the least number of halvings of the spacing for an error that exceeds the tolerance by a factor.
-
-    By the spline's order a halving reduces the error 16-fold; a factor of 64 does not occur repeatedly. If the last
-    halving reduced it by less, at a shock or by rounding, each of the next is assumed to reduce it at most by the
-    square of that factor, but by no less than 4, the order at kinks.
-    """
-    most = GREATEST_GAIN if gained is None else min(max(gained**2, LEAST_GAIN), GREATEST_GAIN)
-    return max(1, int(np.ceil(np.log(excess) / np.log(most) - 1e-9)))
 
 
 def _region(field, region):
@@ -135,9 +111,12 @@ def _resample_once(field, low, high, step, interpolation):
     step = (high - low) / (count - 1)
     step = step + 2.0 * np.maximum(high - (low + step * (count - 1)), 0.0) / (count - 1)
     points = _points(field, low, high, step, count)
-    contrast = _extrapolated(field, points).reshape(count)
+    contrast = points.nodes.contrast(field)
+    if len(points.inside):  # extrapolated into the body
+        skin, ahead = points.skin.contrast(field), points.ahead.contrast(field)
+        contrast[points.inside] = skin + (skin - ahead) * points.fade
     even = field.geometry == "axisymmetric"
-    grid = UniformGrid(contrast, low, step, interpolation, even, field.ambient_index)
+    grid = UniformGrid(contrast.reshape(count), low, step, interpolation, even, field.ambient_index)
     made, upstream = field.upstream, field.upstream
     if made is not None and made.group is not None and made.group.field is not None:
         again = partial(_resampled, made.group.field, step, (low, high), interpolation)
@@ -244,15 +223,6 @@ def _make_points(where: QuadMesh | UniformGrid, body, low, high, step, count) ->
     )
 
 
-def _extrapolated(field, points: _ResamplingPoints) -> np.ndarray:
-    """Return the contrast at the nodes, extrapolated into the body."""
-    value = points.nodes.contrast(field)
-    if len(points.inside):
-        skin, ahead = points.skin.contrast(field), points.ahead.contrast(field)
-        value[points.inside] = skin + (skin - ahead) * points.fade
-    return value
-
-
 def _measure(source, result, points: _ResamplingPoints) -> ResamplingError:
     """Compare both fields at scattered points, and along lines parallel to the last axis (z)."""
     change, _ = _difference(source, result, points.probe)
@@ -284,11 +254,7 @@ def _difference(source, result, points: _PointSet) -> tuple[np.ndarray, np.ndarr
 def node_counts(field, low: np.ndarray, high: np.ndarray, step: np.ndarray) -> np.ndarray:
     """Return the number of nodes along each axis of a grid that divides a region of a field evenly.
 
-    Args:
-        field: The IndexField that is resampled.
-        low: Lowest corner of the region [m], shape (d,).
-        high: Highest corner [m], shape (d,).
-        step: Greatest spacing [m], shape (d,).
+    `low` and `high` are the corners of the region and `step` the greatest spacing [m], shape (d,).
     """
     extent = high - low
     size = " by ".join(f"{side:.3g}" for side in extent) + " m"

@@ -1,27 +1,13 @@
-r"""Coefficients of the tensor-product interpolants on a uniform grid.
+"""Coefficients of the tensor-product interpolants on a uniform grid.
 
-All interpolants are evaluated in the same way: along each axis a cell uses `support` consecutive coefficients, starting
-at `stride` times the cell's index, with weights that depend on the position u in [0, 1] in the cell.
-
-    "linear"    support 2, stride 1   the samples; C0, second order
-    "cubic"     support 4, stride 1   C2 B-spline through the samples, not-a-knot ends (fourth order up to the faces)
-    "monotone"  support 4, stride 2   C1 Hermite: value and limited slope of each node; in each cell it stays within
-                                      the range of the cell's corners, so there is no overshoot at a shock
-
-References: C. de Boor, A Practical Guide to Splines (2001); F. N. Fritsch and R. E. Carlson, SIAM J. Numer. Anal. 17
-(1980) 238 for the limit on slopes.
-
-Averages over cells one spacing wide, centred on the nodes, become node values first: for "cubic" those of the spline S
-that has them along each axis,
-
-    (1 / h) int S over [x_i - h/2, x_i + h/2] = average_i,
-
-so the position of a shock inside a cell is kept to a small fraction of the cell. The others use the averages as node
-values: integrals along whole lines equal those of the data, and the neglected h^2 / 24 times the second derivative is
-within these interpolants' own error. Axisymmetric averages are over the (r, z) rectangle, without the weight r.
+Along each axis a cell uses `support` consecutive coefficients from `stride` times its index on: "linear" the samples,
+"cubic" a C2 B-spline with not-a-knot ends, "monotone" value and limited slope of a C1 Hermite interpolant in the range
+of the cell's corners. References: C. de Boor, A Practical Guide to Splines (2001); F. N. Fritsch and R. E. Carlson,
+SIAM J. Numer. Anal. 17 (1980) 238.
 """
 
 from collections.abc import Callable
+from functools import partial
 from itertools import product
 
 import numpy as np
@@ -38,44 +24,28 @@ def weights(interpolation: str, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return weights and their derivatives with respect to u, each of shape (support, *u.shape)."""
     v = 1.0 - u
     if interpolation == "linear":
-        slope = [-np.ones_like(u), np.ones_like(u)]
+        value, slope = [v, u], [-np.ones_like(u), np.ones_like(u)]
     elif interpolation == "cubic":
+        value = [v**3 / 6, (3 * u**3 - 6 * u**2 + 4) / 6, (3 * v**3 - 6 * v**2 + 4) / 6, u**3 / 6]
         slope = [-(v**2) / 2, (3 * u**2 - 4 * u) / 2, -(3 * v**2 - 4 * v) / 2, u**2 / 2]
     else:
+        value = [(1 + 2 * u) * v**2, u * v**2, u**2 * (3 - 2 * u), -(u**2) * v]
         slope = [-6 * u * v, v * (1 - 3 * u), 6 * u * v, u * (3 * u - 2)]
-    return values(interpolation, u), np.stack(slope)
-
-
-def values(interpolation: str, u: np.ndarray) -> np.ndarray:
-    """Return the weights, shape (support, *u.shape)."""
-    v = 1.0 - u
-    if interpolation == "linear":
-        return np.array([v, u])
-    if interpolation == "cubic":
-        return np.array([v**3 / 6, (3 * u**3 - 6 * u**2 + 4) / 6, (3 * v**3 - 6 * v**2 + 4) / 6, u**3 / 6])
-    return np.array([(1 + 2 * u) * v**2, u * v**2, u**2 * (3 - 2 * u), -(u**2) * v])
-
-
-def _doubles(values: np.ndarray) -> np.ndarray:
-    return np.asarray(values, np.float64)
+    return np.stack(value), np.stack(slope)
 
 
 def coefficients(
     samples: np.ndarray,
     interpolation: str,
     even_first_axis: bool,
-    value_of: Callable[[np.ndarray], np.ndarray] = _doubles,
+    value_of: Callable[[np.ndarray], np.ndarray] | None = None,
 ) -> np.ndarray:
-    """Return the coefficient array of values at nodes, float32 if the samples are, else float64.
+    """Return the coefficient array of values at nodes, float32 if the samples are, else float64; computed in float64.
 
-    It is computed in float64. Of "cubic" no more than slabs of it are in memory besides the array itself.
-
-    Args:
-        samples: One number for each node, one axis per coordinate.
-        interpolation: One of INTERPOLATIONS.
-        even_first_axis: The field is mirrored at the first node of axis 0 (an axisymmetric field at r = 0).
-        value_of: Returns the values, float64, for some of the samples.
+    `even_first_axis` mirrors the field at the first node of axis 0; `value_of` gives the values, float64, of some
+    samples.
     """
+    value_of = value_of or partial(np.asarray, dtype=np.float64)
     kind = np.dtype(np.float32 if samples.dtype == np.float32 else np.float64)
     if interpolation == "cubic":
         return _spline(samples, even_first_axis, value_of, np.empty([count + 2 for count in samples.shape], kind))
@@ -108,9 +78,8 @@ def _spline(samples: np.ndarray, even_first_axis: bool, value_of, made: np.ndarr
 def end_conditions(count: int, even_start: bool) -> np.ndarray:
     """Return the matrix for the n + 2 B-spline coefficients along an axis of n nodes, with only its end rows filled.
 
-    It is stored by diagonals, shape (2 BAND + 1, n + 2): entry (i, j) at [BAND + i - j, j]. An end row demands mirror
-    symmetry, or no jump of the third derivative at the second node, or (for two or three nodes, which determine only a
-    straight line or a parabola) no second or third derivative.
+    Stored by diagonals, entry (i, j) at [BAND + i - j, j]. An end row demands mirror symmetry, or no jump of the third
+    derivative at the second node (for two or three nodes no second or third derivative).
     """
     matrix = np.zeros((2 * BAND + 1, count + 2))
     if count >= 4:
@@ -156,9 +125,8 @@ def spline_along(values: np.ndarray, axis: int, even_start: bool) -> np.ndarray:
 def _solve_by_elimination(values: np.ndarray, axis: int, even_start: bool) -> np.ndarray:
     """`spline_along` for four nodes and more, by elimination of all lines at once: twenty times as fast as LAPACK.
 
-    Together with the equations c[i-1] + 4 c[i] + c[i+1] = 6 f[i] of three nodes, the not-a-knot condition determines
-    the coefficient of the second node, c = f - (second difference of f) / 6. Between two such nodes, or from the mirror
-    on, the equations are tridiagonal; those of the first and the last nodes give the outermost coefficients.
+    The not-a-knot condition determines the coefficient of the second node, c = f - (second difference of f) / 6;
+    between two such nodes, or from the mirror on, the equations c[i-1] + 4 c[i] + c[i+1] = 6 f[i] are tridiagonal.
     """
     nodes = np.moveaxis(values, axis, 0)
     if 0 < axis == values.ndim - 1:
@@ -278,12 +246,10 @@ def _cross_share(values: np.ndarray, part: dict[tuple[int, ...], np.ndarray]) ->
 
 
 def node_values(average: np.ndarray, interpolation: str, even_first_axis: bool) -> np.ndarray:
-    """Return values at the nodes, float64, shape of `average`.
+    """Return values at the nodes, float64, from averages over cells one spacing wide centred on them.
 
-    Args:
-        average: Averages over the cells, one axis per coordinate.
-        interpolation: One of INTERPOLATIONS.
-        even_first_axis: The field is mirrored at the first node of axis 0.
+    For "cubic" those of the spline that has the averages along each axis, which keeps the position of a shock in its
+    cell; the others use the averages, off by h^2 / 24 times the second derivative, within their own error.
     """
     values = np.asarray(average, dtype=np.float64)
     if interpolation != "cubic":

@@ -67,7 +67,7 @@ def block_means(values: np.ndarray, block: int, axis: int) -> np.ndarray:
 
 def axis_first(values: np.ndarray, axis: int) -> np.ndarray:
     """A view with an axis in front of the others, as by np.moveaxis, whose checks take longer than small tables."""
-    return values.transpose(axis, *(other for other in range(values.ndim) if other != axis))
+    return values.transpose(axis, *range(axis), *range(axis + 1, values.ndim))
 
 
 def axis_back(values: np.ndarray, axis: int) -> np.ndarray:

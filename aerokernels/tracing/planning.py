@@ -1,8 +1,8 @@
 """Make the plan of a trace from the caller's choices; the backend is chosen in the order of engines/choice.py.
 
 Decided elsewhere: what of a bundle is interpolated (bundle/run.py), how many leapfrog samples a ray takes
-(leapfrog/sample_count.py), a pupil's quadrature (pupil/job.py), the order and chunks of rays (launch.py), and which are
-traced again (retrace.py).
+(leapfrog/sample_count.py), a pupil's quadrature (pupil/job.py), and the order and chunks of rays, and which are traced
+again (launch.py).
 """
 
 from collections.abc import Callable
@@ -21,24 +21,11 @@ from .grid_tables import prepare_once
 from .launch import launch
 from .leapfrog.pilot import pays_once
 from .leapfrog.sample_count import fit_leapfrog, may_be_leapfrog
-from .lines import box_size
+from .lines import box_size, lever_arms_of
 from .plan import LEAPFROG, METHODS, PRECISIONS, TracePlan
 from .step_bound import predict_evaluations, step_allowance
-from .straight_lines import lever_arms_of
 
 STRAIGHT = "; along the undisturbed line, with the second-order correction of the optical path"
-
-
-def backend_for(field: IndexField, backend: str) -> str:
-    """The requested backend, or "reference" instead of "auto" for cells without an interpolant; others refuse these."""
-    if field.interpolation != "cells" or backend == "reference":
-        return backend
-    if backend != "auto":
-        raise ValueError(
-            f"backend {backend!r} does not trace interpolation 'cells': only 'reference' ends its steps at every edge; "
-            "leave the backend out, or take interpolation 'bilinear'"
-        )
-    return "reference"
 
 
 def check_choices(field: IndexField, *, method, precision, tolerance, step) -> None:
@@ -47,8 +34,6 @@ def check_choices(field: IndexField, *, method, precision, tolerance, step) -> N
     if precision not in PRECISIONS:
         raise ValueError(f"precision {precision!r} is not known: choose 'float32' or 'float64'")
     check_positive(tolerance, "tolerance", "waves")
-    if field.interpolation == "cells" and method in ("fixed", "paper"):
-        raise ValueError(f"method {method!r} steps over the edges between cells: take 'auto' for interpolation 'cells'")
     if method == "fixed":
         if step is None or not (np.isfinite(step) and step > 0.0):
             raise ValueError(f"method 'fixed' needs step, a positive length of arc in metres, got {step!r}")
@@ -132,7 +117,6 @@ def make_plan(
     directions,
 ) -> TracePlan:
     """Fill in the choices left to "auto"; the others have passed `check_choices`."""
-    backend = backend_for(field, backend)
     if method == "fixed" and max_steps is None and step < 1e-8 * box_size(field):
         raise ValueError(
             f"a step of {step:g} m would take more than 1e8 steps through a box of {box_size(field):.3g} m: give a "
@@ -157,8 +141,6 @@ def make_plan(
         reasons.append(f"method adaptive: error control, about {predicted:.0f} evaluations a ray across the box")
     else:
         reasons.append(f"method {method}: requested{STRAIGHT if method == 'straight' else ''}")
-    if field.interpolation == "cells":
-        why = "backend reference: it alone ends its steps at every edge between cells"
     reasons.append(why)
     dimension = {"volume": "a volume", "planar": "two axes, x is never expanded"}.get(
         field.geometry, "r and z, never expanded to a volume"

@@ -6,8 +6,7 @@ from itertools import pairwise
 import numpy as np
 
 from ..medium import IndexField
-from ..medium.grid import UniformGrid
-from ..medium.tensor_points import contrast_on_axes
+from ..medium.grid import UniformGrid, contrast_on_axes
 from ..tracing.lines import box_span, cell_along
 from .wave import Wave
 

@@ -13,14 +13,14 @@ PACKAGES = {
     "rays": ("Pupils and rays", "Where rays start, where they point, and what share of the light each one has."),
     "tracing": ("Tracing", "Rays through a field: one entry for every method, engine, device and precision."),
     "strehl_estimate": ("Strehl ratio", "The Strehl ratio of a field seen through a pupil, with an error bar."),
-    "wavefront": ("Wavefront", "Maps of the optical path difference over a pupil and what they make of the light."),
+    "wavefronts": ("Wavefront", "Maps of the optical path difference over a pupil and what they make of the light."),
     "zernike": ("Zernike polynomials", "The polynomials and their indices."),
     "waves": ("Waves", "Wave optics beside the rays: split-step propagation, and when rays are not enough."),
-    "schlieren": ("Schlieren", "Pictures of a schlieren bench, and what is read off them."),
+    "benches": ("Schlieren", "Pictures of a schlieren bench, and what is read off them."),
     "imaging": ("Imaging", "Pictures through a flow, and background-oriented schlieren."),
     "fldi": ("FLDI", "A focused laser differential interferometer: instrument, transfer function, response."),
     "series": ("Series", "Snapshots of a flow in time, their statistics, and maps over look angles."),
-    "echo": ("Echo and range", "The echo of a pulsed laser rangefinder, its detector chain, and the range it reads."),
+    "lidar": ("Echo and range", "The echo of a pulsed laser rangefinder, its detector chain, and the range it reads."),
     "scene": ("Scenes", "What a user describes in a TOML file."),
     "jobs": ("Jobs", "Whole jobs: a run, a sweep, and what they return."),
     "compare": ("Comparing", "Recorded waveforms against simulated ones."),
@@ -35,7 +35,7 @@ MORE = {
 }
 # Names of a package that are there for other packages, not for users.
 INNER = {
-    "wavefront": {"check_metres", "check_terms", "check_wavefront", "map_points", "mean_phasor", "weighted_mean"},
+    "wavefronts": {"check_metres", "check_terms", "check_wavefront", "map_points", "mean_phasor", "weighted_mean"},
     "rays": {"as_unit_vector", "as_vector", "transverse_axes", "unit_disc_samples"},
 }
 # Where a top-level name is shown that lives in a module without a page of its own.
@@ -45,6 +45,7 @@ SHOWN = {
     "jobs.run": "jobs",
     "jobs.sweeps.run": "jobs",
     "pupils": "rays",
+    "tracing.trace": "tracing",
 }
 
 

@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from aerokernels.benchmark import SCHEMA, SUITES, Settings, run_bench
-from aerokernels.benchmark.measuring import UNDISTURBED, errors
+from aerokernels.benchmark.measuring import SUITES, UNDISTURBED, Settings, errors
 from aerokernels.benchmark.scenes import (
     CONE_AMBIENT,
     CONE_HALF,
@@ -19,6 +18,7 @@ from aerokernels.benchmark.scenes import (
     cone_rays,
     cone_truth,
 )
+from aerokernels.benchmark.suites import SCHEMA, run_bench
 from aerokernels.tracing import trace
 from aerokernels.tracing.engines.choice import choose_backend
 

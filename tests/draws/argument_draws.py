@@ -137,7 +137,6 @@ def _right_calls() -> dict[str, tuple[Callable, dict[str, Any]]]:
         "SolidBody.of_revolution": (SolidBody.of_revolution, {"body": body, "count": 8}),
         "SolidBody.crossings": (solid.crossings, {"position": [[0, 0, 0]], "direction": [[0, 0, 1]]}),
         "SolidBody.signed_distance": (solid.signed_distance, {"points": [[0, 0, 1e-3]]}),
-        "Wavefront.over_wavelengths": (wave.over_wavelengths, {"wavelengths": [905e-9], "angle": [0.0]}),
         "Transfer.along": (wave.mtf().along, {"angle": 0.1}),
         "EncircledEnergy.radius": (wave.encircled_energy().radius, {"share": 0.5}),
         "Wave": (Wave, {"amplitude": np.ones((8, 8)), "pixel": 1e-3, "wavelength": 905e-9}),

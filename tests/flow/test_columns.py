@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from aerokernels import ArcLength, RayBundle, flow, trace
+from aerokernels import flow
 from aerokernels.medium import QuadMesh
 
 
@@ -40,34 +40,3 @@ def test_lines_that_are_none_are_refused():
         skewed("planar").columns([0.0, 0.0, 0.0], [0.0, 0.0, 2.0])
     with pytest.raises(ValueError, match="never leave"):
         skewed("planar").columns([0.0, 0.5, 0.0], [1.0, 0.0, 0.0])
-
-
-@pytest.mark.parametrize("geometry", ["planar", "axisymmetric"])
-def test_rays_through_cells_are_columns(geometry):
-    """Set-up: rays askew through random cells without an interpolant. Formula: OPD = K times the column.
-
-    Expected: within 1e-9 of the greatest, and rays that end where straight lines do, 1e-12 m: to rounding.
-    """
-    field = skewed(geometry)
-    random = np.random.default_rng(3)
-    position = np.column_stack([0.2 * random.normal(size=9), random.uniform(0.1, 0.7, 9), random.uniform(-0.5, 0.5, 9)])
-    direction = random.normal(size=(9, 3)) * [0.1, 1.0, 1.0]
-    rays = RayBundle(position - 5.0 * direction / np.linalg.norm(direction, axis=1)[:, None], direction)
-    index = field.index_field(constant=1e-4, interpolation="cells")
-    found = trace(index, rays, until=ArcLength(10.0))
-    expected = 1e-4 * field.columns(rays.position, rays.direction)
-    assert found.plan.backend == "reference"
-    assert np.abs(found.opd - expected).max() < 1e-9 * np.abs(expected).max()
-    assert np.abs(found.position - rays.position - 10.0 * rays.direction).max() < 1e-12
-
-
-def test_cells_are_traced_by_the_reference_alone():
-    field = skewed("planar")
-    index = field.index_field(constant=1e-4, interpolation="cells")
-    rays = RayBundle([[0.0, 0.5, -2.0]], [[0.0, 0.0, 1.0]])
-    with pytest.raises(ValueError, match="'warp' does not trace interpolation 'cells'"):
-        trace(index, rays, backend="warp")
-    with pytest.raises(ValueError, match="'paper' steps over the edges"):
-        trace(index, rays, method="paper")
-    with pytest.raises(ValueError, match="needs averages over cells"):
-        index.from_mesh(field.mesh, np.zeros(len(field.mesh.vertices)), interpolation="cells")

@@ -17,13 +17,11 @@ def fields():
     """Coarse meshes: about 40 cells a side. With each, the angles of its jumps and kinks from -z towards +y."""
     wedge = flow.wedge(3.0, 0.3, length=1.0, spacing=0.04)
     fan = flow.expansion(2.0, 0.4, length=1.0, spacing=0.04)
-    plane = flow.plane_shock(4.0, 0.5, length=1.0, spacing=0.04)
     swirl = flow.vortex(0.9, radius=1.0, spacing=0.25)
     angles = fan.solution.head_angle, fan.solution.tail_angle, fan.solution.inner_angle
     return {
         "wedge": (wedge, wedge.solution.breaks),
         "fan": (fan, angles),
-        "plane shock": (plane, plane.solution.breaks),
         "vortex": (swirl, ()),
     }
 

@@ -36,7 +36,7 @@ def test_frame(field):
     assert field.geometry == "axisymmetric" and field.mesh.shape == (251, 81)
     low, high = field.mesh.box
     assert low[0] == 0.0 and -0.138 < low[1] < -0.137 and 0.003 < high[1] < 0.007
-    assert (field.mesh.cell_area > 0.0).all()
+    assert (field.mesh.cell_size > 0.0).all()
     r, z = (column.reshape(251, 81) for column in field.mesh.vertices.T)
     assert (r[0] == 0.0).all() and (r[0, 0], z[0, 0]) == (0.0, 0.0)
 

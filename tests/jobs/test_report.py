@@ -14,7 +14,7 @@ import xarray
 
 from aerokernels.jobs import plots
 from aerokernels.jobs.figure_layout import png
-from aerokernels.jobs.report import draw_pictures, headline_rows, render_report
+from aerokernels.jobs.report import headline_rows, render_report, run_figures
 
 SUMMARY = {
     "scene": "trial <1>",
@@ -40,7 +40,7 @@ SUMMARY = {
 
 @pytest.fixture
 def page(dataset: xarray.Dataset) -> str:
-    return render_report(draw_pictures(dataset)[0], SUMMARY, 'name = "trial"\n[target]\ndistance = "1.5 m"')
+    return render_report(run_figures(dataset), SUMMARY, 'name = "trial"\n[target]\ndistance = "1.5 m"')
 
 
 def test_report_holds_every_picture_and_loads_nothing(page: str):
@@ -118,8 +118,6 @@ def test_a_users_matplotlibrc_and_backend_do_not_change_pictures(tmp_path):
 
 def test_numbers_have_labels_and_what_users_wrote_is_escaped():
     """Keys of summary.json stand as words with units; a title and a scene of a stranger's stay texts."""
-    from aerokernels.jobs.report import render_report
-
     summary = {
         "title": "<script>alert(1)</script>",
         "strehl": 0.9,
@@ -130,7 +128,7 @@ def test_numbers_have_labels_and_what_users_wrote_is_escaped():
         "errors": {"strehl": 0.01},
         "version": "<i>1</i>",
     }
-    page = render_report({}, summary, "</pre><script>")
+    page = render_report([], summary, "</pre><script>")
     assert "range by leading edge [m]" in page and "ranges_m" not in page and "scene_values" not in page
     for told in ("<script", "<img", "<b>none</b></p>", "<i>1"):
         assert told not in page

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from aerokernels.medium import IndexField
-from aerokernels.medium.tensor_points import contrast_on_axes, contrast_without_gradient
+from aerokernels.medium.grid import contrast_on_axes, contrast_without_gradient
 from tests.random_fields import mesh_field, uniform_field
 
 

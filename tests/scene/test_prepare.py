@@ -6,7 +6,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from aerokernels.flow import CellDensity
-from aerokernels.flow.sampled_density import WallDensity
 from aerokernels.jobs.run import scene_strehl
 from aerokernels.lidar.parts import Setup
 from aerokernels.lidar.paths import target_points
@@ -141,7 +140,7 @@ def test_values_at_walls_count_in_a_scene_unless_it_says_otherwise():
     """Set-up: averages of 1, a wall of 2. Expected: the index there is of 2; of 1 where a scene says "bilinear"."""
     axis = np.linspace(-0.02, 0.02, 21)
     mesh = QuadMesh.structured(*np.meshgrid(axis, axis, indexing="ij"))
-    wall = WallDensity(np.stack([axis, 0.0 * axis - 0.02], axis=1), np.full(21, 2.0))
+    wall = np.stack([axis, 0.0 * axis - 0.02], axis=1), np.full(21, 2.0)
     density = 1.0 + 1e-3 * np.arange(400.0) / 400.0
     field = CellDensity(mesh, density, 1.0, wall=wall)
     at_wall = np.c_[0.0 * axis, axis, 0.0 * axis - 0.02][1:-1]

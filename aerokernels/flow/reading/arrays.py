@@ -12,7 +12,6 @@ from aerokernels.inputs.units import WrittenUnit, in_brackets, is_no_unit, quant
 # Words in brackets that leave a quantity what it is; others, such as "total" and "gauge", make another one of it.
 SAME_QUANTITY = ("static", "absolute", "abs", "thermodynamic", "mean", "average", "averaged", "avg", "si", "gas", "air",
                  "mixture", "fluid")  # fmt: skip
-_MEAN = r"(?:time)?(?:mean|averaged?|avg|ave)"
 
 
 def plain_name(name: str, grouped: bool = False) -> str:
@@ -42,15 +41,12 @@ def quantity_name(name: str, grouped: bool = False) -> str:
 def known_names(names: Iterable[str], known: Sequence[str], grouped: bool = False) -> list[str]:
     """Return those of `names` that are the first of the `known` quantities; means over time count after all others."""
     quantities = [(name, quantity_name(name, grouped)) for name in names]
-    for is_it in (str.__eq__, _is_mean_of):
+    mean = r"(?:time)?(?:mean|averaged?|avg|ave)"
+    for pattern in ("{one}", f"{mean}(?:of)?{{one}}|{{one}}{mean}"):
         for one in known:
-            if found := [name for name, own in quantities if is_it(own, one)]:
+            if found := [name for name, own in quantities if re.fullmatch(pattern.format(one=one), own)]:
                 return found
     return []
-
-
-def _is_mean_of(plain: str, quantity: str) -> bool:
-    return re.fullmatch(rf"{_MEAN}(?:of)?{quantity}|{quantity}{_MEAN}", plain) is not None
 
 
 def _without_comma(name: str) -> str:
@@ -60,21 +56,19 @@ def _without_comma(name: str) -> str:
 
 
 def stated_unit(attributes: Mapping[str, Any]) -> str:
-    """Return the unit of an array's attribute `units` or `unit`, in whatever case; empty if it has none."""
+    """Return the unit of an array's attribute `units` or `unit`, in whatever case; empty if it has none.
+
+    Some programs write it as an array of one entry, or as bytes.
+    """
     for name in ("units", "unit"):
         for key in sorted(attributes, key=lambda key: key != name):
-            if str(key).lower() == name and (text := _text(attributes[key])):
-                return text
+            value = attributes[key]
+            if isinstance(value, np.ndarray) and value.size == 1:
+                value = value.reshape(-1)[0]
+            text = value.decode("utf-8", "replace") if isinstance(value, bytes) else value
+            if str(key).lower() == name and isinstance(text, (str, int, float, np.number)) and str(text):
+                return str(text)
     return ""
-
-
-def _text(value: Any) -> str:
-    """Return an attribute's text: some programs write it as an array of one entry, or as bytes."""
-    if isinstance(value, np.ndarray) and value.size == 1:
-        value = value.reshape(-1)[0]
-    if isinstance(value, bytes):
-        return value.decode("utf-8", "replace")
-    return str(value) if isinstance(value, (str, int, float, np.number)) else ""
 
 
 def unit_of_array(path, name: str, stated: str, dimension: str) -> WrittenUnit:

@@ -52,18 +52,16 @@ def check_repeated_blocks(path, blocks: Sequence[Block], densities: list[tuple[n
 
 def with_blanks(dataset: Dataset) -> Dataset:
     """Return the dataset with the cells or points blanked where an array `iblank` is 0, as overset grids state it."""
-    return replace(dataset, blocks=[_blanked(block) for block in dataset.blocks])
 
-
-def _blanked(block: Block) -> Block:
-    if block.blank is not None:
+    def blanked(block: Block) -> Block:
+        for arrays, count in ((block.cell_data, block.cell_count), (block.point_data, len(block.points))):
+            for name in (name for name in arrays if block.blank is None and plain_name(name, True) == "iblank"):
+                values = np.asarray(arrays[name])
+                if values.shape == (count,) and values.dtype.kind in "iuf" and (values == 0).any():
+                    return replace(block, blank=values == 0)
         return block
-    for arrays, count in ((block.cell_data, block.cell_count), (block.point_data, len(block.points))):
-        for name in (name for name in arrays if plain_name(name, True) == "iblank"):
-            values = np.asarray(arrays[name])
-            if values.shape == (count,) and values.dtype.kind in "iuf" and (values == 0).any():
-                return replace(block, blank=values == 0)
-    return block
+
+    return replace(dataset, blocks=[blanked(block) for block in dataset.blocks])
 
 
 def _same_mesh(one: Block, other: Block) -> bool:

@@ -122,9 +122,10 @@ class DensityChoice:
 
     def _refuse_no_gas(self, block: Block, values: np.ndarray, where: str) -> None:
         blank = block.blank if block.blank is not None and len(block.blank) == len(values) else None
-        beside = beside_the_flow(block) if where == "cell" else None
-        if beside is not None:
-            blank = beside if blank is None else blank | beside
+        types = block.cells.types if where == "cell" and block.cells is not None else np.empty(0)
+        of_flow = next((own for kinds in (SOLID, FLAT) if (own := np.isin(types, kinds)).any()), None)
+        if of_flow is not None and not of_flow.all():  # faces beside solid cells, lines and points beside flat cells
+            blank = ~of_flow if blank is None else blank | ~of_flow
         if not (wrong := no_gas(values, blank)):
             return
         fault, count, first = wrong
@@ -217,17 +218,6 @@ def scalar_array(path, block: Block, name: str, *first: str) -> tuple[np.ndarray
     if values.dtype == np.float16:
         raise ReadError(path, f"array {name!r} is float16, which has three digits", "write it as float32 or more")
     return values.reshape(-1) if values.dtype == np.float32 else values.reshape(-1).astype(np.float64), place
-
-
-def beside_the_flow(block: Block) -> np.ndarray | None:
-    """Return which cells hold no flow: faces beside solid cells, lines and points beside flat cells; None if none."""
-    if block.cells is None:
-        return None
-    types = block.cells.types
-    for kinds in (SOLID, FLAT):
-        if (own := np.isin(types, kinds)).any():
-            return None if own.all() else ~own
-    return None
 
 
 def found_name(path, name: str, names: list[str], listed: str, grouped: bool = False) -> str:

@@ -19,7 +19,7 @@ from aerokernels.flow.reading.fractions import Fractions, choose_fractions
 from aerokernels.flow.reading.frame import Frame, direction_note, plane_normal
 from aerokernels.flow.reading.planes.one_cell_thick import flattened, wedge
 from aerokernels.flow.reading.planes.plane import Plane, hole_body, plane_in_words, plane_mesh, wall_body, wall_density
-from aerokernels.flow.sampled_density import CellDensity, GridDensity, VertexDensity
+from aerokernels.flow.sampled_density import CellDensity, VertexDensity
 from aerokernels.inputs.checks import check_choice, check_positive, warn_caller
 from aerokernels.inputs.units import EXPONENTS, is_no_unit, quantity, unit_in_name, written_unit
 from aerokernels.medium import Body
@@ -301,7 +301,7 @@ def _plane_field(reading: Reading) -> DensityField:
     wall = None
     if where == "cell" and fractions is None:
         wall = wall_density(reading, plane)
-        said += [f"values at {len(wall.density)} points of the walls"] if wall is not None else []
+        said += [f"values at {len(wall[1])} points of the walls"] if wall is not None else []
     provenance = f"{path}: {'; '.join(said)}"
     try:
         if where == "cell":
@@ -334,22 +334,6 @@ def unit_of_length(unit: str | float | None) -> float:
 def front_of(places: np.ndarray) -> np.ndarray:
     """Return which places, shape (n, d), are in the most upstream twentieth of all."""
     return np.asarray(places[:, -1] >= float(np.quantile(places[:, -1], 0.95)))
-
-
-def far_field(flow: DensityField, resampling: "Resampling | None" = None) -> np.ndarray | None:
-    """Return the densities at the upstream end of a field [kg/m3], shape (n,); None where it has no samples.
-
-    `flow.read` takes their median for the ambient density of a file that states none. `resampling` is the map by which
-    a volume was made from cells: nodes in no cell do not count.
-    """
-    if isinstance(flow, GridDensity):
-        if resampling is not None and resampling.shape == flow.density.shape:
-            return flow.density.reshape(-1)[resampling.front]
-        return flow.density[..., -1].ravel()
-    if isinstance(flow, (CellDensity, VertexDensity)):
-        places = flow.mesh.cell_centroid if isinstance(flow, CellDensity) else flow.mesh.vertices
-        return flow.density[front_of(places)]
-    return None
 
 
 def from_xarray(array, **options: Unpack[ReadOptions]) -> DensityField:

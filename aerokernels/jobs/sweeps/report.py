@@ -5,7 +5,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from aerokernels.display.quantities import Quantity
 from aerokernels.display.shown import is_flat
 from aerokernels.jobs.figure_layout import Panel, panelled_figure
 from aerokernels.jobs.numbers import NUMBERS, Number
-from aerokernels.jobs.page import Picture, drawn, named_values, page, table
+from aerokernels.jobs.page import Picture, drawn, page, table
 from aerokernels.jobs.sweeps.definition import CASE, Definition
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ def sweep_report(dataset: "xarray.Dataset", definition: Definition) -> str:
     columns = [_Column.of(dataset, name) for name in SHOWN if np.isfinite(dataset[name].values).any()]
     same = [(each.words, each.texts.flat[0]) for each in columns if each.is_same]
     varying = [each for each in columns if not each.is_same]
-    sections = [named_values("The same in every case", same)] if same else []
+    sections: list[dict[str, Any]] = [{"title": "The same in every case", "rows": same}] if same else []
     pictures = drawn(_pictures(dataset, definition, varying))
     sections.append({"title": "Pictures", "figures": pictures, "paragraphs": [] if pictures else ["none"]})
     sections.append(table("Cases, each number with its error", *_cases(dataset, definition, varying)))

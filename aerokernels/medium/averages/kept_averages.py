@@ -1,28 +1,9 @@
-r"""Vertex values whose bilinear interpolant has the given average over every cell of the flow, where bounds permit.
+"""Vertex values whose bilinear interpolant has the given average over every cell of the flow, where bounds permit.
 
-Exact values at the vertices are not enough: on cells of size h the mean of their interpolant differs from a cell's
-average by h^2 / 12 times the second derivatives. This deficit has one sign wherever the flow is curved one way, and
-integrals along rays accumulate it. Every vertex is therefore moved by the weighted mean of the deficits of its cells,
-
-    v_k <- v_k + sum_c W_ck (a_c - mean_c(v)) / sum_c W_ck,
-
-with W_ck the weight of vertex k in the integral over the flow's cell c (of r dr dz, if axisymmetric).
-
-A mesh of quadrilaterals has about one vertex for each average, which leaves a continuous interpolant no freedom to
-follow the flow. A quadrilateral cut in four (a triangle is cut in three anyway) has four vertices and more, and sweeps
-of the formula above keep the averages. The sweeps are accelerated by Nesterov's extrapolation (Sov. Math. Dokl. 27
-(1983) 372), restarted where it leads back (B. O'Donoghue and E. Candes). They run over all cells, then over the
-neighbourhood of the cells that still have a deficit, until the deficits no longer change: their sum of squares is then
-least. The remaining deficit of a cell is transferred to the vertices that belong to no other cell.
-
-Beside a captured shock no vertex value leaves the range of the averages of its cells. Elsewhere it may exceed the range
-of these cells and their neighbours by at most a quarter of that range. Initial values are always allowed, except
-densities below a tenth of those around a vertex. With these bounds not every average can be kept: a cell of 1.1 between
-cells of 1 and 2 would need a value of 0.7 in its middle. Such a cell keeps its deficit, which is as small as the bounds
-permit, and sums along rows and columns of cells have it, too; `cell_deficits` returns the deficit of each cell.
-
-Cells that are not cut ("bilinear") are swept twice where the flow is smooth; after one sweep the deficit is of fourth
-order.
+Sweeps move every vertex by the mean of the deficits of its cells, weighted by its share W in their integrals, v_k <-
+v_k + sum_c W_ck (a_c - mean_c(v)) / sum_c W_ck, accelerated by Nesterov's extrapolation with restarts. Cells cut in
+four, triangles and polygons have enough vertices to keep every average but beside a captured shock, where no value
+leaves the range around it (docs/theory/cells.md). Cells that are not cut are swept twice where the flow is smooth.
 """
 
 from dataclasses import dataclass
@@ -45,10 +26,7 @@ CHECK_INTERVAL = 10  # sweeps between two checks whether the deficits still chan
 
 
 def conserving_values(mesh: QuadMesh, average: np.ndarray, vacuum: float = -np.inf) -> np.ndarray:
-    """Return vertex values, shape (vertex_count,), from averages over cells that are not cut.
-
-    Vertex values stay above `vacuum`, the value in vacuum, where the averages do.
-    """
+    """Return vertex values from averages over cells not cut in four; above `vacuum` where these are."""
     values, smooth = values_and_smooth(mesh, average)
     if mesh.parents is not None:
         return _keep_averages(mesh, values, average, smooth, vacuum)
@@ -62,13 +40,7 @@ def conserving_values(mesh: QuadMesh, average: np.ndarray, vacuum: float = -np.i
 
 
 def cell_deficits(mesh: QuadMesh, average: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Return each cell's deficit: the flow's cell average minus the mean of the interpolant over it.
-
-    Args:
-        mesh: The mesh.
-        average: Average over the flow's cell that each cell is or is a part of, shape (cell_count,).
-        values: Values at the vertices, shape (vertex_count,).
-    """
+    """Return each cell's deficit: the average over the flow's cell that it is in minus the interpolant's mean."""
     weights = mesh.corner_weights
     deficit = average - (weights * values[mesh.cells]).sum(axis=1) / weights.sum(axis=1)
     return deficit if mesh.parents is None else of_parents(mesh, deficit)[mesh.parents]
@@ -171,8 +143,7 @@ def _vertex_weights(mesh: QuadMesh) -> _VertexWeights:
 def _sweep(weights: _VertexWeights, some, target, found, low, high, settled: float, sweeps: int) -> None:
     """Sweep over some of the flow's cells and the vertices that belong to no other cells, in place.
 
-    Ends when no deficit has changed by more than `settled` in CHECK_INTERVAL sweeps: all deficits are then
-    negligible, or as small as the bounds permit.
+    Ends when no deficit has changed by more than `settled` in CHECK_INTERVAL sweeps.
     """
     share, size, target = weights.matrix[some], weights.cell_total[some], target[some]
     if len(some) < len(weights.cell_total):

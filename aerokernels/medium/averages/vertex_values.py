@@ -1,17 +1,8 @@
-r"""Vertex values from finite-volume cell averages, and gradients at vertices.
+"""Vertex values from finite-volume cell averages, and gradients at vertices.
 
-Averages are converted to values at faces, one mesh direction after the other, by the fourth-order finite-volume formula
-
-    f_(i+1/2) = linear between the two centroids  -  (d1 / 12) [ (f_(i+2) - f_(i+1)) / d2  -  (f_i - f_(i-1)) / d0 ]
-
-(on equal cells: (7, 7, -1, -1) / 12), with the distances d0, d1, d2 between centroids. Beside a captured shock the
-second term is left out: it would oscillate, and any limiter on it changes the sums. The linear term alone keeps line
-integrals across the shock exact on equal cells, for any position of the shock in its cell and any tilt. The result is
-finally limited to the range of the two cells that it joins. At an edge of the mesh the two nearest cells are
-extrapolated; on the axis the field is even.
-
-Node gradients are the paper's eq 7, the five-point "Barron" difference in index space, divided by the metric of the
-mesh (which the paper omits), with one-sided fourth-order forms at the two outermost nodes on either side.
+Averages become values at faces, one mesh direction after the other, by the fourth-order finite-volume formula, linear
+between centroids minus (d1 / 12) [(f_(i+2) - f_(i+1)) / d2 - (f_i - f_(i-1)) / d0]; beside a captured shock without the
+second term, which keeps line integrals across it exact. Gradients are the paper's eq 7, divided by the mesh's metric.
 """
 
 import numpy as np
@@ -67,8 +58,7 @@ def _along_both_axes(mesh: QuadMesh, average, smooth, limited: bool = True, less
 def linear_values_and_smooth(mesh: QuadMesh, average: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """As `values_and_smooth`, but exact for linear densities on skewed and uneven cells too.
 
-    The same formula applied to the coordinates of the centroids shows by how much it misses the vertices, and thus its
-    error for a known slope.
+    The formula applied to the coordinates of the centroids shows by how much it misses the vertices.
     """
     if mesh.shape is None or min(mesh.shape) < 3:
         return _unstructured_vertex_values(mesh, average)
@@ -212,7 +202,8 @@ def _cell_pairs(mesh: QuadMesh) -> tuple[np.ndarray, np.ndarray]:
     count = int(cell.max()) + 1
     touches = csr_matrix((np.ones(len(cell)), (cell, vertex)), shape=(count, len(mesh.vertices)))
     first, second = (touches @ touches.T).nonzero()
-    return _unique_pairs(first.astype(np.int64), second.astype(np.int64), count)
+    key = np.unique((first.astype(np.int64) * count + second)[first != second])
+    return key // count, key % count
 
 
 def of_parents(mesh: QuadMesh, values: np.ndarray) -> np.ndarray:
@@ -224,11 +215,6 @@ def of_parents(mesh: QuadMesh, values: np.ndarray) -> np.ndarray:
     if values.ndim == 1:
         return np.asarray(np.bincount(mesh.parents, size * values) / whole)
     return np.stack([np.bincount(mesh.parents, size * column) / whole for column in values.T], axis=1)
-
-
-def _unique_pairs(first, second, count: int) -> tuple[np.ndarray, np.ndarray]:
-    key = np.unique((first * count + second)[first != second])
-    return key // count, key % count
 
 
 def _least_squares_gradient(points, values, first, second) -> np.ndarray:

@@ -1,12 +1,8 @@
 """A solid body in the flow, given by its profile: its surface, points inside it, and where lines cross it.
 
-Intersections of rays with the surface are exact: straight lines are intersected with the segments of the profile
-(`Body.crossings`, crossings.py); kernels find the segments in a tree of boxes (wall_tree.py). No table approximates the
-surface, so a body may be arbitrarily thin.
-
-A profile may touch or cross itself: two parts joined by a bridge of no width, a slit that closes, a figure of eight.
-The crossing number (`Body.contains`) decides what is solid; parts of edges with solid or air on both sides are no walls
-and are left out of `Body.surface`.
+Straight lines are intersected with the segments of the profile exactly, so a body may be arbitrarily thin. A profile
+may touch or cross itself: the crossing number decides what is solid, and parts of edges with solid or air on both sides
+are no walls.
 """
 
 from dataclasses import dataclass
@@ -68,41 +64,18 @@ class Body(Derived):
             profile[near_axis, 0] = 0.0
         if self.geometry == "axisymmetric" and profile[:, 0].min() < 0.0:
             raise ValueError("an axisymmetric body profile must not have a negative radius")
-        profile.setflags(write=False)
-        object.__setattr__(self, "profile", profile)
-        if len(self.walls[0]) == 0:
-            raise ValueError("the body profile has no wall: its points all coincide, or all lie on the axis")
+        self.set_fields(profile=profile)
         if len(self.surface[0]) == 0:
             raise ValueError("the body profile encloses nothing: give the points around a body of some thickness")
 
-    @property
-    def walls(self) -> tuple[np.ndarray, np.ndarray]:
-        """Start and end points of the wall segments [m], each (w, 2)."""
-        start, end = self.profile, np.roll(self.profile, -1, axis=0)
-        keep = np.linalg.norm(end - start, axis=1) > 0.0
-        if self.geometry == "axisymmetric":
-            keep &= ~((start[:, 0] == 0.0) & (end[:, 0] == 0.0))
-        return start[keep], end[keep]
-
     @cached_property
     def surface(self) -> tuple[np.ndarray, np.ndarray]:
-        """Start and end points [m] of the segments between air and solid, each (w, 2), with the solid on their left.
-
-        For a profile that neither touches nor crosses itself they are its walls; for others see walls.py.
-        """
+        """Start and end points [m] of the segments between air and solid, each (w, 2), with the solid on their left."""
         start, end = bounding_walls(self.profile, self.contains)
         if self.geometry == "axisymmetric":
             keep = (start[:, 0] > 0.0) | (end[:, 0] > 0.0)
             start, end = start[keep], end[keep]
         return start, end
-
-    @cached_property
-    def _oriented_surface(self) -> tuple[np.ndarray, np.ndarray]:
-        """The surface in the direction of the profile, whichever side of that the solid is on."""
-        start, end = self.surface
-        first, second = self.profile.T
-        clockwise = np.sum(first * np.roll(second, -1) - second * np.roll(first, -1)) < 0.0
-        return (end, start) if clockwise else (start, end)
 
     @property
     def normals(self) -> np.ndarray:
@@ -123,10 +96,9 @@ class Body(Derived):
     def crossings(self, position: Numbers, direction: Numbers) -> np.ndarray:
         """Return distances [m] at which straight lines cross the body's surface, ascending, shape (line_count, m).
 
-        They are exact to rounding. Rows with fewer than m crossings are padded with infinity. A line starts outside, at
-        infinity: it enters the body at its first, third, fifth ... crossing and leaves it at the others, so a point on
-        the line is inside if an odd number of crossings precede it. Lines along x never cross a planar body; `contains`
-        tells whether they are inside.
+        Exact to rounding; rows with fewer than m crossings are padded with infinity. A line starts outside, at
+        infinity: it enters the body at its first, third, fifth ... crossing and leaves it at the others. Lines along x
+        never cross a planar body; `contains` tells whether they are inside.
 
         Args:
             position: A point on each line in x, y, z [m], shape (line_count, 3) or (3,); crossings behind it have
@@ -159,11 +131,7 @@ class Body(Derived):
 
     @checked
     def nearest_wall(self, points: Numbers) -> np.ndarray:
-        """Return the exact point of the surface nearest to each point (n, 2) [m], shape (n, 2).
-
-        Points are processed in square tiles. A segment farther from a tile's middle than the nearest segment by more
-        than the tile's diameter is nearest to none of the tile's points, and is skipped.
-        """
+        """Return the exact point of the surface nearest to each point (n, 2) [m], shape (n, 2)."""
         points = as_points(points, 2)
         check_finite(points, "the points")
         foot = np.empty_like(points)
@@ -174,7 +142,7 @@ class Body(Derived):
         low = np.minimum.reduceat(points[order], first)
         high = np.maximum.reduceat(points[order], first)
         middle, radius = 0.5 * (low + high), 0.5 * np.linalg.norm(high - low, axis=1)
-        start, end = self._oriented_surface
+        start, end = self.surface
         block = max(1, 1_000_000 // len(start))  # speed only
         for tile in range(0, len(first), block):
             part = slice(tile, tile + block)
@@ -228,14 +196,12 @@ def _nearest_feet(points: np.ndarray, start: np.ndarray, end: np.ndarray) -> np.
 def bounding_walls(profile: np.ndarray, contains) -> tuple[np.ndarray, np.ndarray]:
     """Return start and end points [m] of the segments between air and solid, each (w, 2), with the solid on their left.
 
-    Left is counter-clockwise in a plane with the first coordinate to the right and the second upwards.
-
-    Args:
-        profile: Points around the body [m], shape (k, 2); the last is joined to the first.
-        contains: Function that returns whether points (n, 2) are inside the body.
+    `profile` has points around the body, `contains` returns whether points (n, 2) are inside.
     """
     start, end = profile, np.roll(profile, -1, axis=0)
     keep = np.any(start != end, axis=1)
+    if not keep.any():  # all points coincide
+        return start[keep], end[keep]
     start, end = _split(start[keep], end[keep])
     step = end - start
     length = np.linalg.norm(step, axis=1)

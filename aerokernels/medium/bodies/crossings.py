@@ -1,27 +1,8 @@
-r"""Distances at which straight lines in space cross the surface of a body, exact to rounding in float64.
+"""Distances at which straight lines in space cross the surface of a body, exact to rounding in float64.
 
-Planar. In the plane of y and z a line crosses the segment between two corners that are on different sides of it.
-
-Axisymmetric. At a distance t from its point nearest to the axis, a line has the radius R and the height z
-
-    R^2 = R0^2 + A t^2,   z = z0 + D t,   A = dx^2 + dy^2,  D = dz
-
-Rotated about the axis, the line sweeps a surface; a corner (r, z) is outside that surface if
-w = D^2 (r^2 - R0^2) - A (z - z0)^2 is positive. A segment whose corners have different signs of w is crossed once. A
-segment with both corners inside is crossed twice or not at all; it can be crossed only if it is less steep than the
-line, A Dz^2 > D^2 Dr^2, at the roots of the quadratic equation of the cone that the segment sweeps,
-
-    (A Dz^2 - D^2 Dr^2) t^2 - 2 k Dr D t + R0^2 Dz^2 - k^2 = 0,   k = r1 Dz + (z0 - z1) Dr
-
-Both segments at a corner use the same value of w: no line passes between two segments, and the number of crossings of a
-closed body is even. The kernels (engines/warp/kernels/wall.py) use the same formulas.
-
-Triangles. With two unit vectors u and v that complete a line's direction d to a right-handed frame, a corner c has the
-coordinates x = u . (c - p), y = v . (c - p), w = d . (c - p) from a point p of the line. The line is on the left of an
-edge from a to b if e = x_a y_b - y_a x_b is positive. A triangle is crossed if e has one sign for its three edges;
-these numbers are the weights of w at the opposite corners. For both triangles at an edge e is computed from the lesser
-corner (by x, then y) to the greater one, and zero counts as negative: no line passes between two triangles, and a
-closed surface is crossed an even number of times (engines/warp/kernels/crossings.py).
+Neighbouring pieces use the same number to tell the side on which a line passes their common corner or edge: no line
+passes between two, and a closed surface is crossed an even number of times. The kernels use the same formulas
+(engines/warp/kernels/wall.py, crossings.py).
 """
 
 import numpy as np
@@ -51,13 +32,6 @@ def crossings(start: np.ndarray, end: np.ndarray, geometry: str, position, direc
     """Return distances along lines [m] at which they cross segments, ascending, shape (line_count, greatest number).
 
     Rows are padded with infinity. Distances are negative behind a line's point.
-
-    Args:
-        start: First corners of the segments [m], shape (w, 2).
-        end: Second corners [m], shape (w, 2).
-        geometry: "planar": corners are (y, z); "axisymmetric": (r, z).
-        position: A point on each line [m], shape (line_count, 3).
-        direction: Unit vectors, shape (line_count, 3).
     """
     position, direction = as_lines(position, direction)
     function = _planar if geometry == "planar" else _axisymmetric
@@ -91,7 +65,13 @@ def _planar(start, end, position, direction) -> np.ndarray:
 
 
 def _axisymmetric(start, end, position, direction) -> np.ndarray:
-    """Return distances (line_count, 2 w), infinite where there is no crossing."""
+    """Return distances (line_count, 2 w), infinite where there is no crossing.
+
+    At a distance t from its point nearest to the axis a line has R^2 = R0^2 + a t^2 and z = z0 + d t. A corner (r, z)
+    is outside the surface that it sweeps if w = d^2 (r^2 - R0^2) - a (z - z0)^2 is positive. A segment whose corners
+    differ in that is crossed once; one with both corners inside twice or not at all, and only if it is less steep than
+    the line, at the roots of (a dh^2 - d^2 dr^2) t^2 - 2 k dr d t + R0^2 dh^2 - k^2 = 0, k = r1 dh + (z0 - z1) dr.
+    """
     x, y, z = position.T[:, :, None]
     dx, dy, d = direction.T[:, :, None]
     a = dx * dx + dy * dy
@@ -153,15 +133,7 @@ def axes_across(direction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def triangle_crossings(tree: WallTree, position, direction) -> np.ndarray:
-    """Return distances along lines [m] at which they cross the triangles, ascending, shape (line_count, m).
-
-    Rows are padded with infinity. Distances are negative behind a line's point.
-
-    Args:
-        tree: The triangles in their tree of boxes.
-        position: A point on each line [m], shape (line_count, 3).
-        direction: Unit vectors, shape (line_count, 3).
-    """
+    """Return distances along lines [m] at which they cross the triangles of a tree, as `crossings` does."""
     position, direction = as_lines(position, direction)
     lines, distances = [], []
     for first in range(0, len(position), LINES):
@@ -192,7 +164,7 @@ def _through(tree: WallTree, position: np.ndarray, direction: np.ndarray) -> tup
         if not len(rows):
             continue
         if last == first:
-            waiting += tree.children(node, rows)
+            waiting += [(node + 1, rows), (int(tree.links[node + 1][0]), rows)]
             continue
         offset = tree.corners[first:last][None] - position[rows][:, None, None]
         x, y, w = (np.einsum("ntkc,nc->ntk", offset, axis[rows]) for axis in (right, up, direction))

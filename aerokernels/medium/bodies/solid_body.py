@@ -1,14 +1,10 @@
 """A solid body in a volume: a closed surface of triangles, points inside it, and where lines cross it.
 
-Intersections of rays with the triangles are exact, as with the profile of a `Body`: see crossings.py.
-
-A point is inside by the number of triangles ahead of it along one fixed direction: the triangles are projected along it
-once, and a plane grid lists those whose projections may reach each of its cells.
+A point is inside by the number of triangles ahead of it along one fixed direction, found by bins of their projections.
 """
 
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
 from typing import ClassVar
 
 import numpy as np
@@ -18,66 +14,12 @@ from aerokernels.inputs.arguments import Numbers, checked
 from aerokernels.inputs.checks import check_count
 from aerokernels.medium.bodies.body import Body
 from aerokernels.medium.bodies.crossings import axes_across, edge_side, triangle_crossings
-from aerokernels.medium.bodies.triangle_distances import NearestTriangles
-from aerokernels.medium.bodies.wall_tree import WallTree, triangle_normals, wall_tree
+from aerokernels.medium.bodies.wall_tree import NearestTriangles, WallTree, triangle_normals, wall_tree
 from aerokernels.medium.grid import as_points, check_finite
+from aerokernels.medium.mesh_cells import Bins, bins_of
 
 # Direction of the lines; edges of bodies are unlikely to be parallel to it.
 ASKEW = np.array([0.312_8, 0.541_7, 0.780_2]) / np.linalg.norm([0.312_8, 0.541_7, 0.780_2])
-PAIRS = 1 << 16  # pairs of a point and a triangle that are computed together; speed only
-
-
-class AskewLines:
-    """The triangles with corners (m, 3, 3) [m], projected: a call counts those ahead of points (n, 3)."""
-
-    def __init__(self, corners: np.ndarray):
-        """Project the triangles, and list them by cell."""
-        right, up = axes_across(ASKEW[None])
-        self.axes = np.concatenate([right, up, ASKEW[None]])
-        self.corners = corners @ self.axes.T
-        low, high = self.corners[..., :2].min(axis=1), self.corners[..., :2].max(axis=1)
-        self.origin = low.min(axis=0)
-        self.side = max(1, int(np.sqrt(2.0 * len(corners))))  # cells of the grid for each triangle; speed only
-        self.cell = np.maximum((high.max(axis=0) - self.origin) / self.side, 1e-300)
-        first, last = self._cell_of(low), self._cell_of(high)
-        extent = last - first + 1
-        count = extent.prod(axis=1)
-        triangle = np.repeat(np.arange(len(corners)), count)
-        place = np.arange(len(triangle)) - np.repeat(np.cumsum(count) - count, count)
-        column, row = place // extent[triangle, 1], place % extent[triangle, 1]
-        cell = (first[triangle, 0] + column) * self.side + first[triangle, 1] + row
-        order = np.argsort(cell, kind="stable")
-        self.listed = triangle[order]
-        self.begin = np.searchsorted(cell[order], np.arange(self.side**2 + 1))
-
-    def _cell_of(self, place: np.ndarray) -> np.ndarray:
-        return np.clip(((place - self.origin) / self.cell).astype(np.int64), 0, self.side - 1)
-
-    def count_ahead(self, points: np.ndarray) -> np.ndarray:
-        """Return how many triangles lie ahead of each point along ASKEW, shape (n,)."""
-        place = points @ self.axes.T
-        cell = self._cell_of(place[:, :2])
-        number = cell[:, 0] * self.side + cell[:, 1]
-        begin, count = self.begin[number], self.begin[number + 1] - self.begin[number]
-        found = np.zeros(len(points), dtype=np.int64)
-        ends = np.cumsum(count)
-        cuts = np.searchsorted(ends, np.arange(0, int(count.sum()) + PAIRS, PAIRS))
-        for first, last in pairwise(cuts):
-            rows = np.arange(first, min(last + 1, len(points)))
-            found[rows] = self._ahead(place[rows], begin[rows], count[rows])
-        return found
-
-    def _ahead(self, place: np.ndarray, begin: np.ndarray, count: np.ndarray) -> np.ndarray:
-        point = np.repeat(np.arange(len(place)), count)
-        listed = np.arange(len(point)) - np.repeat(np.cumsum(count) - count, count) + np.repeat(begin, count)
-        offset = self.corners[self.listed[listed]] - place[point][:, None]
-        x, y = offset[..., 0], offset[..., 1]
-        side = np.stack([edge_side(x, y, 1, 2), edge_side(x, y, 2, 0), edge_side(x, y, 0, 1)], axis=-1)
-        positive = side > 0.0
-        met = (positive[:, 0] == positive[:, 1]) & (positive[:, 1] == positive[:, 2])
-        weight = side[met]
-        ahead = np.sum(weight * offset[met][..., 2], axis=1) / np.sum(weight, axis=1) > 0.0
-        return np.bincount(point[met][ahead], minlength=len(place))
 
 
 @checked
@@ -115,10 +57,7 @@ class SolidBody(Derived):
         if triangles.min() < 0 or triangles.max() >= len(vertices):
             raise ValueError(f"triangles name vertices from {triangles.min()} to {triangles.max()} of {len(vertices)}")
         check_finite(vertices, "the body's surface")
-        triangles = _outward(vertices, triangles.astype(np.int64))
-        for name, value in (("vertices", vertices), ("triangles", triangles)):
-            value.setflags(write=False)
-            object.__setattr__(self, name, value)
+        self.set_fields(vertices=vertices, triangles=_outward(vertices, triangles.astype(np.int64)))
 
     @classmethod
     @checked
@@ -135,27 +74,16 @@ class SolidBody(Derived):
             raise ValueError(f"a body of revolution needs an axisymmetric profile, got a {body.geometry} one")
         angle = 2.0 * np.pi * np.arange(count) / count
         around = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-        points, number = np.unique(np.concatenate(body.surface), axis=0, return_inverse=True)
-        start, end = number.reshape(2, -1)
-        on_axis = points[:, 0] == 0.0
-        first = np.cumsum(np.where(on_axis, 1, count)) - np.where(on_axis, 1, count)
-        rings = [
-            np.array([[0.0, 0.0, z]]) if r == 0.0 else np.column_stack([r * around, np.full(count, z)])
-            for r, z in points
-        ]
-        step, following = np.arange(count), (np.arange(count) + 1) % count
-
-        def vertex(point: int, place: np.ndarray) -> np.ndarray:
-            return first[point] + (0 if on_axis[point] else 1) * place
-
-        made = []
-        for a, b in zip(start, end, strict=True):
-            corners = vertex(a, step), vertex(b, step), vertex(b, following), vertex(a, following)
-            if not on_axis[b]:
-                made.append(np.stack([corners[0], corners[1], corners[2]], axis=1))
-            if not on_axis[a]:
-                made.append(np.stack([corners[0], corners[2], corners[3]], axis=1))
-        return cls(np.concatenate(rings), np.concatenate(made))
+        ends = np.stack(body.surface)[..., None, :]
+        rings = np.concatenate(
+            [ends[..., :1] * around, np.broadcast_to(ends[..., 1:], (*ends.shape[:2], count, 1))], axis=-1
+        )
+        (a, b), (a_next, b_next) = rings + 0.0, np.roll(rings, -1, axis=2) + 0.0  # no negative zeros
+        corners = np.concatenate([np.stack([a, b, b_next], axis=2), np.stack([a, b_next, a_next], axis=2)])
+        vertices, number = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
+        triangles = number.reshape(-1, 3)
+        whole = (triangles != np.roll(triangles, 1, axis=1)).all(axis=1)  # those at the axis have two corners in one
+        return cls(vertices, triangles[whole])
 
     @cached_property
     def surface(self) -> np.ndarray:
@@ -186,18 +114,26 @@ class SolidBody(Derived):
     def contains(self, points: Numbers) -> np.ndarray:
         """Return whether each point (n, 3) is inside the body."""
         points = as_points(points, 3)
+        axes, corners, bins = self._projected
         low, high = self.box
-        inside = np.all((points >= low) & (points <= high), axis=1)
-        rows = np.flatnonzero(inside)
-        inside[rows] = self._askew_lines.count_ahead(points[rows]) % 2 == 1
-        return np.asarray(inside)
+        rows = np.flatnonzero(np.all((points >= low) & (points <= high), axis=1))
+        place, ahead = points[rows] @ axes.T, np.zeros(len(rows), dtype=np.int64)
+        for row, triangle in bins.pairs(np.ascontiguousarray(place[:, :2])):
+            offset = corners[triangle] - place[row][:, None]
+            x, y = offset[..., 0], offset[..., 1]
+            side = np.stack([edge_side(x, y, 1, 2), edge_side(x, y, 2, 0), edge_side(x, y, 0, 1)], axis=-1)
+            positive = side > 0.0
+            met = (positive[:, 0] == positive[:, 1]) & (positive[:, 1] == positive[:, 2])
+            weight = side[met]
+            in_front = np.sum(weight * offset[met][..., 2], axis=1) / np.sum(weight, axis=1) > 0.0
+            ahead += np.bincount(row[met][in_front], minlength=len(rows))
+        inside = np.zeros(len(points), bool)
+        inside[rows] = ahead % 2 == 1
+        return inside
 
     @checked
     def nearest_wall(self, points: Numbers) -> np.ndarray:
-        """Return the exact point of the surface nearest to each point (n, 3) [m], shape (n, 3).
-
-        See triangle_distances.py.
-        """
+        """Return the exact point of the surface nearest to each point (n, 3) [m], shape (n, 3)."""
         points = as_points(points, 3)
         check_finite(points, "the points")
         return self._nearest(points)
@@ -214,8 +150,13 @@ class SolidBody(Derived):
         return outlines(self.vertices, self.triangles)
 
     @cached_property
-    def _askew_lines(self) -> AskewLines:
-        return AskewLines(self.surface)
+    def _projected(self) -> tuple[np.ndarray, np.ndarray, Bins]:
+        """Two axes across ASKEW and itself, the triangles' corners along these, and bins over their projections."""
+        axes = np.concatenate([*axes_across(ASKEW[None]), ASKEW[None]])
+        corners = self.surface @ axes.T
+        low, high = (end(corners[..., :2], axis=1).T.copy() for end in (np.min, np.max))
+        origin = low.min(axis=1)
+        return axes, corners, bins_of(low, high, origin, high.max(axis=1) - origin)
 
     @cached_property
     def _nearest(self) -> NearestTriangles:
@@ -256,10 +197,6 @@ def outlines(vertices: np.ndarray, triangles: np.ndarray) -> list[np.ndarray]:
     """Return the closed lines in which a surface crosses the plane x = 0, each as its corners (y, z) [m], shape (n, 2).
 
     A vertex on the plane counts as lying on its negative side, so that the lines are closed for any surface.
-
-    Args:
-        vertices: Corners of the triangles [m], shape (vertex_count, 3).
-        triangles: Corners of each triangle, shape (triangle_count, 3); every edge belongs to two of them.
     """
     above = vertices[:, 0] > 0.0
     side = above[triangles]

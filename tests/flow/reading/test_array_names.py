@@ -38,11 +38,6 @@ def test_a_time_called_t_is_no_temperature(tmp_path, temperature):
     assert "'t'" in flow.read(table(tmp_path / "c.csv", t=300.0 + X, p=1e5)).provenance
 
 
-def test_a_total_pressure_is_not_taken_for_the_static_one(tmp_path):
-    path = table(tmp_path / "a.csv", **{"Pressure (total)": 9e5, "Pressure": RHO * R * 300.0, "T": 300.0})
-    assert flow.read(path, gas_constant=R).density.max() == pytest.approx(RHO.max())
-
-
 @pytest.mark.parametrize(
     ("names", "options", "said"),
     [

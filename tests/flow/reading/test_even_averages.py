@@ -43,22 +43,6 @@ def means_of_spline(nodes: np.ndarray) -> np.ndarray:
     return nodes
 
 
-def test_values_at_the_corners_are_of_fourth_order():
-    """Set-up: exact averages of sin(3 x + 1) cos(2 y) cos(2 z) + 2 over n^3 cells, n = 16 and 32.
-
-    Expected: errors at the corners are 2^4 less at least, within 20 %, at the edge too.
-    """
-    errors = []
-    for n in (16, 32):
-        found = field_of_averages(smooth_averages(n))
-        x, y, z = np.meshgrid(*3 * [np.linspace(0.0, 1.0, n + 1)], indexing="ij")
-        error = np.abs(found.density - 2.0 - np.sin(3.0 * x + 1.0) * np.cos(2.0 * y) * np.cos(2.0 * z))
-        inner = error[n // 4 : -n // 4, n // 4 : -n // 4, n // 4 : -n // 4]
-        errors.append((inner.max(), error.max()))
-    assert errors[0][0] / errors[1][0] > 0.8 * 16.0
-    assert errors[0][1] / errors[1][1] > 0.8 * 16.0
-
-
 def test_the_spline_keeps_the_averages():
     """Set-up: the same averages, n = 32. Formula: the spline's mean over each cell.
 

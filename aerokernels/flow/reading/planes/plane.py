@@ -7,7 +7,6 @@ import numpy as np
 from aerokernels.flow.reading.dataset import FLAT, QUAD, Block, Cells, Dataset, ReadError, wall_patches
 from aerokernels.flow.reading.frame import Frame
 from aerokernels.flow.reading.planes.polygons import Polygons, joined, merged, quad_mesh
-from aerokernels.flow.sampled_density import WallDensity
 from aerokernels.medium import Body, QuadMesh
 
 ON_AXIS = 1e-12  # of the greatest radius: rounding of points on the axis
@@ -148,7 +147,7 @@ def plane_mesh(path, blocks: list[Block], plane: Plane, densities) -> tuple[Quad
     return mesh, values, polygons.where, remark
 
 
-def wall_density(reading, plane: Plane) -> WallDensity | None:
+def wall_density(reading, plane: Plane) -> tuple[np.ndarray, np.ndarray] | None:
     """Return the solver's densities at points of the walls; None if no wall has others than those of its cells.
 
     An edge's value belongs to its middle. At a corner between two edges the value is interpolated linearly between
@@ -173,7 +172,7 @@ def wall_density(reading, plane: Plane) -> WallDensity | None:
         corners, at_corners = _at_corners(edges, wall)
         points += [edges.mean(axis=1), corners]
         values += [wall, at_corners]
-    return WallDensity(np.concatenate(points), np.concatenate(values)) if points else None
+    return (np.concatenate(points), np.concatenate(values)) if points else None
 
 
 def _at_corners(edges: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -216,7 +215,11 @@ def hole_body(mesh: QuadMesh) -> Body | None:
     cell, side = np.nonzero(behind < 0)
     ends = np.stack([mesh.cells[cell, side], mesh.cells[cell, (side + 1) % 4]], axis=1)
     size = float(max(np.ptp(mesh.vertices, axis=0).max(), 1e-300))
-    edges = _without_seams(mesh.vertices[ends], CLOSE * size)
+    edges = mesh.vertices[ends]
+    # Edges that occur twice are the seam of a grid that closes on itself.
+    pairs = np.sort(joined(edges.reshape(-1, 2), CLOSE * size)[1].reshape(-1, 2), axis=1)
+    _, same, count = np.unique(pairs, axis=0, return_inverse=True, return_counts=True)
+    edges = edges[count[same.ravel()] == 1]
     try:
         found = chains(edges, CLOSE * size)
     except ValueError:  # cells that touch in a corner only: holes are ambiguous there
@@ -226,13 +229,6 @@ def hole_body(mesh: QuadMesh) -> Body | None:
         return None
     loops.sort(key=lambda loop: -abs(_area(loop)))
     return _joined(loops[1:], mesh.geometry)
-
-
-def _without_seams(edges: np.ndarray, near: float) -> np.ndarray:
-    """Return edges without those that occur twice, as along the seam of a grid that closes on itself."""
-    pairs = np.sort(joined(edges.reshape(-1, 2), near)[1].reshape(-1, 2), axis=1)
-    _, same, count = np.unique(pairs, axis=0, return_inverse=True, return_counts=True)
-    return np.asarray(edges[count[same.ravel()] == 1])
 
 
 def chains(edges: np.ndarray, near: float) -> list[np.ndarray]:

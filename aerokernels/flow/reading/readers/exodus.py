@@ -13,24 +13,10 @@ from typing import Any
 import numpy as np
 
 from aerokernels.files.netcdf_reading import is_classic
-from aerokernels.flow.reading.dataset import (  # fmt: skip
-    CORNERS,
-    HEXAHEDRON,
-    PRISM,
-    PYRAMID,
-    QUAD,
-    TETRAHEDRON,
-    TRIANGLE,
-    Block,
-    Cells,
-    Dataset,
-    ReadError,
-    chosen_time,
-)
+from aerokernels.flow.reading.dataset import CORNERS, Block, Cells, Dataset, ReadError, chosen_time, starts_of
 
-# Types of elements by the beginnings of their names; corners are listed first, in VTK's order.
-ELEMENTS = {"TRI": TRIANGLE, "QUA": QUAD, "SHE": QUAD, "TET": TETRAHEDRON, "HEX": HEXAHEDRON, "WED": PRISM,
-            "PYR": PYRAMID}  # fmt: skip
+# VTK's numbers of the elements' types by the beginnings of their names; corners are listed first, in VTK's order.
+ELEMENTS = {"TRI": 5, "QUA": 9, "SHE": 9, "TET": 10, "HEX": 12, "WED": 13, "PYR": 14}
 LINES = ("BAR", "BEA", "TRU", "SPH", "CIR", "EDG")
 
 
@@ -66,16 +52,15 @@ def _dataset(path: Path, held: Mapping[str, Any], time: Any) -> Dataset:
         raise ReadError(path, "it has no elements of a flow", "give a file with a mesh and its arrays")
     width = np.concatenate([np.full(len(own), own.shape[1]) for _, own, _ in blocks])
     kinds = np.concatenate([np.full(len(own), kind, np.uint8) for kind, own, _ in blocks])
-    cells = Cells(kinds, np.concatenate([[0], np.cumsum(width)]), np.concatenate([own.ravel() for _, own, _ in blocks]))
+    cells = Cells(kinds, starts_of(width), np.concatenate([own.ravel() for _, own, _ in blocks]))
     point_data = {name: held[f"vals_nod_var{k}"].values[step] for k, name in _names(held, "name_nod_var")}
     cell_data = {
         name: np.concatenate([held[f"vals_elem_var{k}eb{number}"].values[step] for number in numbers])
         for k, name in _names(held, "name_elem_var")
         if all(f"vals_elem_var{k}eb{number}" in held for number in numbers)
     }
-    notes = ["elements of second order are read by their corners alone"] if any(
-        count > own.shape[1] for _, own, count in blocks
-    ) else []  # fmt: skip
+    second = any(count > own.shape[1] for _, own, count in blocks)
+    notes = ["elements of second order are read by their corners alone"] if second else []
     notes += [f"elements of type {', '.join(left_out)} are left out"] if left_out else []
     block = Block(points, cells, None, point_data, cell_data)
     return Dataset([block], "Exodus", times=times, time=chosen, notes=notes)

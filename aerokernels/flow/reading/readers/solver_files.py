@@ -15,7 +15,6 @@ from aerokernels.flow.reading.dataset import UNFINISHED, Dataset, Patch, ReadErr
 from aerokernels.flow.reading.readers.vtk_files import run, vtk_dataset
 from aerokernels.process.foreign_files import own_file
 
-SINGLE = "VTK reads its coordinates in single precision"
 # Format, module of VTK and reader by the end of the name; the longest end counts.
 READERS = {
     ".cas.h5": ("Fluent", "vtkIOFLUENTCFF", "vtkFLUENTCFFReader"),
@@ -23,11 +22,6 @@ READERS = {
     ".case": ("EnSight", "vtkIOEnSight", "vtkGenericEnSightReader"),
     ".encas": ("EnSight", "vtkIOEnSight", "vtkGenericEnSightReader"),
 }
-_NAMED = re.compile(
-    r"^[ \t]*(?:model|measured|match|boundary|rigid_body|scalar|vector|tensor|complex|filename)[^:\n]*:(.*)$",
-    re.MULTILINE,
-)
-_ZONE = re.compile(rb"\((?:39|45)\s+\(\d+\s+([\w-]+)\s+([^\s()]+)")
 
 
 def read(path: Path, time: Any, options: Mapping[str, Any]) -> Dataset:
@@ -46,42 +40,33 @@ def read(path: Path, time: Any, options: Mapping[str, Any]) -> Dataset:
     blocks, patches = dataset.blocks, dataset.patches
     if name == "Fluent":  # whose zones of faces are blocks too, without values
         blocks = [block for block in blocks if block.cell_data or block.point_data] or blocks
-        kinds = _kinds(path)
+        text = path.read_bytes() if path.suffix.lower() == ".cas" else b""
+        # The type of each zone is in the text of a case.
+        zones = re.findall(rb"\((?:39|45)\s+\(\d+\s+([\w-]+)\s+([^\s()]+)", text)
+        kinds = {own.decode("latin-1"): kind.decode("latin-1") for kind, own in zones}
         patches = [Patch(own.name, kinds.get(own.name, own.kind), own.edges, own.polygons) for own in patches]
-    return replace(dataset, blocks=blocks, patches=patches, times=times, time=chosen, notes=[*dataset.notes, SINGLE])
+    notes = [*dataset.notes, "VTK reads its coordinates in single precision"]
+    return replace(dataset, blocks=blocks, patches=patches, times=times, time=chosen, notes=notes)
 
 
 def files(path: Path, options: Mapping[str, Any], time: float | None) -> list[Path]:
-    """Return the files that `read` opens: those that a case of EnSight names, the data beside a case of Fluent.
-
-    Raises:
-        OwnFilesError: A file outside of the case's folder, or one that is not regular.
-        ReadError: A file of Fluent that was not written to its end.
-    """
+    """Return the files that `read` opens: those that a case of EnSight names, the data beside a case of Fluent."""
     if path.suffix.lower() not in (".case", ".encas"):
         data = own_file(path, re.sub(r"\.cas(?=\.h5$|$)", ".dat", path.name, flags=re.IGNORECASE))
         for file in (path, data):
-            if path.suffix.lower() == ".cas" and file.is_file() and not _ends(file).endswith(b")"):
-                raise ReadError(file, "its last section is not closed", UNFINISHED)
+            if path.suffix.lower() != ".cas" or not file.is_file():
+                continue
+            with file.open("rb") as stream:
+                stream.seek(max(file.stat().st_size - 200, 0))
+                if not stream.read().rstrip().endswith(b")"):
+                    raise ReadError(file, "its last section is not closed", UNFINISHED)
         return [path, data] if data.is_file() else [path]
     named = [path]
-    words = [word.strip('"') for rest in _NAMED.findall(path.read_text("latin-1")) for word in rest.split()]
+    keys = "model|measured|match|boundary|rigid_body|scalar|vector|tensor|complex|filename"
+    lines = re.findall(rf"^[ \t]*(?:{keys})[^:\n]*:(.*)$", path.read_text("latin-1"), re.MULTILINE)
+    words = [word.strip('"') for line in lines for word in line.split()]
     for word in words:
         own_file(path, word)
         matching = sorted(path.parent.glob(word)) if "*" in word else [path.parent / word]  # a star is a time's number
         named += [own_file(path, os.path.relpath(file, path.parent)) for file in matching if file.is_file()]
     return list(dict.fromkeys(named))
-
-
-def _ends(file: Path) -> bytes:
-    """Return the last bytes of a file, without blanks."""
-    with file.open("rb") as stream:
-        stream.seek(max(file.stat().st_size - 200, 0))
-        return stream.read().rstrip()
-
-
-def _kinds(path: Path) -> dict[str, str]:
-    """Return the type of each zone of a text case of Fluent, by its name."""
-    if path.suffix.lower() != ".cas":
-        return {}
-    return {name.decode("latin-1"): kind.decode("latin-1") for kind, name in _ZONE.findall(path.read_bytes())}

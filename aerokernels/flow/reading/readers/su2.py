@@ -1,13 +1,9 @@
 """Read SU2: a mesh (.su2 or .cgns) and a restart, binary (.dat) or text (.csv, .dat), with values at the mesh's points.
 
 The binary restart: five int32 (535532, variable count, point count, 0, 0), names of 33 characters, float64 values point
-by point, then metadata of the run. The first number tells the byte order. SU2 numbers the points of a mesh in CGNS as
-they are in its zone, and takes the coordinates as metres, whatever unit that file states.
-
-What neither mesh nor restart states may be in a configuration beside them. REF_DIMENSIONALIZATION= FREESTREAM_... makes
-every density a multiple of the free stream's. SU2 computes that from FREESTREAM_PRESSURE and FREESTREAM_TEMPERATURE by
-the ideal gas law, or takes FREESTREAM_DENSITY where FREESTREAM_OPTION says so; a viscous run takes it from the Reynolds
-number unless INIT_OPTION is TD_CONDITIONS (SU2's configuration template, config_template.cfg).
+by point, then metadata of the run. SU2 takes the coordinates of a mesh in CGNS as metres, whatever unit it states. What
+neither file states may be in a configuration beside them (SU2's template, config_template.cfg): multiples of the free
+stream's density, which follows from its pressure and temperature unless the Reynolds number gives it.
 """
 
 import math
@@ -21,10 +17,8 @@ import numpy as np
 from aerokernels.flow.reading.dataset import (
     CORNERS,
     FLAT,
-    LINE,
     POLYGON,
     UNFINISHED,
-    VERTEX,
     Block,
     Cells,
     Dataset,
@@ -39,7 +33,7 @@ from aerokernels.flow.reading.readers.point_table import fortran_numbers, is_num
 from aerokernels.process.foreign_files import OwnFilesError, own_file
 
 MAGIC = [(535532).to_bytes(4, order) for order in ("little", "big")]
-ELEMENTS = {LINE: 2, **CORNERS}  # SU2 uses VTK's numbers
+ELEMENTS = {3: 2, **CORNERS}  # corners of each type, by VTK's numbers, which SU2 uses: 3 is a line, 1 a point
 Mesh = tuple[np.ndarray, Cells, list[Patch]]
 
 
@@ -163,7 +157,7 @@ def _zone(path: Path, zone: dict[str, Any]) -> Mesh:
     # SU2 states the types of boundaries in its configuration.
     walls = ("wall", "airfoil", "body", "cylinder", "wedge", "cone", "sphere")
     for name, rows in zone["markers"].items():
-        _, faces = _elements(path, rows, {VERTEX: 1, **ELEMENTS})
+        _, faces = _elements(path, rows, {1: 1, **ELEMENTS})
         _check_corners(path, f"marker {name} refers", faces.points, len(points))
         width = np.diff(faces.start)
         kept = (width >= dimension) & (width <= wide)

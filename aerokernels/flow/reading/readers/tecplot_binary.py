@@ -13,20 +13,11 @@ from typing import Any
 
 import numpy as np
 
-from aerokernels.flow.reading.dataset import (
-    HEXAHEDRON,
-    QUAD,
-    TETRAHEDRON,
-    TRIANGLE,
-    UNFINISHED,
-    Cells,
-    Dataset,
-    ReadError,
-)
-from aerokernels.flow.reading.readers.tecplot_text import assembled, at_time, element_cells, without_static
+from aerokernels.flow.reading.dataset import UNFINISHED, Cells, Dataset, ReadError
+from aerokernels.flow.reading.readers.tecplot_text import ELEMENTS, assembled, at_time, element_cells, without_static
 
 ZONE = 299.0  # begins a zone in the header, and its data
-ELEMENTS = {2: (TRIANGLE, 3), 3: (QUAD, 4), 4: (TETRAHEDRON, 4), 5: (HEXAHEDRON, 8)}
+NAMES = {2: "TRIANGLE", 3: "QUADRILATERAL", 4: "TETRAHEDRON", 5: "BRICK"}  # of the types of zones
 KINDS = {1: "f4", 2: "f8", 3: "i4", 4: "i2", 5: "u1"}
 
 
@@ -157,7 +148,7 @@ def _zone(stream: _Bytes, count: int, packing: bool) -> _Zone:
     time = float(stream.take("f8")[0])
     stream.whole()
     kind = stream.whole()
-    if kind != 0 and kind not in ELEMENTS:
+    if kind != 0 and kind not in NAMES:
         raise stream.fault(
             f"zone {name!r} is of type {kind}: ordered zones, triangles, quadrilaterals, tetrahedra and bricks are read"
         )
@@ -211,7 +202,7 @@ def _data(stream: _Bytes, zone: _Zone, before: list[_Zone], count: int) -> None:
         if connectivity >= 0:
             zone.cells = before[connectivity].cells
             return
-        element, corners = ELEMENTS[zone.kind]
+        element, corners = ELEMENTS[NAMES[zone.kind]]
         index = stream.take("i4", corners * zone.counts[1]).astype(np.int64)
         if index.min() < 0 or index.max() >= nodes:
             raise stream.fault(f"elements of zone {zone.name!r} refer to nodes beyond the {nodes} that there are")

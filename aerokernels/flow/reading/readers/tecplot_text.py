@@ -13,11 +13,6 @@ import numpy as np
 
 from aerokernels.flow.reading.arrays import PLACE, Direction, coordinates_of, length_of
 from aerokernels.flow.reading.dataset import (
-    HEXAHEDRON,
-    LINE,
-    QUAD,
-    TETRAHEDRON,
-    TRIANGLE,
     UNFINISHED,
     Block,
     Cells,
@@ -29,13 +24,8 @@ from aerokernels.flow.reading.dataset import (
 )
 from aerokernels.flow.reading.readers.point_table import fortran_numbers
 
-ELEMENTS = {
-    "TRIANGLE": (TRIANGLE, 3),
-    "QUADRILATERAL": (QUAD, 4),
-    "TETRAHEDRON": (TETRAHEDRON, 4),
-    "BRICK": (HEXAHEDRON, 8),
-    "LINESEG": (LINE, 2),
-}
+# VTK's number of each type of element, and its number of corners.
+ELEMENTS = {"TRIANGLE": (5, 3), "QUADRILATERAL": (9, 4), "TETRAHEDRON": (10, 4), "BRICK": (12, 8), "LINESEG": (3, 2)}
 
 
 def read(path: Path, time: Any, options: Mapping[str, Any]) -> Dataset:
@@ -87,7 +77,7 @@ def _is_line(block: Block) -> bool:
     """Return whether a zone is a line: the surface of a profile, say, beside the flow."""
     if block.shape is not None:
         return sum(count > 1 for count in block.shape) < 2
-    return block.cells is not None and bool((block.cells.types == LINE).all())
+    return block.cells is not None and bool((block.cells.types == 3).all())
 
 
 def _parts(path: Path, text: str):
@@ -218,10 +208,10 @@ def _packing(path: Path, name: str, head: dict[str, str], text: str, variable_co
 
 def element_cells(kind: int, corners: np.ndarray) -> Cells:
     """Return cells of an element type; quadrilaterals that repeat their last corner are triangles."""
-    if kind == QUAD and (twice := corners[:, 3] == corners[:, 2]).any():
+    if kind == 9 and (twice := corners[:, 3] == corners[:, 2]).any():
         width = np.where(twice, 3, 4)
         flat = corners[np.arange(4) < width[:, None]]
-        return Cells(np.where(twice, TRIANGLE, QUAD).astype(np.uint8), starts_of(width), flat)
+        return Cells(np.where(twice, 5, 9).astype(np.uint8), starts_of(width), flat)
     return Cells.of_one_type(kind, corners)
 
 

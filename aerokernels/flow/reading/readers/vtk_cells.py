@@ -15,13 +15,7 @@ from aerokernels.flow.reading.dataset import (
     CORNERS,
     DAMAGED,
     FLAT,
-    HEXAHEDRON,
-    LINE,
-    PRISM,
-    QUAD,
     SOLID,
-    TETRAHEDRON,
-    TRIANGLE,
     Block,
     Cells,
     Faces,
@@ -31,11 +25,12 @@ from aerokernels.flow.reading.dataset import (
 )
 from aerokernels.flow.reading.volumes.solids import FACES
 
-TENSOR = {70: (QUAD, 2), 72: (HEXAHEDRON, 3)}  # VTK's Lagrange cells, the linear cells between their nodes, dimensions
+# By VTK's numbers of types: Lagrange cells, the quadrilaterals or hexahedra between their nodes, dimensions.
+TENSOR = {70: (9, 2), 72: (12, 3)}
 # Other types keep their corners; at these point counts (first and second order) only nodes between them are lost.
-BY_CORNERS = {69: (TRIANGLE, 3, (3, 6, 7)), 71: (TETRAHEDRON, 4, (4, 10)), 73: (PRISM, 6, (6, 15, 18))}
+BY_CORNERS = {69: (5, 3, (3, 6, 7)), 71: (10, 4, (4, 10)), 73: (13, 6, (6, 15, 18))}
 # Voxel and pixel corners in the order of a hexahedron or quadrilateral.
-STRUCTURED = {11: (HEXAHEDRON, [0, 1, 3, 2, 4, 5, 7, 6]), 8: (QUAD, [0, 1, 3, 2])}
+STRUCTURED = {11: (12, [0, 1, 3, 2, 4, 5, 7, 6]), 8: (9, [0, 1, 3, 2])}
 # Quadratic cells, which list their corners first, and the linear cell of each.
 QUADRATIC = {21: 3, 35: 3, 22: 5, 34: 5, 23: 9, 28: 9, 30: 9, 24: 10, 25: 12, 29: 12, 33: 12, 26: 13, 31: 13, 32: 13,
              27: 14, 37: 14}  # fmt: skip
@@ -119,7 +114,7 @@ def _linear(start, points, kinds):
     if np.isin(kinds, list(QUADRATIC)).any():
         keep = np.diff(start)
         for kind, plain in QUADRATIC.items():
-            keep[kinds == kind] = {LINE: 2, **CORNERS}[plain]
+            keep[kinds == kind] = {3: 2, **CORNERS}[plain]
             kinds = np.where(kinds == kind, plain, kinds).astype(np.uint8)
         points, start = points[entries_of(start[:-1], keep)], starts_of(keep)
     return start, points, kinds

@@ -119,8 +119,8 @@ def _readable_ranges() -> list[tuple[int, int]]:
         for line in text:
             span, rights = line.split()[:2]
             if rights.startswith("rw"):
-                low, high = (int(end, 16) for end in span.split("-"))
-                ranges.append((low, high))
+                low, high = span.split("-")
+                ranges.append((int(low, 16), int(high, 16)))
     return ranges
 
 

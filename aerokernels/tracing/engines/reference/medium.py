@@ -94,7 +94,6 @@ class GridAir:
         self.offset = np.sum(reach, axis=0).ravel()
         self.face_count = 2 * self.axes
         self.axis_is_kink = False  # even in r, or rounded off
-        self.jumps = False
         self.size = float(self.spacing.min())
         # Size of the terms of which forces are sums and differences [1/m]: the rounding of a force is a share of it.
         self.force_scale = float(np.abs(self.coefficients).max()) / self.size

@@ -24,9 +24,8 @@ class MeshAir:
         self.samples, self.mesh, self.ambient = samples, mesh, field.ambient_index
         self.interpolation = samples.interpolation
         self.axisymmetric = field.geometry == "axisymmetric"
-        self.jumps = self.interpolation == "cells"  # the index jumps from cell to cell
         # The slope along the radius need not vanish on the axis.
-        self.axis_is_kink = self.axisymmetric and not self.jumps
+        self.axis_is_kink = self.axisymmetric
         self.face_count = 5 if self.axisymmetric else 4
         self.size = float(mesh.cell_size.min())
         self.force_scale = float(np.abs(samples.values).max()) / self.size
@@ -94,9 +93,7 @@ class MeshFrame:
         self.corners = corners - self.origin[:, None]
         vertex = air.mesh.cells[cell]
         self.values = air.samples.values[vertex]
-        if air.interpolation == "cells":
-            self.averages = np.asarray(air.samples.averages)[cell]
-        elif air.interpolation != "bilinear":
+        if air.interpolation != "bilinear":
             self.slopes = air.samples.gradients[vertex]
         self.there = plane_motion(place, np.zeros_like(place), np.zeros_like(place), air.axisymmetric)[0]
         self.local = np.full((len(cell), 2), 0.5)
@@ -114,9 +111,7 @@ class MeshFrame:
     def sample(self, delta) -> tuple[np.ndarray, np.ndarray]:
         """Potential s, shape (n,), and its gradient [1/m], shape (n, 3), at place + delta."""
         air, point = self.air, self.point(delta)
-        if air.interpolation == "cells":
-            contrast, slope = self.averages, np.zeros_like(point)
-        elif air.interpolation == "idw":
+        if air.interpolation == "idw":
             weight = inverse_distance_weights(self.corners, point)
             contrast, slope = dot(weight, self.values), np.einsum("nk,nkd->nd", weight, self.slopes)
         else:

@@ -241,8 +241,6 @@ class Integrator:
             self.stop.settle(self, flight, rows[leaves], chosen[leaves], potential[face][leaves], force[face][leaves])
         flight.cell[rows] = cell
         flight.left[rows[left]] = True
-        if self.air.jumps:
-            self.enter(flight, rows[~left & ~self.air.in_gap(cell)])
 
     def hold(self, flight, rows, chosen, idle) -> None:
         """Hold rays on a ridge of the index, where slopes on both sides drive them back to it repeatedly."""
