@@ -261,8 +261,11 @@ def _maps(wave: Wavefront) -> dict[str, Any]:
         )
         rms = one.quantities["opd_rms"]
         maps[name][2].update(rms_m=rms.value, rms_error_m=number_or_nan(rms.error))
-    words = "amplitude transmission of the pixel"
-    maps["pupil_weight"] = variable(("pupil_y", "pupil_x"), wave.weight, "1", words)
+    for name, values, words in (
+        ("pupil_weight", wave.weight, "amplitude transmission of the pixel"),
+        ("pupil_intensity", wave.intensity, "mean intensity in the pixel"),
+    ):
+        maps[name] = variable(("pupil_y", "pupil_x"), values, "1", words)
     return maps
 
 

@@ -108,7 +108,6 @@ def summarise(scene: Scene, maps: "xarray.Dataset", found: "xarray.Dataset") -> 
             **{name: float(found[name]) for name in names},
             "errors": {name: STANDARD_ERRORS * float(found[f"{name}_error"]) for name in names},
             "independent_count": found.attrs["independent_count"],
-            "drifting": found.attrs["drifting"],
             "skipped": found.attrs["skipped"],
             "snapshot_count": int(maps.sizes["time"]),
             "traced_count": int(np.asarray(maps["traced"].values).sum()),

@@ -78,12 +78,15 @@ class Front:
     def plot(self) -> dict[str, Any]:
         """Return the wavefront for the page's script."""
         data, wave = self.dataset, 1e9 * float(self.dataset["wavelength"])
-        weight = data["pupil_weight"].values if "pupil_weight" in data else None
         spot = wave / (2.0 * self.radius)
         return {
             "kind": "wavefront",
             "opd": packed(1e9 * data["opd"].values),
-            "weight": None if weight is None or np.ptp(weight[weight > 0.0]) == 0.0 else packed(weight),
+            **{
+                name: packed(data[f"pupil_{name}"].values)
+                for name in ("weight", "intensity")
+                if f"pupil_{name}" in data
+            },
             "axis": plain(self.axis),
             "axes": list(self.axes),
             "radius": self.radius,

@@ -33,9 +33,8 @@ def series_page(maps: "xarray.Dataset", found: "xarray.Dataset", summary: Mappin
     """
     pictures = _Pictures(maps, found)
     remarks = [("Warning", str(text)) for text in summary["warnings"]]
-    remarks += [
-        (words, str(summary[key])) for key, words in (("drifting", "Drifts"), ("skipped", "Skipped")) if summary[key]
-    ]
+    if summary["skipped"]:
+        remarks.append(("Skipped", str(summary["skipped"])))
     lost = 1.0 - float(summary["known_share"])
     if lost > 1e-3:
         remarks.append(("Known air", f"{100.0 * lost:.3g} % of the pupil has no optical path; no number includes it."))

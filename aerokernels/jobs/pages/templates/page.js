@@ -345,10 +345,10 @@ function air(all) {
 
 // Wavefront: terms are fitted together over the pupil's pixels; map, cuts, image of a point and its cuts are linked ---------
 function wavefront(s) {
-  const opd = unpack(s.opd), weight = s.weight ? unpack(s.weight) : null, [PY, PX] = s.opd.shape, axis = s.axis, live = [];
+  const opd = unpack(s.opd), weight = s.weight && unpack(s.weight), intensity = s.intensity && unpack(s.intensity), [PY, PX] = s.opd.shape, axis = s.axis, live = [];
   for (let i = 0; i < opd.length; i++) if (!Number.isNaN(opd[i])) live.push(i);
   const W = Float64Array.from(live, i => weight ? weight[i] : 1), all = W.reduce((a, b) => a + b, 0); // amplitudes
-  const V = W.map(w => w * w), light = V.reduce((a, b) => a + b, 0); // their light, by which terms are fitted
+  const V = Float64Array.from(live, (i, n) => intensity ? intensity[i] : W[n] * W[n]), light = V.reduce((a, b) => a + b, 0); // by which terms are fitted
   const fact = n => n < 2 ? 1 : n * fact(n - 1), basis = [];
   const noll = j => { const n = Math.floor((Math.sqrt(8 * j - 7) - 1) / 2), k = j - n * (n + 1) / 2 - 1, m = n % 2 ? 2 * Math.floor(k / 2) + 1 : 2 * Math.floor((k + 1) / 2); return [n, j % 2 ? -m : m]; };
   function polynomial(j) {
