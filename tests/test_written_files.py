@@ -12,7 +12,7 @@ from aerokernels.benches import Picture, write_picture
 from aerokernels.files.writing import OutputError, replacing, write_grey
 from aerokernels.imaging.bos import BackgroundPictures
 from aerokernels.imaging.shift import BackgroundDisplacement
-from aerokernels.jobs.plots import save_flow_figure
+from aerokernels.jobs.pages.air import save_flow_figure
 
 NOISE = np.random.default_rng(1).random((60, 70))
 

@@ -12,7 +12,7 @@ import typer
 
 from aerokernels import cli
 from aerokernels.display.plain_text import plain, plain_json
-from aerokernels.jobs.page import page, table
+from aerokernels.jobs.pages.page import Page
 from aerokernels.scene import Scene, SceneError, shipped_scenes
 
 
@@ -119,7 +119,7 @@ def test_what_others_wrote_is_shown_without_control_characters(tmp_path: Path):
     assert plain(title + "\n\t") == "A\\x1b[31mB\\x07\\u202ec \\x9b2J\\ue0001 <i>\n\t".replace("\\u", "\\x")
     written = plain_json(json.dumps({"title": title}, ensure_ascii=False))
     assert json.loads(written) == {"title": title} and written.isprintable()
-    shown = page(title, title, [table(title, ("a",), [(title,)])])
+    shown = Page("run", title, [(title, title)], tables=[(title, ["a"], [[title]])]).html()
     assert "\x1b" not in shown and "\x9b" not in shown and "\u202e" not in shown and "&lt;i&gt;" in shown
     with pytest.raises(SceneError, match=r"title = .*: a text cannot contain a zero character"):
         Scene.load("wind-tunnel-mach3", {"title": "a\0b"})

@@ -8,8 +8,8 @@ from aerokernels.commands._scene import parse_vary
 from aerokernels.commands.hardware import parse_labels
 from aerokernels.jobs.comparison import _reference
 from aerokernels.jobs.explain import explanation
+from aerokernels.jobs.pages.air import save_flow_figure
 from aerokernels.jobs.pictures import PictureOptions
-from aerokernels.jobs.plots import save_flow_figure
 
 MACH3 = Scene.load("wind-tunnel-mach3")
 

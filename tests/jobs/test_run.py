@@ -5,8 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from aerokernels.display.quantities import Quantity, combine
-from aerokernels.jobs import plots
+from aerokernels.display.quantities import combine
 from aerokernels.jobs.run import STAGES, ray_fan, scene_wavefront, simulate
 from aerokernels.jobs.run_files import RunResult, scene_toml
 from aerokernels.prepare import prepare_field
@@ -99,7 +98,7 @@ def test_the_fan_is_symmetric_and_bends_as_the_optical_path_changes():
 
 @pytest.mark.parametrize("removed", ["piston", "piston, tilt, focus"])
 def test_each_map_in_the_report_has_its_own_error(removed: str):
-    """Each map has an error of its rms, which its panel tells.
+    """Each map has an error of its rms.
 
     The truth is the same map traced through the cells of the flow, which the grid of the scene was resampled from.
     """
@@ -107,9 +106,7 @@ def test_each_map_in_the_report_has_its_own_error(removed: str):
     scene = Scene.load("wind-tunnel-mach3", {"grid.spacing": 2e-4, "strehl.ray_count": 512, "strehl.remove": remove})
     result = simulate(scene, with_echo=False)
     dataset = result.to_xarray()
-    panels = [axes for axes in plots.opd_figure(dataset).axes if axes.get_title()]
     whole = scene_wavefront(scene, result.prepared.mesh_field)
-    for panel, name, terms in zip(panels, ("opd", "opd_without_focus"), ((), ("tilt", "focus")), strict=True):
+    for name, terms in (("opd", ()), ("opd_without_focus", ("tilt", "focus"))):
         rms, error = (dataset[name].attrs[key] for key in ("rms_m", "rms_error_m"))
-        assert panel.get_title().endswith(f"{Quantity(1e9 * rms, 1e9 * error, 'nm')} rms")
         assert abs(rms - whole.remove(*terms).rms) <= error, name

@@ -77,13 +77,15 @@ def test_a_series_gives_maps_statistics_and_a_report(folder: Path, command_line)
     with xarray.open_dataset(out / "statistics.nc", engine="h5netcdf") as found:
         assert "strouhal" in found.coords and all("units" in one.attrs for one in found.variables.values())
     page = (out / "report.html").read_text()
-    assert re.findall(r'<figure id="([\w-]+)">', page) == ["film", "maps", "time", "spectra", "aperture", "modes"]
+    panels = re.findall(r'<figure class="panel" id="([\w-]+)">', page)
+    maps_and_times = ["film", "opd-mean", "opd-std", "time-opd-rms", "time-strehl"]
+    assert panels[:5] == maps_and_times and panels[5:7] == ["spectrum-opd", "spectrum-tilt"] and "mode-1" in panels
     (few,) = summary["warnings"]
     assert few == numbers.attrs["warnings"]
     assert "z = 30 mm" in maps.attrs["ends"] and not maps.attrs["truncation"]
     assert "No picture" not in page and not re.search(r'(src|href)="http', page)
-    frames = json.loads(re.search(r"const frames = (\[.*?\]), times", page)[1])  # type: ignore[index]
-    assert len(frames) == 24 and all(frame.startswith("data:image/png;base64,") for frame in frames)
+    data = json.loads(re.search(r'<script type="application/json" id="data">(.*?)</script>', page)[1])  # type: ignore[index]
+    assert len(data["plots"][0]["frames"]) == len(data["plots"][0]["times"]) == 24
     before = (out / "series.zarr" / "opd" / "c" / "0" / "0" / "0").stat().st_mtime_ns
     again = command_line("series", folder / "layer.toml", "--out", out)
     assert again.returncode == 0
@@ -91,7 +93,7 @@ def test_a_series_gives_maps_statistics_and_a_report(folder: Path, command_line)
 
 
 def test_still_air_is_said_in_words(folder: Path, command_line):
-    """Set-up: the same air in all snapshots and pixels. Expected: no film, no maps, no cards but the Strehl ratio."""
+    """Set-up: the same air in all snapshots and pixels. Expected: no film, no maps, no curves."""
     with xarray.open_dataset(folder / "layer.nc", engine="h5netcdf") as data:
         still = data.load().isel(time=slice(6))
     (still.assign(rho=0.0 * still.rho + 0.5)).to_netcdf(folder / "still.nc", engine="h5netcdf")
@@ -99,9 +101,8 @@ def test_still_air_is_said_in_words(folder: Path, command_line):
     done = command_line("series", folder / "still.toml", "--out", folder / "still")
     assert done.returncode == 0, done.stderr
     page = (folder / "still" / "report.html").read_text()
-    assert "the same in all pixels and snapshots" in page and "Below rounding: OPD, rms, tilt removed; OPD, rms" in page
-    assert re.findall(r'<figure id="([\w-]+)">', page) == ["maps", "time"]
-    assert page.count('class="card"') == 2 and "No picture" not in page
+    assert "the same in all pixels and snapshots" in page and "0, error below rounding" in page
+    assert "data-plot" not in page and page.count("but for rounding") >= 3 and "No picture" not in page
 
 
 @pytest.mark.parametrize(

@@ -10,8 +10,8 @@ import pytest
 import aerokernels
 from aerokernels.commands._output import output
 from aerokernels.commands.scene_jobs import _finish
+from aerokernels.jobs.pages.sweep_page import sweep_page
 from aerokernels.jobs.sweeps.definition import define
-from aerokernels.jobs.sweeps.report import sweep_report
 
 SMALL = ["strehl.ray_count=64", "beam.ray_count=16", "receiver.ray_count=16", 'receiver.return_factor="none"']
 
@@ -28,17 +28,17 @@ def finished(tmp_path_factory: pytest.TempPathFactory):
 
 
 def figures(page: str) -> dict[str, str]:
-    """Caption of each figure by its name."""
-    return dict(re.findall(r'<figure id="([\w.-]+)">.*?<figcaption>(.*?)</figcaption>', page, re.DOTALL))
+    """What is said of each figure, by its name."""
+    return dict(re.findall(r'<figure class="panel" id="([\w.-]+)">.*?<p class="says">(.*?)</p>', page, re.DOTALL))
 
 
 def test_numbers_that_no_key_changes_are_told_once(finished):
     _, page, _ = finished
-    same = page[page.index("The same in every case") : page.index("Pictures")]
-    assert re.search("<th>Strehl ratio</th><td>1[., ]", same) and "boresight error" in same
+    same = page[page.index("<caption>The same in every case") : page.index("<caption>Cases, each")]
+    assert re.search(r"Strehl ratio</th><td>1[., ]", same) and "Boresight error" in same
     assert set(figures(page)) == {"echo_peak_v", "range_error_m"}
-    assert figures(page)["echo_peak_v"] == "Echo peak voltage [V] over target.distance and target.tilt"
-    cases = page[page.index("Cases, each number") : page.index("What failed")]
+    assert figures(page)["echo_peak_v"] == "Over target.distance and target.tilt."
+    cases = page[page.index("Cases, each number") : page.index("Repeat this")]
     assert "Strehl ratio" not in cases and cases.count("<tr>") == 7
 
 
@@ -62,17 +62,11 @@ def test_a_figure_is_over_the_keys_that_change_it(finished):
         wide["echo_peak_v"] = wide["echo_peak_v"] * 0.0 + value(*np.meshgrid(distance, tilt, indexing="ij"))
         wide["echo_peak_v_error"] = 0.0 * wide["echo_peak_v_error"] + 0.01
         definition = define("wind-tunnel-static", {"target.distance": list(distance), "target.tilt": list(tilt)})
-        return figures(sweep_report(wide, definition))
+        return figures(sweep_page(wide, definition).html())
 
-    assert page_of(9, lambda d, t: d) == {
-        "echo_peak_v": "Echo peak voltage [V] over target.distance; target.tilt does not change it"
-    }
-    assert page_of(9, lambda d, t: d + t) == {
-        "echo_peak_v": "Echo peak voltage [V] over target.distance and target.tilt"
-    }
-    assert page_of(3, lambda d, t: t) == {
-        "echo_peak_v": "Echo peak voltage [V] over target.tilt; target.distance does not change it"
-    }
+    assert page_of(9, lambda d, t: d) == {"echo_peak_v": "Over target.distance; target.tilt does not change it."}
+    assert page_of(9, lambda d, t: d + t) == {"echo_peak_v": "Over target.distance and target.tilt."}
+    assert page_of(3, lambda d, t: t) == {"echo_peak_v": "Over target.tilt; target.distance does not change it."}
 
 
 def test_the_command_tells_of_cases_without_some_numbers(finished, monkeypatch, capsys):

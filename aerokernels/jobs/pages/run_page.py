@@ -331,9 +331,12 @@ def _aberrations(dataset: "xarray.Dataset") -> dict[str, float]:
     across, up = np.meshgrid(x, y)
     radius = float(np.hypot(across, up)[known].max()) or 1.0
     modes = zernike_modes(11, across[known] / radius, up[known] / radius)
-    terms = np.linalg.lstsq(modes.T, opd[known], rcond=None)[0]
+    share = dataset["pupil_intensity"].values[known] if "pupil_intensity" in dataset else np.ones(opd[known].shape)
+    weight = np.sqrt(share / share.sum())
+    terms = np.linalg.lstsq((weight * modes).T, weight * opd[known], rcond=None)[0]
     sizes = {name: math.sqrt(sum(float(terms[j - 1]) ** 2 for j in indices)) for name, indices in GROUPS.items()}
-    sizes["else"] = math.sqrt(max(float(np.var(opd[known])) - sum(one**2 for one in sizes.values()), 0.0))
+    rest = weight * (opd[known] - terms @ modes)
+    sizes["else"] = float(np.linalg.norm(rest))
     return sizes
 
 
