@@ -1,8 +1,7 @@
 """Compare recorded echoes with simulated runs, label by label: peaks, relative errors, correlation, range errors.
 
-The trigger offset is the time by which the recorded time axis is late. It is 0 unless the caller gives it or requests
-its measurement: on one label, for all labels (differences between labels are then real), or on each label separately
-(only shapes are compared then, and systematic range errors are not meaningful).
+The trigger offset is the time by which the recorded time axis is late: 0, given, or measured, on one label for all
+labels (differences between labels are then real) or on each label separately (only shapes are compared then).
 """
 
 import contextlib
