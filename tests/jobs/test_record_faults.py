@@ -65,7 +65,7 @@ def test_a_coarse_digitiser_makes_no_other_pulse(tmp_path: Path, run, noise: flo
 @pytest.mark.parametrize("offset", [-0.05, 0.005])
 def test_an_offset_is_measured_and_can_be_subtracted(tmp_path: Path, run, offset: float):
     """5 mV of 2 V move the leading edge by 1 mm, and 50 mV by 13 mm of range, without a change of the target."""
-    path = digitised(tmp_path / "e.sqlite", bits=14, greatest=3.0, noise=0.02, offset=offset, count=20)
+    path = digitised(tmp_path / "e.sqlite", bits=14, greatest=3.0, noise=0.02, offset=offset, count=50)
     (one,) = compare_recording(path, [run]).labels
     assert abs(one.faults.offset - offset) < 4.0 * one.faults.offset_error < 4.0 * 0.001
     (text,) = one.warnings
