@@ -199,8 +199,14 @@ def board(
     With it, `record` can be tried without hardware.
     """
     from aerokernels.hardware import DIALECT_NAMES, PROTOCOLS
-    from aerokernels.hardware.pseudo_terminal import PseudoTerminal
-    from aerokernels.hardware.simulator import DEFAULT_SCENE, EchoSource, SimulatedScope, run_board, run_scope
+    from aerokernels.hardware.simulator import (
+        DEFAULT_SCENE,
+        EchoSource,
+        PseudoTerminal,
+        SimulatedScope,
+        run_board,
+        run_scope,
+    )
     from aerokernels.inputs.checks import check_choice
     from aerokernels.process.interrupt import interrupt_flag
 

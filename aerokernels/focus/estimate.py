@@ -2,28 +2,36 @@
 
 import threading
 from collections.abc import Iterable, Iterator
-from dataclasses import replace
-from functools import partial
-from typing import Unpack
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+from typing import TYPE_CHECKING, Unpack
 
 import numpy as np
 
 from aerokernels.inputs.checks import warn_caller
-from aerokernels.tracing.tasks.sums import fit_moments
+from aerokernels.tracing.tasks.sums import fit_moments, fit_terms
 
+from ..display.quantities import ErrorBudget, combine, unknown
 from ..inputs.arguments import Numbers, checked
 from ..inputs.checks import check_count
 from ..medium import IndexField
 from ..process.clock import clocked, stage
 from ..process.threads import in_turn
+from ..pupils import transverse_axes
 from ..pupils.base import Pupil, as_unit_vector
+from ..rays import RayBundle
+from ..tracing import Plane
+from ..tracing.cuts import lost
 from ..tracing.engines import engine_of
+from ..tracing.launch import report_rejected
 from ..tracing.plan import TraceOptions, TracePlan, complete
 from ..tracing.pupil.job import REPLICATES, PupilJob, PupilRequest
-from ..tracing.retrace import report_rejected
-from ..wavefronts import check_terms
-from .budget import StrehlErrors, StrehlVariants
+from ..tracing.status import reached
+from ..wavefronts.terms import NUMBERS, PupilNumbers, check_terms
 from .ratio import StrehlEstimate, combined, met_nothing
+
+if TYPE_CHECKING:
+    from ..tracing.variants.causes import Variants
 
 
 @checked
@@ -103,7 +111,7 @@ def prepare_strehl(field: IndexField, pupil: Pupil, **options) -> "PreparedStreh
     with clocked() as seconds:
         prepared = PreparedStrehl(field, pupil, **options)
         prepared.job.air.warn()
-        prepared.plan = prepared.job.planned  # uploads and compiles
+        prepared.plan = prepared.job.planned(prepared.job.run)  # uploads and compiles
     prepared.seconds = seconds
     return prepared
 
@@ -193,7 +201,7 @@ class PreparedStrehl:
         with clocked() as seconds:
             other.field, other.wavelength = field, field.wavelength_for(self.asked_wavelength)
             other._make_job(self.job)
-            other.plan = other.job.planned  # uploads
+            other.plan = other.job.planned(other.job.run)  # uploads
         other.seconds = seconds
         return other
 
@@ -208,7 +216,7 @@ class PreparedStrehl:
             TypeError: One of the fields is no IndexField.
             ValueError: As for `estimate_strehl`.
         """
-        plan = self.job.planned  # prepares what all of them share
+        plan = self.job.planned(self.job.run)  # prepares what all of them share
         overlaps = plan.backend != "reference" and not engine_of(plan.backend, plan.device).is_gpu
         return in_turn(lambda field: self.with_field(field)(seed), fields, 2 if overlaps else 1)
 
@@ -222,7 +230,7 @@ class PreparedStrehl:
         with self._turn, clocked() as seconds:
             return self._estimate(seed, seconds)
 
-    def varied(self, plan: TracePlan, seed: int = 0) -> StrehlVariants:
+    def varied(self, plan: TracePlan, seed: int = 0) -> "StrehlVariants":
         """Return some rays of the pupil that are traced by a plan, and how they change by each cause of an error."""
         return StrehlVariants(
             self.field, self.pupil, self.request.look, seed, self.job.task.until, self.wavelength, plan
@@ -232,25 +240,23 @@ class PreparedStrehl:
         job, wavelength, remove = self.job, self.wavelength, self.request.remove
         run, why = job.run, []
         sums = run(seed)
-        traced, evaluations, standard_error = job.traced_ray_count, sums.evaluation_count, sums.standard_error
-        for make in job.finer_runs:
+        traced, evaluations = run.task.per_replicate * REPLICATES, sums.evaluation_count
+        for count in job.finer_sizes:
             settled = job.settled(run)
-            if standard_error <= settled:
+            if sums.standard_error <= settled:
                 break
-            run = make()
-            sums, count = run(seed), run.task.per_replicate
-            standard_error = sums.standard_error
+            run = job.finer(count)
+            sums = run(seed)
             traced += count * REPLICATES
             evaluations += sums.evaluation_count
-            points = "radial quadrature" if job.is_radial else "lattice"
-            finer = f"one of {REPLICATES} x {count}" if job.is_radial else "as many rays as requested"
+            points = "radial quadrature" if run.task.is_radial else "lattice"
+            finer = f"one of {REPLICATES} x {count}" if run.task.is_radial else "as many rays as requested"
             why.append(f"standard error of the {points} above {settled:g}, as at an edge: {finer}")
-        plan = job.planned_for(run, *why)
+        plan = job.planned(run, *why)
         if sums.rejected_count:
             plan = report_rejected(plan, sums.rejected_count, sums.ray_count, sums.greatest_error, wavelength)
-        fit = fit_moments(sums.total)
-        mean, tilt, rms, _ = fit
-        estimate = combined(sums.total, sums.phasors, wavelength, remove, fit)
+        mean, tilt, rms, _ = fit_moments(sums.total)
+        estimate = combined(sums.total, sums.phasors, wavelength, remove)
         if met_nothing(self.field, max(abs(mean), rms), wavelength, self.options["tolerance"]):
             warn_caller(
                 "all rays of the pupil pass through undisturbed air only, although the field is disturbed elsewhere: "
@@ -265,10 +271,96 @@ class PreparedStrehl:
             blocked=max(0.0, 1.0 - float(np.add.reduce(sums.moments[:, 0])) / sums.ray_count),
             plan=plan,
             varied=varied,
-            budgets=StrehlErrors(varied, standard_error, sums.moments, remove),
+            budgets=StrehlErrors(varied, sums.standard_error, sums.moments, remove),
             seconds=seconds,
-            standard_error=standard_error,
+            standard_error=sums.standard_error,
             evaluation_count=evaluations,
             boresight=tilt,
             **estimate,
         )
+
+
+@dataclass(eq=False)
+class StrehlVariants:
+    """Some rays of a pupil along the unit vector `look` to the plane `until`, and how they change by cause."""
+
+    field: IndexField
+    pupil: Pupil
+    look: np.ndarray
+    seed: int
+    until: Plane
+    wavelength: float
+    plan: TracePlan
+
+    @cached_property
+    def found(self) -> "Variants | None":
+        """The rays and their changes; None where none arrived."""
+        from ..tracing.variants.causes import brought, sample_size, variants
+
+        rays = RayBundle.collimated(self.pupil, sample_size(self.field), direction=self.look, seed=self.seed)
+        plan = replace(self.plan, bundle=None)
+        base, status = brought(self.field, rays, plan, self.until, self.wavelength)
+        good = np.flatnonzero(reached(status))
+        if not len(good):
+            return None
+        base, some = base[good], rays.rows(good)
+        beyond = lost(self.field, some, self.until, (base.position, base.direction))
+        return variants(
+            self.field, some, base, plan, self.until, self.wavelength, weight=np.asarray(rays.weight)[good], lost=beyond
+        )
+
+    def numbers(self, remove: tuple[str, ...]) -> PupilNumbers:
+        """Return what computes the numbers of these rays, without some terms."""
+        assert self.found is not None
+        points = (self.found.start - self.pupil.center) @ np.stack(transverse_axes(self.look), axis=1)
+        return PupilNumbers(points, self.found.weight, self.wavelength, remove)
+
+
+@dataclass(eq=False)
+class StrehlErrors:
+    """Computes the errors of an estimate's numbers when it is called; `moments` are those of `PupilSums`."""
+
+    rays: StrehlVariants
+    standard_error: float
+    moments: np.ndarray
+    remove: tuple[str, ...]
+
+    @property
+    def sampling(self) -> np.ndarray:
+        """Errors of NUMBERS by the number of rays, shape (5,)."""
+        fits = [[fit_terms(row, self.remove)[1], *fit_moments(row)[1]] for row in self.moments if row[0] > 0.0]
+        return sampling_of(self.standard_error, np.array(fits), self.rays.wavelength)
+
+    @cached_property
+    def by_cause(self) -> dict[str, np.ndarray] | None:
+        """Errors of NUMBERS by every other cause, shape (5,) each; None where no ray arrived."""
+        from ..tracing.variants.causes import errors
+
+        found = self.rays.found
+        return None if found is None else errors(self.rays.numbers(self.remove), found)
+
+    @property
+    def model(self) -> np.ndarray:
+        """Errors of NUMBERS by all other causes together, shape (5,)."""
+        if self.by_cause is None:
+            return np.full(len(NUMBERS), np.nan)
+        return np.sqrt(np.sum(np.square(list(self.by_cause.values())), axis=0))
+
+    def __call__(self) -> dict[str, ErrorBudget]:
+        """Return the error budgets, by NUMBERS."""
+        units = dict(zip(NUMBERS, ("", "", "m", "rad", "rad"), strict=True))
+        if self.by_cause is None:
+            return {name: unknown(unit) for name, unit in units.items()}
+        causes = self.by_cause | {"sampling": self.sampling}
+        return {
+            name: combine({cause: float(error[k]) for cause, error in causes.items()}, unit)
+            for k, (name, unit) in enumerate(units.items())
+        }
+
+
+def sampling_of(standard_error: float, fits: np.ndarray, wavelength: float) -> np.ndarray:
+    """Return the errors of NUMBERS by the number of rays, from OPD rms [m] and tilt [rad] of each replicate, (n, 3)."""
+    rms, *tilt = np.std(fits, axis=0, ddof=1) / np.sqrt(len(fits)) if len(fits) > 1 else np.full(3, np.nan)
+    slope = 2.0 * (2.0 * np.pi / wavelength) ** 2 * float(np.mean(fits[:, 0])) if len(fits) else 0.0
+    # Standard errors of a mean over 16 replicates within which it is 95 times of 100 (Student's t).
+    return 2.13 * np.array([standard_error, slope * rms, rms, *tilt])

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from aerokernels.tracing.tasks.sums import rms_about
+from aerokernels.tracing.tasks.sums import fit_terms
 
 from ..display.quantities import ErrorBudget, Quantity, Verdict, judge, listed, main_cause
 from ..display.shown import shown
@@ -20,7 +20,7 @@ from ..inputs.wavelength import check_wavelength
 from ..medium import IndexField
 from ..process.clock import clocked, stage
 from ..tracing.lines import box_size, greatest_contrast
-from ..wavefronts import (
+from ..wavefronts.terms import (
     check_metres,
     check_terms,
     check_wavefront,
@@ -114,7 +114,7 @@ class StrehlEstimate:
         plan: What was chosen, skipped and why.
         seconds: Wall time by stage: see STAGES in clock.py.
         evaluation_count: Total number of field evaluations.
-        varied: The rays on which the errors are computed, and how they change by cause (budget.py).
+        varied: The rays on which the errors are computed, and how they change by cause (StrehlVariants).
         budgets: Computes the error budgets of all numbers.
     """
 
@@ -188,17 +188,11 @@ class StrehlEstimate:
         return "\n".join([*lines, f"  {verdict.level}: {verdict.reason}"] if verdict else lines)
 
 
-# Fraction of the tolerance below which an optical path difference counts as zero.
-UNSEEN = 1e-3
-
-
 class NoRayArrived(ValueError):
     """A pupil of which no ray arrived beyond the field: it has no Strehl ratio."""
 
 
-def combined(
-    total: np.ndarray, phasor: np.ndarray, wavelength: float, remove: tuple[str, ...], fit: Any = None
-) -> dict[str, float]:
+def combined(total: np.ndarray, phasor: np.ndarray, wavelength: float, remove: tuple[str, ...]) -> dict[str, float]:
     """Return ratio, Marechal's approximation and rms OPD from the sum of all replicates' moments and their phasors.
 
     Raises:
@@ -209,7 +203,7 @@ def combined(
             "no ray of the pupil arrived beyond the field: all met the body or left their path; "
             "move the pupil, or turn its normal toward the flow"
         )
-    rms = rms_about(total, remove, fit)
+    rms = fit_terms(total, remove)[1]
     value = float(np.abs(np.add.reduce(phasor) / total[0]) ** 2)
     return {
         "value": value,
@@ -220,6 +214,7 @@ def combined(
 
 def met_nothing(field: IndexField, size: float, wavelength: float, tolerance: float) -> bool:
     """Return whether no ray met the field's contrast although it could matter; `size` is the rays' OPD [m]."""
-    if size > UNSEEN * tolerance * wavelength:
+    # Fraction of the tolerance below which an optical path difference counts as zero.
+    if size > 1e-3 * tolerance * wavelength:
         return False
     return greatest_contrast(field) * box_size(field) > tolerance * wavelength

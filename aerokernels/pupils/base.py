@@ -199,14 +199,6 @@ def _cross(one: np.ndarray, other: np.ndarray) -> np.ndarray:
     return np.array([b * z - c * y, c * x - a * z, a * y - b * x])
 
 
-def transverse_frames(normals: np.ndarray) -> np.ndarray:
-    """Return the two vectors of `transverse_axes` for each unit vector (n, 3), shape (n, 2, 3)."""
-    helper = np.where(np.abs(normals[:, 1:2]) < 0.9, [0.0, 1.0, 0.0], [0.0, 0.0, 1.0])
-    first = np.cross(helper, normals)
-    first /= np.linalg.norm(first, axis=1, keepdims=True)
-    return np.stack([first, np.cross(normals, first)], axis=1)
-
-
 def lengths(vectors: np.ndarray) -> np.ndarray:
     """Return the lengths of vectors (n, 3), shape (n,), in a fifth of the time of `np.linalg.norm`."""
     x, y, z = vectors[:, 0], vectors[:, 1], vectors[:, 2]

@@ -24,32 +24,6 @@ def unit_disc_samples(count: int, sampling: str, seed: int = 0) -> tuple[np.ndar
     return Disc(1.0).flat_sample(count, sampling, seed)
 
 
-def _ring_grid(count: int, inner: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return the centres of square grid cells that lie in the unit disc outside the circle of radius `inner`."""
-    hole = inner**2
-    side = max(1, round(np.sqrt(4.0 * count / (np.pi * (1.0 - hole)))))
-    axis = (np.arange(side) + 0.5) * 2.0 / side - 1.0
-    x, y = (a.ravel() for a in np.meshgrid(axis, axis, indexing="ij"))
-    squared = x**2 + y**2
-    inside = (squared <= 1.0) & (squared >= hole)
-    if not inside.any():  # a ring so thin that it contains no cell's centre
-        return _ring_gauss(count, inner)
-    points = np.stack([x[inside], y[inside]], axis=1)
-    return points, np.full(len(points), 1.0 / len(points))
-
-
-def _ring_gauss(count: int, inner: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return Gauss-Legendre points in r^2, equispaced in angle, for the ring from radius `inner` to 1."""
-    hole = inner**2
-    ring_count = max(1, round(np.sqrt(count / 4.0)))
-    angle_count = max(1, round(count / ring_count))
-    node, weight = np.polynomial.legendre.leggauss(ring_count)
-    radius = np.sqrt(0.5 * (node + 1.0) if not inner else hole + (1.0 - hole) * 0.5 * (node + 1.0))
-    angle = 2.0 * np.pi * (np.arange(angle_count) + 0.5) / angle_count
-    points = np.stack([np.outer(radius, np.cos(angle)).ravel(), np.outer(radius, np.sin(angle)).ravel()], axis=1)
-    return points, np.repeat(0.5 * weight / angle_count, angle_count)
-
-
 class _Round(Pupil):
     """Base class of the disc and the annulus."""
 
@@ -98,10 +72,29 @@ class _Round(Pupil):
         return np.where((squared <= rim) & (squared >= hole), 1.0, 0.0)
 
     def _gauss(self, count: int) -> tuple[np.ndarray, np.ndarray]:
-        return _ring_gauss(count, self._inner / self.radius)
+        """Return Gauss-Legendre points in r^2, equispaced in angle."""
+        inner = self._inner / self.radius
+        hole = inner**2
+        ring_count = max(1, round(np.sqrt(count / 4.0)))
+        angle_count = max(1, round(count / ring_count))
+        node, weight = np.polynomial.legendre.leggauss(ring_count)
+        radius = np.sqrt(0.5 * (node + 1.0) if not inner else hole + (1.0 - hole) * 0.5 * (node + 1.0))
+        angle = 2.0 * np.pi * (np.arange(angle_count) + 0.5) / angle_count
+        points = np.stack([np.outer(radius, np.cos(angle)).ravel(), np.outer(radius, np.sin(angle)).ravel()], axis=1)
+        return points, np.repeat(0.5 * weight / angle_count, angle_count)
 
     def _grid(self, count: int) -> tuple[np.ndarray, np.ndarray]:
-        return _ring_grid(count, self._inner / self.radius)
+        """Return the centres of square grid cells that lie in the pupil."""
+        hole = (self._inner / self.radius) ** 2
+        side = max(1, round(np.sqrt(4.0 * count / (np.pi * (1.0 - hole)))))
+        axis = (np.arange(side) + 0.5) * 2.0 / side - 1.0
+        x, y = (a.ravel() for a in np.meshgrid(axis, axis, indexing="ij"))
+        squared = x**2 + y**2
+        inside = (squared <= 1.0) & (squared >= hole)
+        if not inside.any():  # a ring so thin that it contains no cell's centre
+            return self._gauss(count)
+        points = np.stack([x[inside], y[inside]], axis=1)
+        return points, np.full(len(points), 1.0 / len(points))
 
 
 @checked

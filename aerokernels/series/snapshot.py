@@ -32,7 +32,7 @@ from aerokernels.tracing.plan import TracePlan
 from aerokernels.tracing.pupil.air import PupilAir, pupil_air
 from aerokernels.tracing.step_bound import step_allowance
 from aerokernels.tracing.stop import plane_beyond, stop_distance
-from aerokernels.tracing.trace import rerun, trace
+from aerokernels.tracing.trace import trace
 from aerokernels.tracing.variants.causes import Variants, errors, few_rows, of_a_ray, sample_size, variants
 from aerokernels.tracing.variants.paths import Rays
 from aerokernels.wavefronts import remove_terms
@@ -342,5 +342,4 @@ def straight_variants(
     base = Rays(np.asarray(opd, np.float64), rays.direction, rays.position + way[:, None] * rays.direction)
     weight = np.broadcast_to(np.asarray(rays.weight, np.float64), way.shape)
     beyond = lost(field, rays, until)
-    run = rerun(until, wavelength)
-    return variants(field, rays, base, plan, until, run, weight=weight / weight.sum(), lost=beyond)
+    return variants(field, rays, base, plan, until, wavelength, weight=weight / weight.sum(), lost=beyond)

@@ -22,8 +22,6 @@ from .stop import ArcLength, Plane, stop_distance
 # that is less.
 NOTHING = 0.1
 GREATEST_TOLERANCE = 1e-9
-# An end that is outside the box by less than this share of the box's size counts as lying on its face.
-ON_FACE = 1e-6
 # Places and weights of the three Gauss points in a cell from 0 to 1.
 GAUSS = ((0.5 - np.sqrt(0.15), 5.0 / 18.0), (0.5, 8.0 / 18.0), (0.5 + np.sqrt(0.15), 5.0 / 18.0))
 # Rays that a thread examines together, and cells in which it integrates together: its arrays fit a core's cache.
@@ -85,13 +83,6 @@ def weakest_contrast(field: IndexField, tolerance: float) -> float:
     return NOTHING * min(tolerance, GREATEST_TOLERANCE) / box_size(field.source or field)
 
 
-def may_bend(field: IndexField) -> bool:
-    """Whether a uniform grid may displace rays by more than a cell: by half the greatest turn times its size."""
-    if not isinstance(field.samples, UniformGrid):
-        return False
-    return 0.5 * greatest_turn(field.samples) * box_size(field) > float(field.spacing.min())
-
-
 def lost(
     field: IndexField,
     rays: RayBundle,
@@ -108,7 +99,9 @@ def lost(
     if not may_lose(field, tolerance):
         return found
     strong = air_beyond(field) > weakest_contrast(field, tolerance)
-    bent = ends is not None and may_bend(field)
+    bent = False  # whether the field may displace rays by more than a cell: half the greatest turn times its size
+    if ends is not None and isinstance(field.samples, UniformGrid):
+        bent = 0.5 * greatest_turn(field.samples) * box_size(field) > float(field.spacing.min())
 
     def examine(first: int) -> None:
         rows = slice(first, first + CHUNK)
@@ -165,7 +158,8 @@ def _lost_by(field: IndexField, position, direction, until, ends: Ends | None, s
 
 def _behind(field: IndexField, source: IndexField, ends: Ends, until, strong: np.ndarray) -> tuple[np.ndarray, Parts]:
     """The tangents at traced ends, from the box to the stop, and which rays' ways out of the box they are, (n,)."""
-    margin = ON_FACE * box_size(field)
+    # An end that is outside the box by less than this share of the box's size counts as lying on its face.
+    margin = 1e-6 * box_size(field)
     back = box_span(field, ends[0] + margin * ends[1], -ends[1])
     leaves = back.meets & (back.entry_face >= 0)
     if until is not None:

@@ -1,7 +1,7 @@
 """The OPD error allowed to a ray, and the support of a field: the part of its box that must be integrated.
 
 The tolerance is the greatest error; in a weak field it is also limited to a share of the greatest line integral, or an
-OPD of 0 would do. Outside the support, on a path of length L with a lever arm A (straight_lines.py), the potential is
+OPD of 0 would do. Outside the support, on a path of length L with a lever arm A (lines.py), the potential is
 below share / L and its slope below share / (L A).
 """
 
@@ -12,13 +12,11 @@ from ..medium import IndexField
 from ..medium.grid import UniformGrid
 from ..process.threads import slabs
 from .blocks import over_lines
+from .lines import LeverArms
 from .scheme import LEAPFROG_ANGLE
-from .straight_lines import LeverArms
 
 # The share of the field's greatest optical path difference that a ray may lose.
 SHARE = 1e-3
-# Smaller numbers are no meaningful optical paths [m]: their products in single precision vanish.
-LEAST = 1e-24
 # Lines along the last axis that are summed first, along each other axis; relative difference of sums in another order.
 SOME, ROUNDING = 4, 1e-9
 
@@ -29,7 +27,8 @@ def error_limit(field: IndexField, tolerance: float) -> float:
     if path_exceeds(field, tolerance / SHARE):
         return tolerance
     greatest = greatest_path(field)
-    return tolerance if greatest <= 0.0 else min(tolerance, max(SHARE * greatest, LEAST))
+    # Smaller numbers are no meaningful optical paths [m]: their products in single precision vanish.
+    return tolerance if greatest <= 0.0 else min(tolerance, max(SHARE * greatest, 1e-24))
 
 
 def path_exceeds(field: IndexField, size: float) -> bool:
@@ -44,12 +43,14 @@ def path_exceeds(field: IndexField, size: float) -> bool:
     return _some_path(grid) > size * (1.0 + ROUNDING) or greatest_path(field) > size
 
 
+@cached_on("field")
 def greatest_path(field: IndexField) -> float:
     """The greatest optical path difference of a line along one of the grid's axes [m]; 0 where that is not known."""
     grid = field.samples
     if not isinstance(grid, UniformGrid):
         return 0.0
-    return _greatest_path(grid)
+    sums = over_lines(grid.samples, np.add)
+    return max(float(found.max()) * float(spacing) for found, spacing in zip(sums, grid.spacing, strict=True))
 
 
 @cached_on("grid")
@@ -57,12 +58,6 @@ def _some_path(grid: UniformGrid) -> float:
     """The greatest path along some lines of the last axis [m]."""
     rows = grid.samples[tuple(slice(None, None, max(1, count // SOME)) for count in grid.shape[:-1])]
     return float(np.abs(rows).sum(axis=-1, dtype=np.float64).max()) * float(grid.spacing[-1])
-
-
-@cached_on("grid")
-def _greatest_path(grid: UniformGrid) -> float:
-    sums = over_lines(grid.samples, np.add)
-    return max(float(found.max()) * float(spacing) for found, spacing in zip(sums, grid.spacing, strict=True))
 
 
 # The share of the tolerance that may be lost by taking the air outside to be uniform.

@@ -1,20 +1,29 @@
-"""Launch a bundle on the engine of its plan, in chunks that fit the device's memory: upload, trace and download."""
+"""Trace a bundle on the engine of its plan: in a coherent order, and in chunks that fit the device's memory.
+
+Rays whose own error estimate is above the tolerance are traced again: in the requested precision under error control,
+then in float64 with the tolerance times a power of RETRACE_SHARE. "fixed" and "paper" take the caller's steps. A ray
+whose steps are exhausted in float32 has an infinite error: rounding may have kept them short.
+"""
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from aerokernels.inputs.checks import warn_caller
+
 from ..derived import cached_on
-from ..device_arrays import DeviceArray, rows_where
+from ..device_arrays import DeviceArray, rows_beside, rows_where
 from ..medium import IndexField
 from ..process.clock import stage, staged
 from ..rays import RayBundle
 from .engines import OUTPUT_TYPES, Engine, Prepared, engine_of
 from .engines.device_memory import lacks_memory, memory_of
+from .error_limit import error_limit
 from .grid_tables import prepare_once
 from .plan import TracePlan
-from .status import RayStatus
+from .status import RayStatus, reached
 
 # Kernel arguments: an array on the host, or one on its device.
 Numbers = np.ndarray | DeviceArray
@@ -23,10 +32,6 @@ Numbers = np.ndarray | DeviceArray
 RAY_BYTES = 6 * 8 + sum(width * np.dtype(kind).itemsize for width, kind in OUTPUT_TYPES.values())
 # Most and fewest rays in one chunk.
 CHUNK, LEAST_CHUNK = 1 << 21, 64  # speed only
-# Chunks that do not fit the free memory are made smaller by this factor.
-FEWER = 4  # speed only
-# Share of the device's memory that a chunk may take.
-MEMORY_SHARE = 0.25
 
 
 def launch(
@@ -65,81 +70,67 @@ def starts_of(rays: RayBundle) -> tuple[Numbers, Numbers]:
     return rays.held("position"), rays.held("direction")
 
 
-def in_chunks(
-    prepared: Prepared,
-    starts: tuple[Numbers, ...],
-    outputs: frozenset,
-    then: Callable[[DeviceArray], None] | None = None,
-) -> dict[str, Any]:
+def in_chunks(prepared: Prepared, starts: tuple[Numbers, ...], outputs: frozenset) -> dict[str, Any]:
     """Launch a kernel over rays, chunk by chunk; return per-ray arrays, on the device where the engine keeps them.
 
-    The status always is among them, and "step_error" where rays are rejected. `then` starts further work on the
-    statuses if they stay on the device.
+    The status always is among them, and "step_error" where rays are rejected.
     """
     engine, ray_count = prepared.engine, len(starts[0])
     if engine.keeps(ray_count * RAY_BYTES):
         try:
-            return _kept(prepared, starts, outputs, then)
+            return _kept(prepared, starts, outputs)
         except Exception as fault:
             if not lacks_memory(fault):
                 raise
     # Other programs may use most of the device's memory: chunks become smaller until they fit.
-    chunk = chunk_size(engine.memory, ray_count)
-    chunks = _Chunks(prepared, tuple(np.asarray(each) for each in starts), outputs)
-    while not chunks.has_all:
+    chunk, given = chunk_size(engine.memory, ray_count), tuple(np.asarray(each) for each in starts)
+    arrays: dict[str, np.ndarray] = {}
+    done = [0]
+    while done[0] < ray_count:
         try:
-            chunks.trace(chunk)
+            _trace_chunks(prepared, given, outputs, chunk, arrays, done)
         except Exception as fault:
             if chunk <= LEAST_CHUNK or not lacks_memory(fault):
                 raise
-            chunk = max(LEAST_CHUNK, chunk // FEWER)
-    return chunks.arrays
+            # Chunks that do not fit the free memory are made smaller by this factor (speed only).
+            chunk = max(LEAST_CHUNK, chunk // 4)
+    return arrays
 
 
-class _Chunks:
-    """Rays that are traced chunk by chunk; the arguments are those of `in_chunks`."""
+def _trace_chunks(
+    prepared: Prepared,
+    starts: tuple[np.ndarray, ...],
+    outputs: frozenset,
+    size: int,
+    arrays: dict[str, np.ndarray],
+    done: list[int],
+) -> None:
+    """Trace the rays from number `done` on, so many at a time; write their results, and their number, as they come."""
+    engine, ray_count = prepared.engine, len(starts[0])
+    results = prepared.allocate(min(size, ray_count))
 
-    def __init__(self, prepared: Prepared, starts: tuple[np.ndarray, ...], outputs: frozenset):
-        self.prepared, self.starts, self.outputs = prepared, starts, outputs
-        self.arrays: dict[str, np.ndarray] = {}
-        self.done, self.has_all = 0, False
+    def fetch(name: str, rows: slice) -> None:
+        if name not in arrays:
+            width, kind = OUTPUT_TYPES[name]
+            arrays[name] = engine.room((ray_count, width) if width > 1 else (ray_count,), kind)
+            if name == "step_error":
+                arrays[name].fill(0.0)  # for the chunks whose rays are all within the tolerance
+        engine.get(results[name], arrays[name][rows])
 
-    def trace(self, size: int) -> None:
-        """Trace the rays that are left, so many at a time."""
-        prepared, engine, ray_count = self.prepared, self.prepared.engine, len(self.starts[0])
-        results = prepared.allocate(min(size, ray_count))
-        while not self.has_all:
-            rows = slice(self.done, min(self.done + size, ray_count))
-            with stage("upload"):
-                given = [engine.put(array[rows]) for array in self.starts]
-            with stage("kernel"):
-                prepared.launch(given, results, rows.stop - rows.start)
-                engine.wait()
-            with stage("download"):
-                self._fetch(results, rows)
-            self.done, self.has_all = rows.stop, rows.stop >= ray_count
-
-    def _fetch(self, results: dict[str, Any], rows: slice) -> None:
-        """Copy the results of a chunk to the host."""
-        for name in OUTPUT_TYPES:
-            if name in self.outputs or name == "status":
-                self._fetch_one(name, results, rows)
-        if "step_error" in self.prepared.outputs - self.outputs:
-            if _is_any_rejected(self.prepared, self.arrays["status"][rows]):
-                if "step_error" not in self.arrays:
-                    self._make("step_error").fill(0.0)  # for the chunks whose rays are all within the tolerance
-                self._fetch_one("step_error", results, rows)
-
-    def _fetch_one(self, name: str, results: dict[str, Any], rows: slice) -> None:
-        array = self.arrays[name] if name in self.arrays else self._make(name)
-        self.prepared.engine.get(results[name], array[rows])
-
-    def _make(self, name: str) -> np.ndarray:
-        """Add an uninitialised array for all rays."""
-        ray_count, (width, kind) = len(self.starts[0]), OUTPUT_TYPES[name]
-        made = self.prepared.engine.room((ray_count, width) if width > 1 else (ray_count,), kind)
-        self.arrays[name] = made
-        return made
+    while done[0] < ray_count:
+        rows = slice(done[0], min(done[0] + size, ray_count))
+        with stage("upload"):
+            given = [engine.put(array[rows]) for array in starts]
+        with stage("kernel"):
+            prepared.launch(given, results, rows.stop - rows.start)
+            engine.wait()
+        with stage("download"):
+            for name in OUTPUT_TYPES:
+                if name in outputs or name == "status":
+                    fetch(name, rows)
+            if "step_error" in prepared.outputs - outputs and _is_any_rejected(prepared, arrays["status"][rows]):
+                fetch("step_error", rows)
+        done[0] = rows.stop
 
 
 class Trials:
@@ -187,12 +178,7 @@ def _empty(name: str, ray_count: int) -> np.ndarray:
     return np.empty((ray_count, width) if width > 1 else ray_count, dtype=kind)
 
 
-def _kept(
-    prepared: Prepared,
-    starts: tuple[Numbers, ...],
-    outputs: frozenset,
-    then: Callable[[DeviceArray], None] | None,
-) -> dict[str, Any]:
+def _kept(prepared: Prepared, starts: tuple[Numbers, ...], outputs: frozenset) -> dict[str, Any]:
     """Launch rays on an engine that keeps all results, without waiting for copies that are under way to the host."""
     engine, ray_count = prepared.engine, len(starts[0])
     wanted = [name for name in OUTPUT_TYPES if name in outputs or name == "status"]
@@ -205,8 +191,6 @@ def _kept(
             prepared.launch(given, results, rows.stop - rows.start, rows.start)
             if fetching is not None:
                 fetching.rows(rows)
-        if then is not None:
-            then(DeviceArray(results["status"]))
         engine.wait()
     coming = {} if fetching is None else fetching.coming()
     arrays = {name: DeviceArray(results[name], coming.get(name)) for name in wanted}
@@ -226,15 +210,14 @@ def _is_any_rejected(prepared: Prepared, status: Numbers) -> bool:
 def chunk_size(memory: tuple[float, float], ray_count: int) -> int:
     """Number of rays in a chunk, so that all its arrays fit the device; `memory` is an Engine's."""
     whole, piece = memory
-    return max(LEAST_CHUNK, int(min(ray_count, CHUNK, MEMORY_SHARE * whole / RAY_BYTES, piece / (3 * 8))))
+    # Share of the device's memory that a chunk may take.
+    return max(LEAST_CHUNK, int(min(ray_count, CHUNK, 0.25 * whole / RAY_BYTES, piece / (3 * 8))))
 
 
 # Bundles of fewer rays keep their order.
 LEAST_RAYS = 4096  # speed only
 # Rays of a packet, packets that are sampled, and the cells over which a packet may spread in the bundle's own order.
 PACKET, PACKETS, SPREAD = 16, 64, 1.0  # speed only
-# Rays run along an axis if their directions have at least this component along it.
-LEAST_COMPONENT = 0.2  # speed only
 # Bits of a cell's number that distinguish cells within a wide cell, and bits of the wide cell's number.
 FINE_BITS, WIDE_BITS = 3, 12  # speed only
 
@@ -268,7 +251,8 @@ def _main_axis(field: IndexField, direction: np.ndarray) -> int | None:
     if field.geometry == "axisymmetric":
         steep[:2] = 0.0
     axis = int(np.argmax(steep))
-    return axis if steep[axis] >= LEAST_COMPONENT else None
+    # Rays run along an axis if their directions have at least this component along it (speed only).
+    return axis if steep[axis] >= 0.2 else None
 
 
 def _cells(field: IndexField, position: np.ndarray, direction: np.ndarray, axis: int) -> np.ndarray:
@@ -286,3 +270,133 @@ def _cells(field: IndexField, position: np.ndarray, direction: np.ndarray, axis:
                 cell = np.nan_to_num((local[:, other] - low[other]) / field.spacing[other])
                 found.append(np.clip(cell, 0, min(last[other], (1 << WIDE_BITS) - 1)).astype(np.int64))
     return np.stack(found, axis=1)
+
+
+# A further attempt requests this share of the last attempt's tolerance, since error control may end a little above the
+# requested tolerance. Rays that were further above it get a power of the share, at least LEAST_SHARE: ten times the
+# steps.
+RETRACE_SHARE = 0.5
+LEAST_SHARE = 1e-4
+
+
+def run_plan(field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelength: float, outputs: frozenset) -> dict:
+    """Trace rays as a plan says, again where above the tolerance; "step_error" is there if some stay above it."""
+    arrays = launch(field, rays, plan, until, wavelength, outputs)
+    if not plan.controls_error or plan.backend == "reference" or "step_error" not in arrays:
+        return arrays
+    retrace_rejected(field, rays, plan, until, wavelength, arrays)
+    if "step_error" not in outputs and not len(rows_where(arrays["status"], RayStatus.TOLERANCE_NOT_MET)):
+        del arrays["step_error"]
+    return arrays
+
+
+class ToleranceWarning(RuntimeWarning):
+    """Some rays were traced again, and their own error estimate is still above the requested tolerance."""
+
+
+def retrace_rejected(
+    field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelength: float, arrays: dict
+) -> None:
+    """Trace again those rays whose "step_error" is above the tolerance; others are not copied from the device.
+
+    `arrays` are per-ray results by name, "step_error" and "status" among them, which are changed in place.
+    """
+    limit = error_limit(field, plan.tolerance * wavelength)
+    rows = rows_where(arrays["status"], RayStatus.TOLERANCE_NOT_MET, arrays["step_error"], limit)
+    if not len(rows):
+        return
+    # From a device only the results by which rays are judged are read.
+    there = rows_beside(arrays["status"], rows)
+    part = rays.part(rows if rays.device is None else there)
+    status, error = arrays["status"][rows], arrays["step_error"][rows]
+
+    def trace_again(chosen: np.ndarray, attempt: TracePlan) -> None:
+        """Trace these rays of the part again; a ray that got worse, or was lost, keeps its previous results."""
+        some = part if len(chosen) == len(rows) else part.part(chosen)
+        found = launch(field, some, attempt, until, wavelength, frozenset(arrays) - {"status"})
+        new_status, new_error = np.asarray(found["status"]), np.asarray(found["step_error"])
+        flew_past = status[chosen] == RayStatus.STOP_NOT_REACHED
+        is_worth_keeping = flew_past | (reached(status[chosen]) & np.isfinite(error[chosen]))
+        ended = reached(new_status) | (new_status == RayStatus.STOP_NOT_REACHED)
+        taken = np.flatnonzero(~is_worth_keeping | (ended & (new_error < error[chosen])))
+        replaced = chosen[taken]
+        status[replaced], error[replaced] = new_status[taken], new_error[taken]
+        for name in arrays.keys() - {"status", "step_error"}:
+            if len(taken) == len(rows):
+                arrays[name][there] = found[name]
+            else:
+                arrays[name][rows[replaced]] = found[name][taken]
+
+    _trace_rejected(trace_again, plan, status, error, limit)
+    holds = error <= plan.tolerance * wavelength
+    status[(status == RayStatus.OK) & ~holds] = RayStatus.TOLERANCE_NOT_MET
+    status[(status == RayStatus.TOLERANCE_NOT_MET) & holds] = RayStatus.OK
+    arrays["status"][there], arrays["step_error"][there] = status, error
+
+
+def _trace_rejected(
+    trace_again: Callable[[np.ndarray, TracePlan], None],
+    plan: TracePlan,
+    status: np.ndarray,
+    error: np.ndarray,
+    limit: float,
+) -> None:
+    """Trace rays again that are above the allowed error `limit` [m], attempt by attempt."""
+    # A trace along undisturbed lines remains one; leapfrog is replaced by another method for bent rays.
+    asked = "straight" if plan.method == "straight" and not plan.sample_count else "adaptive"
+    controlled = replace(plan, method=asked, sample_count=0, sampling=None)
+    if plan.looks_up_cubes:  # the spline may be accurate where the polynomials of cubes are not
+        chosen = np.flatnonzero(_rejected(status, error, limit) & np.isfinite(error))
+        if len(chosen):
+            trace_again(chosen, replace(plan, cubes=False))
+    if plan.sample_count:
+        chosen = np.flatnonzero(_rejected(status, error, limit))
+        if len(chosen):
+            trace_again(chosen, controlled)
+    # An estimate in single precision may be rounding alone: it does not show which steps float64 needs.
+    is_known = plan.precision == "float64" and asked == plan.method
+    share = np.ones(len(status))  # of the tolerance, by which each ray was traced
+    fell = np.ones(len(status), dtype=bool)
+    for round_number in range(2 if is_known else 3):
+        rejected, before = _rejected(status, error, limit) & fell, error.copy()
+        by_steps = asked == "adaptive" and (is_known or round_number)
+        powers = _powers(error, limit) if by_steps else 1.0
+        share = np.where(rejected, np.maximum(share * RETRACE_SHARE**powers, LEAST_SHARE), share)
+        for part in np.unique(share[rejected]):
+            chosen = np.flatnonzero(rejected & (share == part))
+            trace_again(chosen, replace(controlled, precision="float64", tolerance=part * plan.tolerance))
+        if asked == "straight":  # shorter steps do not lower what a straight line neglects
+            # A ray along a straight line whose error falls by less than this with shorter steps is not traced again.
+            fell = error <= 0.7 * before
+
+
+def _powers(error: np.ndarray, limit: float) -> np.ndarray:
+    """The power of RETRACE_SHARE that brings each ray's error estimate below the allowed error; at least 1."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        excess = np.where(np.isfinite(error), error, limit) / limit
+    return np.maximum(np.ceil(np.log(np.maximum(excess, 1.0)) / -np.log(RETRACE_SHARE) + 0.4), 1.0)
+
+
+def _rejected(status: np.ndarray, error: np.ndarray, limit: float) -> np.ndarray:
+    """Which rays must be traced again: above the limit [m], or outside what the method can estimate (infinite)."""
+    # A ray that passes beside its stop by an error above the limit may meet it.
+    return ~(error <= limit) & (reached(status) | (status == RayStatus.STOP_NOT_REACHED) | np.isinf(error))
+
+
+def report_rejected(plan: TracePlan, count: int, ray_count: int, greatest: float | None, wavelength: float):
+    """Warn of rays that are still above the tolerance, and return the plan with a sentence about them.
+
+    `greatest` is their greatest error estimate [m]; None where it was not kept.
+    """
+    if not count:
+        return plan
+    size = "" if greatest is None else f", the greatest of them {greatest / wavelength:.2g} waves"
+    # From this many waves on, an error estimate means only that there is no bound.
+    if greatest is not None and not greatest <= 1e6 * wavelength:
+        size = ", some of them without bound"
+    sentence = (
+        f"{count} of {ray_count} rays have error estimates above the tolerance of {plan.tolerance:g} waves{size}, "
+        "though they were traced again in float64: their status is TOLERANCE_NOT_MET"
+    )
+    warn_caller(f"{sentence}; loosen the tolerance, or read step_error", ToleranceWarning)
+    return replace(plan, reasons=(*plan.reasons, sentence))

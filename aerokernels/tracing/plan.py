@@ -5,13 +5,33 @@ from typing import TypedDict
 
 from aerokernels.tracing.tasks.unresolved import Sampling
 
-from .straight_lines import LeverArms
+from .lines import LeverArms
 
 # Methods that a caller may request.
 METHODS = ("auto", "straight", "adaptive", "paper", "fixed")
 # What "auto" may take besides "adaptive": a fixed count of leapfrog steps a ray (leapfrog/sample_count.py).
 LEAPFROG = "leapfrog"
 PRECISIONS = ("float32", "float64")
+
+
+# Per-ray arrays: unit and meaning, in the order of results.
+RAY_OUTPUTS = {
+    "position": ("m", "end point"),
+    "direction": ("1", "unit tangent at the stop"),
+    "optical_path": ("m", "integral of n ds from the start to the stop"),
+    "opd": ("m", "optical path less the ambient index times the undisturbed distance to the same stop"),
+    "arc_length": ("m", "length of the ray"),
+    "step_error": ("m", "OPD error of the steps, estimated by the embedded formula"),
+    "step_count": ("1", "accepted steps"),
+    "evaluation_count": ("1", "field evaluations"),
+}
+# Kernels receive the requested outputs as an integer with one bit for each.
+OUTPUT_BITS = {name: 1 << bit for bit, name in enumerate(RAY_OUTPUTS)}
+
+
+def output_mask(outputs: frozenset) -> int:
+    """Return the bits of the requested outputs."""
+    return sum([bit for name, bit in OUTPUT_BITS.items() if name in outputs])
 
 
 class TraceOptions(TypedDict, total=False):
@@ -114,7 +134,7 @@ class TracePlan:
             unresolved.py; None where that is negligible.
         steepest: Greatest absolute components of a ray's unit vector for which the number of leapfrog samples holds;
             steeper rays are traced again. None where all directions are known.
-        lever_arms: How far the rays fly and at what angle they meet the stop, see straight_lines.py; None where it was
+        lever_arms: How far the rays fly and at what angle they meet the stop, see lines.py; None where it was
             not needed.
         predicted_evaluations: Field evaluations of a ray across the box, predicted before any ray is traced.
         predicted_error: Predicted OPD error [waves]: the error of a pilot bundle, or the tolerance.

@@ -1,8 +1,8 @@
 """Make the plan of a trace from the caller's choices; the backend is chosen in the order of engines/choice.py.
 
 Decided elsewhere: what of a bundle is interpolated (bundle/run.py), how many leapfrog samples a ray takes
-(leapfrog/sample_count.py), a pupil's quadrature (pupil/job.py), the order and chunks of rays (launch.py), and which are
-traced again (retrace.py).
+(leapfrog/sample_count.py), a pupil's quadrature (pupil/job.py), and the order and chunks of rays, and which are traced
+again (launch.py).
 """
 
 from collections.abc import Callable
@@ -21,10 +21,9 @@ from .grid_tables import prepare_once
 from .launch import launch
 from .leapfrog.pilot import pays_once
 from .leapfrog.sample_count import fit_leapfrog, may_be_leapfrog
-from .lines import box_size
+from .lines import box_size, lever_arms_of
 from .plan import LEAPFROG, METHODS, PRECISIONS, TracePlan
 from .step_bound import predict_evaluations, step_allowance
-from .straight_lines import lever_arms_of
 
 STRAIGHT = "; along the undisturbed line, with the second-order correction of the optical path"
 

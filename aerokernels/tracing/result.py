@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -11,33 +11,14 @@ from ..display.quantities import ErrorBudget, Quantity, unknown
 from ..display.shown import drawn_on, shown
 from ..process.clock import clocked, stage
 from ..pupils import transverse_axes
+from .plan import RAY_OUTPUTS
 from .status import RayStatus, reached
-from .variants.causes import Variants, budget, of_a_ray
-from .variants.paths import Rays
 
-# Per-ray arrays: unit and meaning, in the order of results.
-RAY_OUTPUTS = {
-    "position": ("m", "end point"),
-    "direction": ("1", "unit tangent at the stop"),
-    "optical_path": ("m", "integral of n ds from the start to the stop"),
-    "opd": ("m", "optical path less the ambient index times the undisturbed distance to the same stop"),
-    "arc_length": ("m", "length of the ray"),
-    "step_error": ("m", "OPD error of the steps, estimated by the embedded formula"),
-    "step_count": ("1", "accepted steps"),
-    "evaluation_count": ("1", "field evaluations"),
-}
+if TYPE_CHECKING:
+    from .variants.causes import Variants
+
 # Names that `on_device` accepts.
 ON_DEVICE = (*RAY_OUTPUTS, "status", "start_position", "start_direction")
-# Kernels receive the requested outputs as an integer with one bit for each.
-OUTPUT_BITS = {name: 1 << bit for bit, name in enumerate(RAY_OUTPUTS)}
-
-
-def _opd(rays: Rays) -> np.ndarray:
-    return rays.opd
-
-
-def _about_mean(rays: Rays) -> np.ndarray:
-    return np.asarray(rays.opd - rays.opd.mean())
 
 
 def _rms(opd: np.ndarray, share: np.ndarray) -> float:
@@ -45,11 +26,6 @@ def _rms(opd: np.ndarray, share: np.ndarray) -> float:
     # Not by BLAS, whose last bits depend on the number of threads.
     mean = np.sum(share * opd) / np.sum(share)
     return float(np.sqrt(np.sum(share * (opd - mean) ** 2) / np.sum(share)))
-
-
-def output_mask(outputs: frozenset) -> int:
-    """Return the bits of the requested outputs."""
-    return sum([bit for name, bit in OUTPUT_BITS.items() if name in outputs])
 
 
 @shown
@@ -169,7 +145,7 @@ class TraceResult:
         return reached(self.traced_status)
 
     @cached_property
-    def variants(self) -> Variants | None:
+    def variants(self) -> "Variants | None":
         """How some of the rays change by each cause of an error (variants/causes.py); None where no ray arrived.
 
         Computed when first read.
@@ -184,11 +160,12 @@ class TraceResult:
         differences from the bundle's mean. It is computed when first read, in the time seconds["error"].
         """
         with clocked() as spent, stage("error"):
-            found = (
-                unknown("m")
-                if self.variants is None
-                else of_a_ray(_opd, self.variants, "m", {"refractivity": _about_mean})
-            )
+            found = unknown("m")
+            if self.variants is not None:
+                from .variants.causes import of_a_ray
+
+                about_mean = {"refractivity": lambda rays: rays.opd - rays.opd.mean()}
+                found = of_a_ray(lambda rays: rays.opd, self.variants, "m", about_mean)
         self.seconds["error"] = spent["total"]
         return found
 
@@ -207,6 +184,8 @@ class TraceResult:
         share = np.broadcast_to(self.weight, good.shape)[good]
         error = float("nan")
         if (found := self.variants) is not None:
+            from .variants.causes import budget
+
             error = budget(lambda rays: _rms(rays.opd, found.weight), found, "m")["total"]
         return {"opd_rms": Quantity(_rms(self.opd[good], share), error, "m")}
 

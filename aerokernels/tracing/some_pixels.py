@@ -12,7 +12,7 @@ import numpy as np
 from ..medium import IndexField
 from ..rays import RayBundle
 from .cuts import lost
-from .trace import rerun, trace
+from .trace import trace
 from .variants.causes import FACTOR, Variants, of_each, variants
 from .variants.paths import Rays
 
@@ -53,9 +53,9 @@ class SomePixels:
         rows = (self.kept[:, None] * self.group + np.arange(self.group)).ravel()
         assert traced.opd is not None and traced.direction is not None and traced.position is not None  # requested
         base = Rays(traced.opd[rows], traced.direction[rows], traced.position[rows])
-        some, run = rays.rows(rows), rerun(until, traced.wavelength)
+        some = rays.rows(rows)
         beyond = lost(field, some, until, (base.position, base.direction))
-        self.found = variants(field, some, base, traced.plan, until, run, lost=beyond, group=self.group)
+        self.found = variants(field, some, base, traced.plan, until, traced.wavelength, lost=beyond, group=self.group)
 
     def errors(self, number: PixelNumber, stored: np.ndarray | None = None) -> dict[str, np.ndarray]:
         """Return the errors of a number by cause, shape (pixels, ...) of all pixels.

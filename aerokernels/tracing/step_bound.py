@@ -30,8 +30,6 @@ BLOCK_COUNT_LIMIT = 300_000
 SHARE = 12.0
 # Kinks may all deflect to one side: their errors add up.
 KINK_SHARE = 0.05
-# The error constant of a rule that is exact for cubics, with room for knots anywhere in the step.
-CONSTANT = 1.0 / 720.0
 # The deflection of a ray up to which the table is valid [rad].
 TURN = 0.02
 # Sines of the angles with a coordinate axis within which rays look ahead in a cone; other rays use all directions.
@@ -110,19 +108,15 @@ def step_bound(grid: UniformGrid, geometry: str, budget: float, cone: Cone) -> S
         np.maximum(seen, _greatest(smooth, low, high), out=seen)
         if is_kinked:
             np.maximum(seen_kink, _greatest(kink, low, high), out=seen_kink)
-        bound = smooth_step(seen, SHARE * rate)
+        with np.errstate(divide="ignore", over="ignore"):
+            # The error constant of a rule that is exact for cubics, with room for knots anywhere in the step.
+            bound = np.divide(SHARE * rate, (1.0 / 720.0) * seen) ** 0.25
         allowed = np.where(seen_kink / 12.0 <= KINK_SHARE * rate, np.minimum(bound, far), 0.0)
         np.maximum(result, allowed, out=result)
         if not (allowed >= far).any():
             break
         near, far = far, far + max(least, 0.15 * far)
     return StepBound(result, block)
-
-
-def smooth_step(fourth, rate: float):
-    """Step [m] with an error of `rate` [m of OPD per m of path] where the fourth derivative is `fourth` [1/m4]."""
-    with np.errstate(divide="ignore", over="ignore"):
-        return np.divide(rate, CONSTANT * fourth) ** 0.25
 
 
 def roughness_along(grid: UniformGrid, geometry: str, cone: Cone) -> tuple[int, np.ndarray, np.ndarray]:
@@ -239,8 +233,6 @@ def _greatest(values: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarr
 
 OVERHEAD = 1.5
 FIRST = 15.0
-# Nodes whose differences are in memory together.
-SLAB = 1 << 17  # speed only
 # Evaluations for each cell where the interpolant has kinks between cells, fitted to the same fields.
 PIECEWISE_SMOOTH_COST = {"linear": 2.0, "monotone": 3.0, "bilinear": 3.0}
 
@@ -267,7 +259,8 @@ def predict_evaluations(field: IndexField, budget: float, directions: np.ndarray
 def greatest_turn(grid: UniformGrid) -> float:
     """A bound on the angle by which a ray across the box can turn [rad], cached on the grid."""
     samples, steepest = grid.samples, 0.0
-    rows = max(1, SLAB * len(samples) // samples.size)
+    # Nodes whose differences are in memory together (speed only).
+    rows = max(1, (1 << 17) * len(samples) // samples.size)
     for first in range(0, len(samples), rows):
         slab = samples[first : first + rows + 1]  # with the first row of the next one
         for axis, spacing in enumerate(grid.spacing):

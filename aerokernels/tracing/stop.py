@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike
 
 from ..inputs.arguments import checked
 from ..medium import IndexField
+from ..medium.grid import UniformGrid
 from ..rays import Pupil, as_unit_vector, as_vector
-from .lines import greatest_contrast
 from .scheme import LEAST_SLOPE
 
 
@@ -69,6 +69,15 @@ def stop_distance(position: np.ndarray, direction: np.ndarray, until) -> np.ndar
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         distance = height / slope
     return np.where((distance >= 0.0) & ((np.abs(slope) > LEAST_SLOPE) | (height == 0.0)), distance, np.inf)
+
+
+def greatest_contrast(field: IndexField) -> float:
+    """Greatest |contrast| of the field's samples."""
+    if isinstance(field.samples, UniformGrid):
+        low, high = field.samples.extremes
+        return max(high, -low)
+    values = field.samples.values
+    return field.samples.derive("greatest contrast", lambda: float(max(values.max(), -values.min())))
 
 
 # Over the size of the box: how far beyond it a stop is at least, so that they never are the same surface.

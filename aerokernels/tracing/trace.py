@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -12,23 +12,20 @@ from ..inputs.checks import check_choice
 from ..medium import IndexField
 from ..process.clock import clocked, stage
 from ..rays import RayBundle
-from .bundle.run import BundleRequest, trace_bundle
 from .cuts import flow_ends, lost, may_lose
-from .launch import launch
+from .launch import report_rejected, run_plan
 from .lines import check_meeting
-from .plan import TracePlan
+from .plan import RAY_OUTPUTS
 from .planning import check_choices, plan_bundle
-from .result import RAY_OUTPUTS, TraceResult
-from .retrace import report_rejected, retrace_rejected
+from .result import TraceResult
 from .status import RayStatus
 from .stop import ArcLength, Plane
-from .variants.causes import Run, Variants, sample_rows, variants
-from .variants.paths import Rays
+
+if TYPE_CHECKING:
+    from .variants.causes import Variants
 
 # Allowed values of `bundle`.
 BUNDLES = ("auto", "off")
-# What a ray brings to its stop.
-BROUGHT = frozenset(("opd", "position", "direction", "step_error"))
 
 NONE_REJECTED = np.zeros(0, np.int32)
 
@@ -105,7 +102,9 @@ def trace(
         with stage("plan"):
             made: Any = "every ray is traced: requested by bundle='off'" if bundle == "off" else None
             if bundle == "auto" and method == "auto" and backend != "reference":
-                made = trace_bundle(BundleRequest(field, rays, until, wavelength, wanted, choices, run_plan))
+                from .bundle.run import BundleRequest, trace_bundle
+
+                made = trace_bundle(BundleRequest(field, rays, until, wavelength, wanted, choices))
             if isinstance(made, tuple):
                 plan, arrays = made
             else:
@@ -139,20 +138,23 @@ def trace(
     )
 
 
-def _variants(field: IndexField, rays: RayBundle, until, wavelength: float, result: TraceResult) -> Variants | None:
+def _variants(field: IndexField, rays: RayBundle, until, wavelength: float, result: TraceResult) -> "Variants | None":
     """Return how some of a result's rays change by each cause of an error; None where no ray arrived."""
+    from .variants.causes import brought, sample_rows, variants
+    from .variants.paths import Rays
+
     rows = sample_rows(field, rays, result.ok)
     if not len(rows):
         return None
-    some, run = rays.rows(rows), rerun(until, wavelength)
+    some = rays.rows(rows)
     if (ends := result.ends) is None:
-        base, _ = run(field, some, replace(result.plan, bundle=None))
+        base, _ = brought(field, some, replace(result.plan, bundle=None), until, wavelength)
     else:
         base = Rays(np.zeros(len(rows)), ends[1][rows], ends[0][rows])
     base = base if result.opd is None else replace(base, opd=result.opd[rows])
     weight = np.broadcast_to(result.weight, (result.ray_count,))[rows]
     lacked = _lost(field, some, until, result, rows)
-    return variants(field, some, base, result.plan, until, run, weight=weight, lost=lacked)
+    return variants(field, some, base, result.plan, until, wavelength, weight=weight, lost=lacked)
 
 
 def _lost(field: IndexField, rays: RayBundle, until, result: TraceResult, rows: Any = slice(None)) -> np.ndarray:
@@ -174,28 +176,6 @@ def _group_path(field: IndexField, rays: RayBundle, until, result: TraceResult) 
     options = {"tolerance": plan.tolerance, "backend": plan.backend, "device": plan.device, "precision": plan.precision}
     traced = trace(group.field(), rays, until=until, outputs="optical_path", **options)
     return np.asarray(traced.optical_path)
-
-
-def run_plan(field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelength: float, outputs: frozenset) -> dict:
-    """Trace rays as a plan says, again where above the tolerance; "step_error" is there if some stay above it."""
-    arrays = launch(field, rays, plan, until, wavelength, outputs)
-    if not plan.controls_error or plan.backend == "reference" or "step_error" not in arrays:
-        return arrays
-    retrace_rejected(field, rays, plan, until, wavelength, arrays)
-    if "step_error" not in outputs and not len(rows_where(arrays["status"], RayStatus.TOLERANCE_NOT_MET)):
-        del arrays["step_error"]
-    return arrays
-
-
-def rerun(until, wavelength: float) -> Run:
-    """Return the function that traces rays to a stop, for `variants`."""
-
-    def run(field: IndexField, rays: RayBundle, plan: TracePlan) -> tuple[Rays, np.ndarray]:
-        arrays = run_plan(field, rays, plan, until, wavelength, BROUGHT)
-        opd, direction, position = (np.asarray(arrays[name]) for name in ("opd", "direction", "position"))
-        return Rays(opd, direction, position), np.asarray(arrays["status"])
-
-    return run
 
 
 def check_outputs(outputs) -> frozenset:

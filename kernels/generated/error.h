@@ -219,7 +219,7 @@ typedef struct {
     real error;
 } JudgedStatusResult;
 
-// Status of a ray, by its error `used`: TOLERANCE_NOT_MET where it is to be traced again, see retrace.py.
+// Status of a ray, by its error `used`: TOLERANCE_NOT_MET where it is to be traced again, see launch.py.
 static inline JudgedStatusResult judged_status(int status, real tolerance, real used)
 {
     int judged = status;

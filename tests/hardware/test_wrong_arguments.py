@@ -11,9 +11,8 @@ from aerokernels.hardware.export import export
 from aerokernels.hardware.frames import DamagedPiece, EchoFrame
 from aerokernels.hardware.port import open_port
 from aerokernels.hardware.preamble import ScopeCurve
-from aerokernels.hardware.pseudo_terminal import PseudoTerminal
 from aerokernels.hardware.recorder import Recorder
-from aerokernels.hardware.simulator import EchoSource
+from aerokernels.hardware.simulator import EchoSource, PseudoTerminal
 from aerokernels.hardware.store import EchoStore
 from aerokernels.jobs.comparison import CompareOptions, compare_recording
 from aerokernels.jobs.recorded import recorded_labels

@@ -36,7 +36,7 @@ def written(result, out: Path) -> tuple[dict, str]:
         {"target.distance": "30 m"},
         {"receiver.diameter": "6 mm"},
         {"target.tilt": "80 deg"},
-        {"detector.threshold": "5 V", "detector.walk_correction": True},
+        {"detector.threshold": "5 V"},
     ],
 )
 def test_an_echo_that_cannot_be_ranged_is_a_result(changes, tmp_path: Path):

@@ -5,7 +5,7 @@ from scipy.ndimage import gaussian_filter
 
 from aerokernels.medium import IndexField
 from aerokernels.tracing import RayStatus, TraceResult
-from aerokernels.tracing.result import RAY_OUTPUTS
+from aerokernels.tracing.plan import RAY_OUTPUTS
 from aerokernels.tracing.status import reached
 
 WAVE = 905e-9

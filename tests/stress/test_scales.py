@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from aerokernels.medium import IndexField
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import Plane, trace
-from aerokernels.tracing.result import RAY_OUTPUTS
+from aerokernels.tracing.plan import RAY_OUTPUTS
 
 from .checks import PRECISIONS, UNIT, UP, WAVE, keeps_promises, linear_square_field
 

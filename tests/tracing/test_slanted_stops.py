@@ -10,8 +10,8 @@ from aerokernels.device_arrays import on_host
 from aerokernels.medium import IndexField
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import Plane, trace
+from aerokernels.tracing.launch import run_plan
 from aerokernels.tracing.plan import TracePlan
-from aerokernels.tracing.trace import run_plan
 from tests.random_fields import CELL, uniform_field
 
 from .backends import ENGINES, WAVE, on

@@ -6,7 +6,7 @@ import pytest
 from aerokernels import IndexField, available_backends
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import ArcLength, Plane, trace
-from aerokernels.tracing.result import RAY_OUTPUTS
+from aerokernels.tracing.plan import RAY_OUTPUTS
 from tests.random_fields import uniform_field
 from tests.small_fields import oblique_rays
 

@@ -4,21 +4,80 @@ Between nodes the results are bicubic Hermite patches with an error of f''''/384
 the quartic through five nodes of its neighbourhood, keeps a rough place local.
 """
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, fields
 
 import numpy as np
 
-from aerokernels.tracing.tasks.bundle_table import CHANNELS, Traced
+from aerokernels.tracing.tasks.family import FaceClasses, Family
 
+from ...medium import IndexField
+from ...rays import RayBundle
 from ..blocks import greatest_around
+from ..lines import box_span
+from ..status import RayStatus
+from ..stop import stop_distance
+
+# Deviations from the undisturbed line, which alone are small and smooth: optical path difference [m], direction (3),
+# end point [m] (3), arc length [m].
+CHANNELS = 8
+# Number of channels that the outputs need: for "opd" alone, and for "direction".
+OPD, WITH_DIRECTION = 1, 4
+# Outputs that are requested of the traced lines.
+TRACED = frozenset(
+    ("opd", "direction", "position", "arc_length", "step_error", "step_count", "evaluation_count", "optical_path")
+)
+# (rays) -> per-ray arrays by name
+Tracer = Callable[[RayBundle], dict[str, np.ndarray]]
+
+
+def channels_of(outputs: frozenset) -> int:
+    """Number of channels that these outputs need."""
+    if outputs & {"position", "arc_length"}:
+        return CHANNELS
+    return WITH_DIRECTION if "direction" in outputs else OPD
+
+
+def undisturbed_length(field: IndexField, position: np.ndarray, direction: np.ndarray, until) -> np.ndarray:
+    """Lengths of undisturbed lines up to their stop [m], shape (n,)."""
+    if until is None:
+        return box_span(field, position, direction).leave
+    return stop_distance(position, direction, until)
+
+
+@dataclass(frozen=True, eq=False)
+class Traced:
+    """Traced lines: CHANNELS (n, 8), NaN if not OK; classes; step error [m], steps and evaluations (n, 3)."""
+
+    values: np.ndarray
+    line_class: np.ndarray
+    costs: np.ndarray
+
+    @classmethod
+    def joined(cls, *parts: "Traced") -> "Traced":
+        """The lines of some lists, one list after the other."""
+        names = [entry.name for entry in fields(cls)]
+        return cls(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
+
+
+def trace_lines(family: Family, classes: FaceClasses, tracer: Tracer, parameters: np.ndarray) -> Traced:
+    """Trace the lines with these parameters, shape (n, 2)."""
+    position, direction = family.rays(parameters)
+    arrays = tracer(RayBundle(position, direction))
+    length = undisturbed_length(classes.field, position, direction, classes.until)
+    values = np.full((len(position), CHANNELS), np.nan)
+    line_class = classes.numbers(position, direction)
+    good = (arrays["status"] == RayStatus.OK) & np.isfinite(length) & (line_class >= 0)
+    values[good, 0] = arrays["opd"][good]
+    values[good, 1:4] = (arrays["direction"] - direction)[good]
+    values[good, 4:7] = (arrays["position"] - position)[good] - length[good, None] * direction[good]
+    values[good, 7] = arrays["arc_length"][good] - length[good]
+    costs = np.stack([arrays[name] for name in ("step_error", "step_count", "evaluation_count")], axis=1)
+    return Traced(values, line_class, costs)
+
 
 # Blocks along the shorter and along the longer axis of the coarsest lattice: at least, and at most.
 FEWEST, MOST = 2, 8
-
-
-def no_lines() -> Traced:
-    """A list whose only row, 0, stands for every line that was not traced."""
-    return Traced(np.full((1, CHANNELS), np.nan), np.zeros(1, np.int64), np.zeros((1, 3)))
 
 
 @dataclass(eq=False)
@@ -42,17 +101,15 @@ class Lattice:
         extent = high - low
         ratio = np.sqrt(extent / extent[::-1])
         counts = np.clip(np.round(FEWEST * ratio), 1, MOST).astype(int)
-        return cls.empty(low, extent / (CELLS * counts), (int(counts[0]), int(counts[1])), no_lines())
+        # Row 0 stands for every line that was not traced.
+        none = Traced(np.full((1, CHANNELS), np.nan), np.zeros(1, np.int64), np.zeros((1, 3)))
+        return cls.empty(low, extent / (CELLS * counts), (int(counts[0]), int(counts[1])), none)
 
     def halved(self) -> "Lattice":
         """Return the lattice of half the step, with the nodes that both share."""
         made = Lattice.empty(self.low, 0.5 * self.step, (2 * self.blocks[0], 2 * self.blocks[1]), self.lines)
         made.row[::2, ::2] = self.row
         return made
-
-    def take_over(self, finer_one: "Lattice") -> None:
-        """Copy the shared nodes from the lattice of half the step."""
-        self.lines, self.row = finer_one.lines, finer_one.row[::2, ::2].copy()
 
     def missing(self, blocks: np.ndarray) -> np.ndarray:
         """Nodes of some blocks (n, 2) that have not been traced, shape (m, 2)."""

@@ -9,10 +9,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from aerokernels.tracing.tasks.bundle_table import BundleTable, FaceClasses, Tracer, map_of, trace_lines
-from aerokernels.tracing.tasks.family import Family
+from aerokernels.tracing.tasks.family import BundleTable, FaceClasses, Family
 
-from .lattice import Lattice
+from .lattice import Lattice, Tracer, trace_lines
 from .tubes import RESOLVED, Clearance, Tubes
 
 # Levels that are always divided: 33 x 33 lines on a square.
@@ -23,16 +22,12 @@ SAFETY = 1.5
 # Assumed ratio of the residuals of two levels: its greatest value, and its value where it is not known. It is 16 for a
 # smooth function.
 ORDER, LEAST_ORDER = 12.0, 2.0
-# Ratio assumed for further levels when their cost is predicted: residuals fall faster once everything is resolved.
-ORDER_AHEAD = 8.0
 # Check lines of a block, as nodes of the 9 x 9 of its quarters: the middles of some cells; and the middles of the other
 # cells, which are checked too where no residual of a parent shows how the error differs from cell to cell, and where
 # that of the first cells is above the share DOUBTFUL of the limit.
 CHECKED = np.array([(1, 3), (3, 7), (5, 1), (7, 5)])
 OTHERS = np.array([(1, 1), (1, 5), (1, 7), (3, 1), (3, 3), (3, 5), (5, 3), (5, 5), (5, 7), (7, 1), (7, 3), (7, 7)])
 DOUBTFUL = 0.3
-# A block whose predicted error is more than this many times the limit is divided without check lines.
-HOPELESS = 3.0
 # Rays may be displaced by this many times the greatest displacement of the first lines.
 MARGIN = 2.0
 # Upper bound of the sum of a patch's weights; of the rounding of that sum in float32, relative to the greatest number
@@ -111,7 +106,7 @@ class Refinement:
             numbers = self.classes.numbers(*family.rays(finest.parameters(nodes)))
             finest.lines.line_class[finest.row[tuple(nodes.T)]] = numbers
         for coarse, fine in zip(lattices[-2::-1], lattices[:0:-1], strict=True):
-            coarse.take_over(fine)
+            coarse.lines, coarse.row = fine.lines, fine.row[::2, ::2].copy()
         blocks = _occupied(lattices[0], counted)
         return _Level(lattices[0], blocks, np.full(len(blocks), np.nan), np.full(len(blocks), np.nan))
 
@@ -140,7 +135,8 @@ class Refinement:
             why[rows[~within]] = "structure narrower than the spacing of traced rays"
             levels_to_go[rows[~within]] = self._until_resolved(lattice, blocks[rows])[~within]
             rows = rows[within]
-            close = expected[rows] <= HOPELESS
+            # A block whose predicted error is more than this many times the limit is divided without check lines.
+            close = expected[rows] <= 3.0
             measured = np.full(len(rows), np.inf)
             measured[close] = self._check(lattice, finer, blocks[rows[close]], CHECKED)
             # The others are checked where the first would accept the block, but say little of them.
@@ -152,7 +148,9 @@ class Refinement:
             rough = rows[~good[rows]]
             why[rough] = "rough results"
             size = np.where(np.isfinite(miss[rough]), miss[rough], np.maximum(expected[rough], 1.0))
-            levels_to_go[rough] = np.maximum(np.ceil(np.log(np.maximum(size, 1.01)) / np.log(ORDER_AHEAD)), 1.0)
+            # Ratio assumed for further levels when their cost is predicted: residuals fall faster once everything is
+            # resolved.
+            levels_to_go[rough] = np.maximum(np.ceil(np.log(np.maximum(size, 1.01)) / np.log(8.0)), 1.0)
             levels_to_go[~uniform] = 1.0
         rays = counts[tuple(blocks.T)]
         fits = 4 * 2 * max(lattice.blocks) + 1 <= MOST_NODES
@@ -216,7 +214,13 @@ class Refinement:
 
     def _table(self, accepted: list[tuple[Lattice, np.ndarray, np.ndarray]]) -> BundleTable:
         finest = accepted[-1][0].blocks
-        made = map_of(finest, [(finest[0] // lattice.blocks[0], blocks) for lattice, blocks, _ in accepted])
+        numbers, first = np.full(finest, -1, np.int32), 0  # of the block at each place
+        for lattice, blocks, _ in accepted:
+            stride = finest[0] // lattice.blocks[0]
+            view = numbers.reshape(lattice.blocks[0], stride, lattice.blocks[1], stride)
+            own = first + np.arange(len(blocks), dtype=np.int32)
+            view[blocks[:, 0], :, blocks[:, 1], :] = own[:, None, None]
+            first += len(blocks)
         headers, values = [], []
         for lattice, blocks, errors in accepted:
             costs = lattice.block_costs(blocks)
@@ -235,7 +239,7 @@ class Refinement:
             header[:, 5] += rounding[0]
             self.error += float(rounding[0])
         return BundleTable(
-            self.family, self.classes, self.channels, made, header, whole, self.traced, self.error, self.refused
+            self.family, self.classes, self.channels, numbers, header, whole, self.traced, self.error, self.refused
         )
 
 

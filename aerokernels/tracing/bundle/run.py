@@ -1,29 +1,27 @@
 """Trace a bundle as a map of two parameters: some lines are traced, most rays interpolated, the rest traced singly."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from aerokernels.tracing.tasks.bundle_table import CHANNELS, TRACED, BundleTable, FaceClasses, channels_of
-from aerokernels.tracing.tasks.family import Family, counted_parameters, find_family
+from aerokernels.tracing.tasks.family import BundleTable, FaceClasses, Family, counted_parameters, find_family
 
 from ...derived import cached_on
-from ...device_arrays import DeviceArray, on_host, rows_begun
+from ...device_arrays import DeviceArray, on_host, rows_where
 from ...medium import IndexField
 from ...rays import RayBundle
 from ..cuts import face_strengths
 from ..engines import engine_of
 from ..engines.device_memory import memory_of
 from ..error_limit import error_limit
-from ..launch import in_chunks, starts_of
+from ..launch import in_chunks, run_plan, starts_of
 from ..leapfrog.pilot import LEAST_RAYS, pays_once
-from ..lines import box_size, check_meeting
+from ..lines import box_size, check_meeting, lever_arms_of
 from ..plan import BundleCounts, TracePlan
 from ..planning import make_plan, plan_bundle
 from ..status import NOT_DELIVERED
-from ..straight_lines import lever_arms_of
+from .lattice import CHANNELS, TRACED, channels_of
 from .refine import Limits, Refinement
 from .tubes import Clearance, Tubes
 
@@ -36,13 +34,11 @@ LEAST_SHARE = 0.5
 # Air at a face of the box counts as undisturbed if its OPD over the length of the box is below this fraction of the
 # tolerance.
 UNDISTURBED = 0.02
-# (field, rays, plan, until, wavelength, outputs) -> per-ray arrays by name
-Run = Callable[[IndexField, RayBundle, TracePlan, Any, float, frozenset], dict[str, np.ndarray]]
 
 
 @dataclass(frozen=True, eq=False)
 class BundleRequest:
-    """A request to trace a bundle; `choices` are the other arguments of `make_plan`, `run` traces rays singly."""
+    """A request to trace a bundle; `choices` are the other arguments of `make_plan`."""
 
     field: IndexField
     rays: RayBundle
@@ -50,7 +46,6 @@ class BundleRequest:
     wavelength: float
     outputs: frozenset
     choices: dict[str, Any]
-    run: Run
 
     @property
     def error_limit(self) -> float:
@@ -64,21 +59,14 @@ def trace_bundle(request: BundleRequest) -> tuple[TracePlan, dict[str, np.ndarra
     if rays.ray_count < LEAST_BUNDLE:
         return f"fewer than {LEAST_BUNDLE} rays are traced one by one"
     channels = channels_of(request.outputs)
-    found = _recognised(field, rays, request.until, request.wavelength, channels, request.choices, request.run)
+    found = _recognised(field, rays, request.until, request.wavelength, channels, request.choices)
     if isinstance(found, str):
         return f"rays are traced one by one: {found}"
     family, table, plan = found
-    begun: list[Callable[[], Any]] = []
-
-    def find_left(status: Any) -> None:
-        begun.append(rows_begun(status, NOT_DELIVERED))
-
     with memory_of(plan.device):
         ready = engine_of(plan.backend, plan.device).prepare_bundle(table, request.outputs)
-        arrays = in_chunks(ready, starts_of(rays), request.outputs, then=find_left)
-        if not isinstance(arrays["status"], DeviceArray):
-            find_left(arrays["status"])
-        left = begun[-1]()
+        arrays = in_chunks(ready, starts_of(rays), request.outputs)
+        left = rows_where(arrays["status"], NOT_DELIVERED)
     if len(left) > (1.0 - LEAST_SHARE) * rays.ray_count:
         return (
             f"rays are traced one by one: interpolation would be accurate for only {rays.ray_count - len(left)} of them"
@@ -94,10 +82,10 @@ def trace_bundle(request: BundleRequest) -> tuple[TracePlan, dict[str, np.ndarra
 
 @cached_on("field", 4)
 def _recognised(
-    field: IndexField, rays: RayBundle, until, wavelength: float, channels: int, choices: dict[str, Any], run: Run
+    field: IndexField, rays: RayBundle, until, wavelength: float, channels: int, choices: dict[str, Any]
 ) -> tuple[Family, BundleTable, TracePlan] | str:
     """The family of the rays, its patches and the plan of its lines; or the reason why there are none."""
-    request = BundleRequest(field, rays, until, wavelength, frozenset(), choices, run)
+    request = BundleRequest(field, rays, until, wavelength, frozenset(), choices)
     check_meeting(field, rays, "ray of the bundle")
     family = find_family(field, rays, until, request.error_limit)
     if isinstance(family, str):
@@ -155,7 +143,7 @@ class _Tracer:
         if pays and rays.ray_count >= LEAST_RAYS:
             self.many = self.many or _plan_many(request, rays, TRACED_SHARE)
             plan = self.many
-        return on_host(request.run(request.field, rays, plan, request.until, request.wavelength, TRACED))
+        return on_host(run_plan(request.field, rays, plan, request.until, request.wavelength, TRACED))
 
 
 def _line_plan(request: BundleRequest) -> TracePlan:
@@ -176,7 +164,7 @@ def _trace_left(request: BundleRequest, rows: Any, arrays: dict[str, Any]) -> No
     rays = request.rays.part(rows)
     plan = _plan_many(request, rays, 1.0)
     outputs = request.outputs | {"step_error"}
-    found = request.run(request.field, rays, plan, request.until, request.wavelength, outputs)
+    found = run_plan(request.field, rays, plan, request.until, request.wavelength, outputs)
     for name, array in found.items():
         if name in arrays:
             arrays[name][rows] = array if isinstance(arrays[name], DeviceArray) else np.asarray(array)

@@ -12,25 +12,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aerokernels.tracing.tasks.bundle_table import undisturbed_length
 from aerokernels.tracing.tasks.family import Family
 
+from ...derived import cached_on
 from ...medium import IndexField
 from ...medium.grid import UniformGrid, local_coordinates
 from ..blocks import greatest_around
 from ..lines import box_span
 from ..step_bound import roughness_of_blocks
+from .lattice import undisturbed_length
 
 # Distance between lines, in cells, below which they resolve everything that a grid holds.
 RESOLVED = 0.75
-# Error of a patch divided by s^4 f'''' of both axes, with an allowance for mixed terms and for the slopes' errors.
-CONSTANT = 2.0 / 384.0
-# Factor if directions are requested, whose error is converted to a path over one cell: derivatives are rougher.
-OF_DIRECTION = 2.0
-# Azimuthal derivatives of an axisymmetric field, divided by the radial ones.
-ABOUT_AXIS = 2.0
-# Error of an interpolant at a kink, divided by the kink times the spacing.
-OF_KINK = 1.0 / 8.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,8 +68,9 @@ class Tubes:
     @classmethod
     def of(cls, field: IndexField, family: Family, until, counts_direction: bool) -> "Tubes | None":
         """Return the tubes in a field; None if the field's roughness is not known."""
-        roughness = roughness_of(field)
-        return None if roughness is None else cls(field, family, until, roughness, counts_direction)
+        if not isinstance(field.samples, UniformGrid):
+            return None
+        return cls(field, family, until, roughness_of(field.samples), counts_direction)
 
     def missed(self, middle: np.ndarray, half: np.ndarray, step: np.ndarray, bent: np.ndarray) -> np.ndarray:
         """Bound the interpolation error of blocks [m of OPD; directions are converted to a path], shape (n,).
@@ -98,7 +92,8 @@ class Tubes:
             rows = np.flatnonzero(begin + number * stride < end)
             at = begin[rows] + (number + 0.5) * stride
             found[rows] += stride * self._rate(position[rows], direction[rows], at, half, step, bent[rows])
-        return found * (OF_DIRECTION if self.counts_direction else 1.0)
+        # Factor if directions are requested, whose error is converted to a path over one cell: derivatives are rougher.
+        return found * (2.0 if self.counts_direction else 1.0)
 
     def greatest_spacing(self, middle: np.ndarray, step: np.ndarray) -> np.ndarray:
         """Greatest distance, in cells of the field, between the lines around the middles (n, 2), shape (n,)."""
@@ -140,32 +135,27 @@ class Tubes:
         reach, across = local_coordinates(reach, geometry), self._across()
         rough = self.roughness.at(local_coordinates(place, geometry), reach)
         fourth, kink = rough[:, :dimension], rough[:, dimension:].sum(axis=1)
-        factor = ABOUT_AXIS if geometry == "axisymmetric" else 1.0
+        # Azimuthal derivatives of an axisymmetric field, divided by the radial ones.
+        factor = 2.0 if geometry == "axisymmetric" else 1.0
         found = np.zeros(len(at))
         for axis in range(2):
             resolved = apart[:, axis] * (across[axis] / self.roughness.cell).max() <= RESOLVED
-            rate = CONSTANT * factor * (apart[:, axis] * (fourth @ across[axis])) ** 4 + OF_KINK * kink
+            # Error of a patch divided by s^4 f'''' of both axes, with an allowance for mixed terms and for the slopes'
+            # errors.
+            # Error of an interpolant at a kink, divided by the kink times the spacing.
+            rate = (2.0 / 384.0) * factor * (apart[:, axis] * (fourth @ across[axis])) ** 4 + (1.0 / 8.0) * kink
             found += np.where(resolved, 0.0, rate)
         return found
 
 
-# Levels of blocks, each of twice the width.
-LEVELS = 12
-
-
-def roughness_of(field: IndexField) -> Roughness | None:
-    """The roughness of a field, cached on its grid; None where it is not known."""
-    if not isinstance(field.samples, UniformGrid):
-        return None
-    grid = field.samples
-    return grid.derive("roughness at every width", lambda: _of_grid(grid))
-
-
-def _of_grid(grid: UniformGrid) -> Roughness:
+@cached_on("grid")
+def roughness_of(grid: UniformGrid) -> Roughness:
+    """The roughness of a field on a grid."""
     block, fourth, kink = roughness_of_blocks(grid)
     table = np.stack([*(np.sqrt(np.sqrt(part)) for part in fourth), *kink], axis=-1)
     levels = []
-    for _ in range(LEVELS):
+    # Levels of blocks, each of twice the width.
+    for _ in range(12):
         wide = table
         for axis in range(table.ndim - 1):
             wide = greatest_around(wide, -1, 1, axis)
@@ -190,8 +180,6 @@ def _halved(table: np.ndarray) -> np.ndarray:
 # Places along each axis at which the distance is tabulated, by the number of axes, and steps after which a tube does
 # not count as clear.
 PLACES, MOST_STEPS = {2: 192, 3: 48}, 96
-# Margin around the tube, in cells of the table.
-ROOM = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -214,13 +202,9 @@ class Distances:
         return np.asarray(np.maximum(self.table[tuple(index.T)] - off, outside))
 
 
+@cached_on("field")
 def distances_of(field: IndexField) -> Distances:
-    """The distances from a field's body, cached on the field."""
-    found: Distances = field.derive("distances from the body", lambda: _distances_of(field))
-    return found
-
-
-def _distances_of(field: IndexField) -> Distances:
+    """The distances from a field's body."""
     body = field.body
     assert body is not None
     low = np.minimum(np.asarray(field.samples.low, dtype=float), body.box[0])
@@ -252,7 +236,8 @@ class Clearance:
         away = np.linalg.norm(position, axis=1) + 2.0 * extent
         end = np.where(np.isfinite(end) & (end < away), end, away)
         radius = float(np.linalg.norm(half)) * self._greatest_scale(position, direction, end) + bent
-        radius = radius + ROOM * float(distances.step.max())
+        # Margin around the tube, in cells of the table.
+        radius = radius + 0.5 * float(distances.step.max())
         at, clear = np.zeros(len(middle)), np.ones(len(middle), bool)
         going = np.ones(len(middle), bool)
         for _ in range(MOST_STEPS):

@@ -15,8 +15,7 @@ from ...derived import Derived
 from ...medium import IndexField
 from ...medium.grid import UniformGrid
 from ..error_limit import error_limit, left_out, support_box
-from ..plan import TracePlan
-from ..result import output_mask
+from ..plan import TracePlan, output_mask
 from ..scheme import LAXEST, MESH_STEP_LIMIT, STEP_LIMIT
 from ..step_bound import CONES, cones_of, step_bound
 from ..stop import ArcLength, Plane
@@ -290,7 +289,7 @@ def step_bound_tables(
     if plan.sample_count and plan.sampling is not None:
         block, missed = lookup_table(field, plan.sampling)
         start[0], lengths = 0, [missed.ravel()]
-        at_ends = missed_at_ends(field, plan.sampling)
+        at_ends = missed_at_ends(field, plan.sampling, False)
         if at_ends is not None:
             start[1] = missed.size
             lengths.append(at_ends.ravel())

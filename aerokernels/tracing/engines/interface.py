@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 
 from aerokernels.tracing.engines.bundle_frame import kernel_arrays, kernel_numbers
-from aerokernels.tracing.tasks.bundle_table import BundleTable
 from aerokernels.tracing.tasks.cube_polynomials import cube_polynomials
+from aerokernels.tracing.tasks.family import BundleTable
 
 from ...derived import cached_on, key_of
 from ...medium import IndexField

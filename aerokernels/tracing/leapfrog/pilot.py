@@ -21,17 +21,14 @@ SAFETY = 3.0
 # The error as a share of the difference from the sum over every third sample: for order 4, the order of the rule, and
 # for order 2.
 LEAST_SHARE, GREATEST_SHARE = 1.0 / 80.0, 1.0 / 8.0
-# The trajectory error as a share of int P^2 / p_t dt: it never exceeds the path that bending adds.
-GREATEST_BEND = 0.5
-# The share of the pilot's rays that may be unfit for leapfrog.
-UNFIT = 0.1
 
 
 def error_scales(level: "Level", worst: float, bends: float) -> tuple[float, float]:
     """Scales of a ray's own error estimate that cover the pilot's greatest error `worst` [m]; see `greatest_bend`."""
     share = SAFETY * worst / level.difference if level.difference > 0.0 else GREATEST_SHARE
     trajectory_error_scale = SAFETY * worst / bends if bends > 0.0 else 0.0
-    return min(max(share, LEAST_SHARE), GREATEST_SHARE), min(trajectory_error_scale, GREATEST_BEND)
+    # The trajectory error as a share of int P^2 / p_t dt: it never exceeds the path that bending adds.
+    return min(max(share, LEAST_SHARE), GREATEST_SHARE), min(trajectory_error_scale, 0.5)
 
 
 def levels_of(trials: Trials, *counts: int) -> list["Level"]:
@@ -61,7 +58,8 @@ class Level:
         arrived = reached(arrays["status"])
         self.good = arrived & np.isfinite(self.step_error)
         good, count = int(np.count_nonzero(self.good)), len(arrived)
-        self.is_fit = good > 0 and int(np.count_nonzero(arrived)) - good <= UNFIT * count
+        # The share of the pilot's rays that may be unfit for leapfrog.
+        self.is_fit = good > 0 and int(np.count_nonzero(arrived)) - good <= 0.1 * count
         self.difference = float(self.step_error.max(where=self.good, initial=0.0))
 
     def error(self, finer: "Level") -> float:
@@ -80,8 +78,6 @@ LEAST_RAYS = 4096
 # To search a field for structure between samples takes as long as so many evaluations under error control for each node
 # of its grid, on a CPU (False). A GPU (True) makes many more in that time, but large bundles are traced repeatedly.
 EVALUATIONS_OF_NODE = {False: 6.0, True: 48.0}  # speed only
-# Error control hardly ever takes fewer evaluations for a ray.
-FEWEST_EVALUATIONS = 20.0  # speed only
 # Up to CHEAP samples leapfrog is always taken. Above that it is taken where the samples are at most WORTH times the
 # evaluations predicted for error control: a sample costs less than an evaluation, and much less on OpenCL, where the
 # lanes of a CPU share it.
@@ -99,7 +95,8 @@ def pays_once(field: IndexField, ray_count: int, evaluations: Callable[[], float
     if backend == "reference" or not isinstance(grid, UniformGrid) or ray_count < LEAST_RAYS:
         return False
     least = EVALUATIONS_OF_NODE[engine_of(backend, device).is_gpu] * grid.samples.size
-    return ray_count * FEWEST_EVALUATIONS >= least or ray_count * evaluations() >= least
+    # Error control hardly ever takes fewer evaluations for a ray (speed only).
+    return ray_count * 20.0 >= least or ray_count * evaluations() >= least
 
 
 @dataclass(frozen=True, eq=False)

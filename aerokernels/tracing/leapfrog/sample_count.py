@@ -2,7 +2,7 @@
 
 A pilot of some rays is traced with N, 3 N and perhaps 9 N samples: the differences give the order of convergence and
 the least N that meets the tolerance. Each ray's own estimate is scaled to cover the pilot's errors with a margin; rays
-above the tolerance nevertheless are traced again (retrace.py).
+above the tolerance nevertheless are traced again (launch.py).
 """
 
 import math
@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from aerokernels.tracing.tasks.cube_polynomials import approximate_deviation, may_have_cubes
-from aerokernels.tracing.tasks.unresolved import Sampling
+from aerokernels.tracing.tasks.unresolved import Sampling, grid_of
 
 from ...derived import cached_on
 from ...device_arrays import extremes_of, is_one_row
@@ -23,9 +23,9 @@ from ...rays import RayBundle
 from ..engines import engine_of
 from ..error_limit import error_limit, support_box
 from ..launch import Trials
+from ..lines import lever_arms_of, outermost, outermost_rays
 from ..plan import TracePlan
 from ..stop import ArcLength
-from ..straight_lines import lever_arms_of, outermost, outermost_rays
 from .between_samples import MARGIN, SPREAD_RAYS, MissedStructure, multiple_of_three
 from .pilot import LEAST_RAYS, SampleCost, error_scales, greatest_bend, level_pair, levels_of
 
@@ -41,12 +41,6 @@ CUBES_GAIN = 0.5
 CUBES_MORE = 1.4
 # Numbers of samples that are tried with polynomials: the sum of a ray's error bounds may be just above the tolerance.
 CUBES_TRIALS = 3
-# Number of lines from which is estimated whether a table is worth making.
-CUBES_LINES = 64
-# The greatest share of the device's largest allocation that they may take.
-CUBES_MEMORY = 0.25
-# The greatest change of a pilot ray's direction caused by them [rad].
-CUBES_ANGLE = 5e-7
 
 # What is compared between traces of the pilot.
 PILOT_OUTPUTS = frozenset(("opd", "step_error", "direction"))
@@ -62,26 +56,18 @@ def may_be_leapfrog(field: IndexField, ray_count: int, until) -> bool:
     return ray_count >= LEAST_RAYS and not isinstance(until, ArcLength)
 
 
-def spread_of(geometry: str, rays: RayBundle, until, low: np.ndarray, high: np.ndarray) -> RayBundle:
-    """More of the rays, including those outermost in position, in direction and within a part of the field [m]."""
-    return rays if rays.ray_count <= SPREAD_RAYS else _some_of(rays, geometry, until, low, high)
-
-
 @cached_on("rays", PARTS)
 def _some_of(rays: RayBundle, geometry: str, until, low: np.ndarray, high: np.ndarray) -> RayBundle:
+    """Some of many rays, those outermost in position, in direction and within a part of the field [m] among them."""
     rows = [np.linspace(0, rays.ray_count - 1, SPREAD_RAYS).round().astype(int)]
     if rays.device not in (None, "cpu"):
         rows += [extremes_of(rays.held(name)).rows for name in ("position", "direction")]
-    elif geometry != "axisymmetric" and _is_beam(rays):
+    elif geometry != "axisymmetric" and is_one_row(rays.direction) and (np.ptp(rays.position, axis=0) == 0.0).any():
+        # Parallel rays from a plane across an axis are as far apart everywhere as there.
         rows.append(outermost(rays.position))
     else:
         rows.append(outermost_rays(geometry, rays.position, rays.direction, until, low, high))
     return rays.rows(np.concatenate(rows))
-
-
-def _is_beam(rays: RayBundle) -> bool:
-    """Whether rays are parallel and start in a plane across an axis: they are as far apart everywhere as there."""
-    return is_one_row(rays.direction) and bool((np.ptp(rays.position, axis=0) == 0.0).any())
 
 
 @dataclass(frozen=True)
@@ -113,14 +99,16 @@ def fit_leapfrog(
     """
     plan = replace(plan, lever_arms=lever_arms_of(field, pilot, until))
     part = support_box(field, error_limit(field, plan.tolerance * wavelength), plan.lever_arms)
-    some = pilot if rays is None else spread_of(field.geometry, rays, until, *part)
+    some = pilot if rays is None else rays
+    if some.ray_count > SPREAD_RAYS:
+        some = _some_of(rays, field.geometry, until, *part)
     given = field, pilot, plan, until, wavelength, some
     # Not the number confirmed last, which may be a few samples more: each confirmation would add a few again.
-    fit = _confirmed(*given, like.searched_count) if like is not None and like.searched_count else None
-    fit = fit or _searched(*given)
+    fit = _found(*given, "confirm", like.searched_count) if like is not None and like.searched_count else None
+    fit = fit or _found(*given, "search")
     if fit is None:
         return None
-    cubes = _with_cubes(*given, fit) if _may_take_cubes(field, plan, ray_count * fit.count) else None
+    cubes = _found(*given, "with_cubes", fit) if _may_take_cubes(field, plan, ray_count * fit.count) else None
     fit = cubes or fit
     reason = (
         f"method leapfrog: {fit.count} leapfrog samples a ray, bending included; a pilot of {pilot.ray_count} rays has "
@@ -146,19 +134,13 @@ def fit_leapfrog(
     )
 
 
-@cached_on("field", CACHED)
-def _searched(field: IndexField, pilot: RayBundle, plan: TracePlan, until, wavelength: float, some: RayBundle):
-    return _Fitting(field, pilot, plan, until, wavelength, some).search()
-
-
-@cached_on("field", CACHED)
-def _confirmed(field, pilot, plan, until, wavelength: float, some: RayBundle, searched: int) -> _Fit | None:
-    return _Fitting(field, pilot, plan, until, wavelength, some).confirm(searched)
-
-
-@cached_on("field", CACHED)
-def _with_cubes(field, pilot, plan, until, wavelength: float, some: RayBundle, fit: _Fit) -> _Fit | None:
-    return _Fitting(field, pilot, plan, until, wavelength, some).with_cubes(fit)
+@cached_on("field", 3 * CACHED)
+def _found(
+    field: IndexField, pilot: RayBundle, plan: TracePlan, until, wavelength: float, some: RayBundle, search: str, *start
+) -> _Fit | None:
+    """The result of a search of `_Fitting`, by the name of its method."""
+    fit: _Fit | None = getattr(_Fitting(field, pilot, plan, until, wavelength, some), search)(*start)
+    return fit
 
 
 def _may_take_cubes(field: IndexField, plan: TracePlan, samples: int) -> bool:
@@ -166,7 +148,8 @@ def _may_take_cubes(field: IndexField, plan: TracePlan, samples: int) -> bool:
     grid, engine = field.samples, engine_of(plan.backend, plan.device)
     if plan.precision != "float32" or not isinstance(grid, UniformGrid):
         return False
-    if not may_have_cubes(grid, CUBES_MEMORY * engine.memory[1]):
+    # The greatest share of the device's largest allocation that they may take.
+    if not may_have_cubes(grid, 0.25 * engine.memory[1]):
         return False
     return samples >= CUBES_WORTH[engine.is_gpu] * grid.samples.size
 
@@ -181,12 +164,6 @@ class _Fitting:
     until: Any
     wavelength: float
     some: RayBundle
-
-    @cached_property
-    def grid(self) -> UniformGrid:
-        """The field's samples."""
-        assert isinstance(self.field.samples, UniformGrid)
-        return self.field.samples
 
     @cached_property
     def limit(self) -> float:
@@ -244,8 +221,9 @@ class _Fitting:
     def with_cubes(self, fit: _Fit) -> _Fit | None:
         """At least as many samples of polynomials of cubes; None where the tolerance needs the spline."""
         structure, count = self.structure, fit.count
-        some = structure.lines.every(max(1, len(structure.lines.length) // CUBES_LINES))
-        rough = np.count_nonzero(approximate_deviation(self.grid, some) > self.limit) / max(1, len(some.length))
+        some = structure.lines.every(max(1, len(structure.lines.length) // 64))  # about 64 tell whether it is worth it
+        deviation = approximate_deviation(grid_of(self.field), some)
+        rough = np.count_nonzero(deviation > self.limit) / max(1, len(some.length))
         if not self._may_retrace(rough, count):
             return None  # decided before a table is made
         # A sample costs so little that taking some more is cheaper than looking up the bound on structure between them.
@@ -258,7 +236,8 @@ class _Fitting:
             (level,) = levels_of(self._trials(by_cubes), taken)
             worst = level.error(finest)
             fits = level.is_fit and finest.is_fit and worst <= self.limit / MARGIN
-            if not (fits and level.turn(spline) <= CUBES_ANGLE):
+            # The greatest change of a pilot ray's direction caused by them [rad].
+            if not (fits and level.turn(spline) <= 5e-7):
                 return None
             scales = error_scales(spline, worst, bends)
             final = self._trials(replace(by_cubes, sampling=sampling))

@@ -115,7 +115,7 @@ def pupil_air(
     Raises:
         ValueError: None of its rays meets the field.
     """
-    rays = rays or _sample_of(field.samples.places, pupil, look)
+    rays = rays or some_rays(field.samples.places, pupil, look, SAMPLE_RAYS)
     check_meeting(field, rays, RAY_OF_PUPIL)
     low, high = field.box
     span, weight = bundle_span(rays, field.geometry, low, high), np.asarray(rays.weight)
@@ -156,7 +156,7 @@ def _loss(field: IndexField, rays: RayBundle, tolerance: float) -> tuple[float, 
     return float(part[over].sum()), float(np.sqrt(max(square, 0.0))), place
 
 
-@cached_on("places", 4)
-def _sample_of(places: Any, pupil: Pupil, look: np.ndarray) -> RayBundle:
+@cached_on("places", 8)
+def some_rays(places: Any, pupil: Pupil, look: np.ndarray, count: int) -> RayBundle:
     """Some of a pupil's rays; one object for all fields on the same nodes, because rays cache where they cross them."""
-    return RayBundle.collimated(pupil, SAMPLE_RAYS, direction=look)
+    return RayBundle.collimated(pupil, count, direction=look)

@@ -1,9 +1,8 @@
 """Pupil jobs: what is asked of a pupil, by which quadrature it is answered, and the plan and the runs of its rays."""
 
-from collections.abc import Callable
 from copy import copy
-from dataclasses import dataclass, replace
-from functools import cache, cached_property, partial
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -33,18 +32,12 @@ from ..lines import box_size
 from ..plan import TracePlan
 from ..planning import check_choices, plan_rays
 from ..stop import Plane, plane_beyond
-from .air import SAMPLE_RAYS, PupilAir, pupil_air
+from .air import SAMPLE_RAYS, PupilAir, pupil_air, some_rays
 from .run import PupilRun
 
 REPLICATES = 16
 # The seed of the points that decide which lattice is taken.
 PILOT_SEED = 0x1A771CE
-# The greatest reach of a pupil, over half of the diagonal of the field's box.
-GREATEST_RATIO = 10.0
-# A known number of samples is confirmed by one in this many of the rays that were used to find it.
-CONFIRMING = 2
-# The sample rays of a symmetric pupil lie along a radius, so that this share of them is enough.
-ALONG_RADIUS = 0.25
 
 
 @dataclass(frozen=True)
@@ -117,7 +110,7 @@ class PupilRequest:
             and float(np.hypot(*pupil.center[:2])) < 0.05 * pupil.reach,
             is_radial=is_radial,
         )
-        pilot = pilot or _pilot_of(field.samples.places, pupil, look)
+        pilot = pilot or some_rays(field.samples.places, pupil, look, PILOT_RAYS)
         job = PupilJob(self, task, quadrature, air, pilot, None if like is None else like.plan)
         job.task = replace(task, plan=job.plan_for(REPLICATES * quadrature.first))
         return job
@@ -147,6 +140,7 @@ class PupilJob:
     air: PupilAir
     pilot: RayBundle
     known_plan: TracePlan | None = None
+    finer_runs: dict[int, PupilRun] = field(default_factory=dict)
 
     @property
     def plan(self) -> TracePlan:
@@ -174,31 +168,17 @@ class PupilJob:
         """Rays of the first run, predicted before any is traced."""
         return self.quadrature.first * REPLICATES
 
-    @property
-    def traced_ray_count(self) -> int:
-        """Rays of the first run."""
-        return self.run.task.per_replicate * REPLICATES
-
-    @property
-    def is_radial(self) -> bool:
-        """Whether radial quadrature replaces the disc: field, pupil and rays are symmetric about the axis."""
-        return self.task.is_radial
-
-    def settled(self, run: PupilRun) -> float:
-        """The standard error of the Strehl ratio of a run above which the next finer run is traced."""
-        if run.task.generator:
-            return ACCEPTED
-        return SETTLED if run.task.per_replicate >= RADIAL_RAYS else ENOUGH
-
     @cached_property
     def samples(self) -> tuple[RayBundle | None, RayBundle | None]:
         """The pilot rays, and the rays that show what the pupil misses, for jobs made from this one."""
         if self.known_plan is not None:
             return self.pilot, self.air.rays
-        if not self.is_radial:
-            return self.pilot.rows(slice(None, None, CONFIRMING)), self.air.rays
+        if not self.task.is_radial:
+            # A known number of samples is confirmed by one in this many of the rays that were used to find it.
+            return self.pilot.rows(slice(None, None, 2)), self.air.rays
         pupil, look = self.task.pupil, self.task.look
-        pilot_rays, air_rays = (int(ALONG_RADIUS * count) for count in (PILOT_RAYS, SAMPLE_RAYS))
+        # The sample rays of a symmetric pupil lie along a radius, so that this share of them is enough.
+        pilot_rays, air_rays = (int(0.25 * count) for count in (PILOT_RAYS, SAMPLE_RAYS))
         return radial_bundle(pupil, look, pilot_rays), radial_bundle(pupil, look, air_rays)
 
     @cached_property
@@ -210,48 +190,53 @@ class PupilJob:
         errors: dict[int, float] = {}
         for size in self.quadrature.sizes:
             if may_still_settle(errors, size):
-                tried = _runner(self._of_lattice(size))
+                tried = self._runner(size, LATTICES[size])
                 if self.quadrature.is_known:
                     return tried
                 errors[size] = tried(PILOT_SEED).standard_error
                 if errors[size] <= ENOUGH:
                     return tried
-        return _runner(replace(self.task, plan=self.plan_for(self.task.per_replicate * REPLICATES)))
+        return self._runner(self.task.per_replicate)
 
-    def _of_lattice(self, size: int) -> PupilTask:
-        """The task with the points of a lattice."""
-        plan = self.plan_for(size * REPLICATES)
-        return replace(self.task, plan=plan, per_replicate=size, generator=LATTICES[size])
+    def _runner(self, per_replicate: int, generator: int = 0) -> PupilRun:
+        """Prepare so many rays of a replicate on the backend of their plan."""
+        plan = self.plan_for(per_replicate * REPLICATES)
+        task = replace(self.task, plan=plan, per_replicate=per_replicate, generator=generator)
+        if plan.backend == "reference":
+            from ..engines.reference.pupil import PupilRun as ReferencePupilRun
 
-    @cached_property
-    def finer_runs(self) -> list[Callable[[], PupilRun]]:
-        """Runs with more rays than the first, up to the requested number; each is made when it is first called."""
+            return ReferencePupilRun(task)  # type: ignore[return-value]  # called alike
+        with memory_of(plan.device):
+            return PupilRun(task)
+
+    @property
+    def finer_sizes(self) -> list[int]:
+        """Rays of a replicate of runs with more rays than the first, up to the requested number."""
         most = self.quadrature.per_replicate
-        possible = {RADIAL_RAYS, most} if self.is_radial else {most}
-        sizes = sorted(size for size in possible if self.run.task.per_replicate < size <= most)
-        return [cache(partial(_finer_run, self.task, self.plan_for, size)) for size in sizes]
+        possible = {RADIAL_RAYS, most} if self.task.is_radial else {most}
+        return sorted(size for size in possible if self.run.task.per_replicate < size <= most)
 
-    @cached_property
-    def planned(self) -> TracePlan:
-        """The plan of the first run, including the reasons for its choice of rays."""
-        return self._with_reasons(self.run.task.plan)
+    def finer(self, per_replicate: int) -> PupilRun:
+        """The run with so many rays of a replicate, which is made when it is first asked for."""
+        if per_replicate not in self.finer_runs:
+            self.finer_runs[per_replicate] = self._runner(per_replicate)
+        return self.finer_runs[per_replicate]
 
-    def planned_for(self, run: PupilRun, *more: str) -> TracePlan:
-        """The plan of a run, including the reasons for its choice of rays and for taking more of them."""
-        return self.planned if run is self.run else self._with_reasons(run.task.plan, *more)
+    def settled(self, run: PupilRun) -> float:
+        """The standard error of the Strehl ratio of a run above which the next finer run is traced."""
+        if run.task.generator:
+            return ACCEPTED
+        return SETTLED if run.task.per_replicate >= RADIAL_RAYS else ENOUGH
 
-    def _with_reasons(self, plan: TracePlan, *more: str) -> TracePlan:
-        """The plan with the reasons for the choice of rays."""
-        size = self.run.task.per_replicate if self.run.task.generator else 0
-        asked = f"{self.quadrature.per_replicate * REPLICATES:,} over the pupil"
-        if size:
-            more = (
-                f"the wavefront is smooth: {REPLICATES} x {size} points of shifted lattices instead of {asked}",
-                *more,
-            )
+    def planned(self, run: PupilRun, *more: str) -> TracePlan:
+        """The plan of a run, including the reasons for the choice of rays and for taking more of them."""
+        asked, first = f"{self.quadrature.per_replicate * REPLICATES:,} over the pupil", self.run.task
+        if first.generator:
+            lattice = f"{REPLICATES} x {first.per_replicate} points of shifted lattices instead of {asked}"
+            more = f"the wavefront is smooth: {lattice}", *more
         elif self.quadrature.sizes:
             more = f"{asked}: the wavefront is too rough, or cut, for fewer", *more
-        return replace(plan, reasons=(*plan.reasons, *more)) if more else plan
+        return replace(run.task.plan, reasons=(*run.task.plan.reasons, *more)) if more else run.task.plan
 
 
 @cached_on("field", 4)
@@ -280,12 +265,6 @@ def _plan_of(
     )
 
 
-@cached_on("places", 4)
-def _pilot_of(places: Any, pupil: Pupil, look: np.ndarray) -> RayBundle:
-    """Some of a pupil's rays; one object for all fields on the same nodes, because rays cache where they cross them."""
-    return RayBundle.collimated(pupil, PILOT_RAYS, direction=look)
-
-
 def _bare(field: IndexField) -> IndexField:
     """The same field with nothing cached on it: tables of a device, rounded otherwise, must not meet other calls."""
     grid = copy(field.samples)
@@ -296,23 +275,8 @@ def _bare(field: IndexField) -> IndexField:
 def _check_size(field: IndexField, pupil: Pupil) -> None:
     """Reject a pupil so much larger than the field that hardly one ray in a hundred would meet it."""
     size = 0.5 * box_size(field)
-    if pupil.reach > GREATEST_RATIO * size:
+    if pupil.reach > 10.0 * size:
         raise ValueError(
             f"the pupil's reach of {pupil.reach:g} m is {pupil.reach / size:.0f} times the field's {size:.3g} m: "
             "hardly any ray meets the field; give metres, 6e-3 for 6 mm"
         )
-
-
-def _runner(task: PupilTask):
-    """Prepare a task on the backend of its plan."""
-    if task.plan.backend == "reference":
-        from ..engines.reference.pupil import PupilRun as ReferencePupilRun
-
-        return ReferencePupilRun(task)
-    with memory_of(task.plan.device):
-        return PupilRun(task)
-
-
-def _finer_run(task: PupilTask, plan_for: Callable[[int], TracePlan], per_replicate: int):
-    """Prepare the task with so many rays of a replicate."""
-    return _runner(replace(task, plan=plan_for(per_replicate * REPLICATES), per_replicate=per_replicate))

@@ -2,13 +2,13 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import partial
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
-from aerokernels.tracing.tasks.quadrature import lattice_order, radial_points, smoothed_axes
+from aerokernels.tracing.tasks.quadrature import lattice_order, smoothed_axes
 from aerokernels.tracing.tasks.sums import (
     MOMENT_COUNT,
     PUPIL_OUTPUTS,
@@ -20,7 +20,6 @@ from aerokernels.tracing.tasks.sums import (
     group_count,
     holds_tolerance,
     joined_counts,
-    metres_of,
     moments_in_metres,
     point_order,
     radial_rays,
@@ -29,17 +28,11 @@ from aerokernels.tracing.tasks.sums import (
 from ...derived import cached_on
 from ...process.clock import stage
 from ...pupils import across_look
-from ...rays import Pupil, RayBundle
+from ...rays import RayBundle
 from ..engines import OUTPUT_TYPES, Engine, engine_of
 from ..engines.device_memory import memory_of
-from ..launch import RAY_BYTES
-from ..retrace import retrace_rejected
+from ..launch import RAY_BYTES, retrace_rejected
 from ..status import RayStatus
-
-# Bytes of a ray that stay on the device for the second sum: pupil coordinates, OPD and status.
-KEPT_BYTES = 16 + 8 + 4
-# Rays along a radius that stay on a device with a grid's node positions: so many, of so many seeds and pupils.
-FEW, FEW_CACHED = 1 << 14, 4  # speed only
 
 
 @dataclass(eq=False)
@@ -77,13 +70,12 @@ class PupilRun:
         needed = ("sum_rays", "reduce_sums")  # rays along a radius are made on the host
         self.kernels = engine.kernels(needed if task.is_radial else ("launch_pupil", *needed))
         with stage("upload"):
-            self.one = self._constant(_ones, 1)
+            self.one = engine.put(np.ones(1))
             self.seeds = None if task.is_radial else engine.sent(np.zeros(2 * self.widest, np.uint32))
             self.starts = None if self.seeds is None else self._starts(self.seeds.buffer)
             self.headings = None
             if task.is_radial:
-                self.headings = self._constant(_headings, task.look, together)
-        self.metres = np.append(metres_of(task), np.ones(SUM_COUNT - MOMENT_COUNT))  # of a row of sums
+                self.headings = engine.put(np.repeat(task.look[None], together, axis=0))
         self.no_surface = self._phasor_numbers(np.zeros(4))
         *joined, _ = joined_counts(task.per_replicate)
         self.sums = [engine.empty(SUM_COUNT * self.widest * rows) for rows in joined]
@@ -109,14 +101,10 @@ class PupilRun:
         of_square = pupil.square_map
         vectors = [pupil.center, *(pupil.reach * axis for axis in pupil.axes), task.look]
         vectors += [np.append(row, 0.0) for row in across_look(pupil, task.look)]
-        table = self._constant(_table, pupil)
-        shape = [of_square.shape, of_square.row_count, of_square.column_count, table]
-        order = self._constant(lattice_order if task.generator else point_order, task.per_replicate, task.by_radius)
+        shape = [of_square.shape, of_square.row_count, of_square.column_count, self.engine.put(of_square.table)]
+        make = lattice_order if task.generator else point_order
+        order = _order(task.field.samples.places, self.engine, make, task.per_replicate, task.by_radius)
         return [*vectors, *shape, seeds, order, task.per_replicate, task.generator, smoothed_axes(of_square)]
-
-    def _constant(self, make: Callable[..., np.ndarray], *given: Any) -> Any:
-        """A buffer that is never written to, shared with other fields on the nodes."""
-        return _constant(self.task.field.samples.places, self.engine, make, *given)
 
     def __call__(self, seed: int | None) -> PupilSums:
         """Trace and sum the points of a seed."""
@@ -126,17 +114,17 @@ class PupilRun:
     def _run(self, seed: int | None) -> PupilSums:
         task = self.task
         kept, parts, rejected = [], [], 0
-        # Of rays along a radius the points are needed only where the rays are not on the device already.
-        points = cache(partial(task.points, seed)) if self.seeds is None else task.points(seed)
+        points = task.points(seed)
         for number, rows in enumerate(self.batches):
-            batch = self._place(number, rows, seed, points)
+            batch = self._place(number, rows, points)
             if self.repeat is None:
                 self._trace(batch)
             else:
                 self.repeat(partial(self._trace, batch))
             self.reading.wait()
             found = self.found[: rows.stop - rows.start]
-            if self._has_rejected() or not holds_tolerance(found, task):
+            has_rejected = self.rejected is not None and self.prepared.taken(int(self.rejected[0])) > 0
+            if has_rejected or not holds_tolerance(found, task):
                 rejected += self._retrace(batch)
                 found = self._sums(batch, self.no_surface)
             parts.append(found if len(self.batches) == 1 else found.copy())  # the next batch overwrites it
@@ -146,13 +134,9 @@ class PupilRun:
             numbers = self._phasor_numbers(fit_surface(sums[:, :MOMENT_COUNT], task.terms))
             for batch in kept:  # batches share the memory of errors and counts, which would now be those of the last
                 sums[batch.rows, MOMENT_COUNT:] = self._sums(batch, numbers)[:, MOMENT_COUNT:]
-        in_metres = moments_in_metres(sums, task, self.metres)
+        in_metres = moments_in_metres(sums, task)
         phasors = in_metres[:, MOMENT_COUNT:].view(np.complex128)[:, 0]
         return PupilSums(in_metres[:, :MOMENT_COUNT], phasors, task.replicates * task.per_replicate, rejected)
-
-    def _has_rejected(self) -> bool:
-        """Whether the kernel rejected rays of the last batch; resets its counter."""
-        return self.rejected is not None and self.prepared.taken(int(self.rejected[0])) > 0
 
     def _buffers(self, number: int) -> dict[str, Any]:
         """Buffers of a batch: later batches own only those that the second sum needs."""
@@ -168,7 +152,7 @@ class PupilRun:
             self.buffers.append({**(self.buffers[0] if number else {}), **fresh})
         return self.buffers[number]
 
-    def _place(self, number: int, rows: slice, seed: int | None, points: Any) -> Batch:
+    def _place(self, number: int, rows: slice, points: Any) -> Batch:
         """Make a batch: upload the rays along a radius, or the seeds from which other rays are made on the device."""
         task = self.task
         if self.seeds is not None:
@@ -179,20 +163,12 @@ class PupilRun:
         buffers = self._buffers(number if task.terms else 0)
         results = {name: buffers[name] for name in OUTPUT_TYPES}
         if self.seeds is None:
-            position, place, weight = self._along_radius(rows, seed, points)
+            position, place, weight = (self.engine.put(array) for array in radial_rays(task.pupil, points, rows))
             return Batch(rows, count, position, self.headings, place, weight, count, results)
         position, direction, place = (buffers[name] for name in ("start", "heading", "place"))
         weight, weights = (buffers["weight"], count) if task.generator else (self.one, 1)
         self.made.append(Batch(rows, count, position, direction, place, weight, weights, results))
         return self.made[number]
-
-    def _along_radius(self, rows: slice, seed: int | None, points: Callable[[], Any]) -> list[Any]:
-        """Upload positions, pupil coordinates and weights of rays along a radius; few rays stay for other fields."""
-        task, engine = self.task, self.engine
-        if seed is None or (rows.stop - rows.start) * task.per_replicate > FEW:
-            return [engine.put(array) for array in radial_rays(task.pupil, points(), rows)]
-        given = task.pupil, task.per_replicate, task.replicates, int(seed), rows
-        return _few_along_radius(task.field.samples.places, engine, *given)
 
     def _trace(self, batch: Batch) -> None:
         """Start all launches of a batch, including the copy of its sums to the host."""
@@ -245,34 +221,16 @@ class PupilRun:
 
 
 @cached_on("places", 8)
-def _constant(places: Any, engine: Engine, make: Callable[..., np.ndarray], *given: Any) -> Any:
-    return engine.put(make(*given))
-
-
-def _ones(count: int) -> np.ndarray:
-    return np.ones(count)
-
-
-def _headings(look: np.ndarray, count: int) -> np.ndarray:
-    return np.repeat(look[None], count, axis=0)
-
-
-def _table(pupil: Pupil) -> np.ndarray:
-    return pupil.square_map.table
-
-
-@cached_on("places", FEW_CACHED)
-def _few_along_radius(
-    places: Any, engine: Engine, pupil: Pupil, per_replicate: int, replicates: int, seed: int, rows: slice
-) -> list[Any]:
-    points = radial_points(per_replicate, replicates, seed)
-    return [engine.put(array) for array in radial_rays(pupil, points, rows)]
+def _order(places: Any, engine: Engine, make: Callable[..., np.ndarray], count: int, by_radius: bool) -> Any:
+    """The order of points on a device, shared with other fields on the nodes: it is never written to."""
+    return engine.put(make(count, by_radius))
 
 
 def check_memory(device: str, memory: tuple[float, float], together: int, kept: int) -> None:
     """Reject more rays than the device has memory for, before any is traced; `memory` is an Engine's."""
     whole, piece = memory
-    needed = together * RAY_BYTES + kept * KEPT_BYTES
+    # Bytes of a ray that stay on the device for the second sum: pupil coordinates, OPD and status.
+    needed = together * RAY_BYTES + kept * (16 + 8 + 4)
     if needed > whole or 24 * together > piece:
         raise ValueError(
             f"rays of a pupil take {needed / 2**30:.1f} GiB, and {24 * together / 2**30:.1f} GiB in one piece; "

@@ -5,7 +5,6 @@ are upper halves of floats. It is the spline's projection, so that its deviation
 the bound stored with it, as if nothing cancelled, as part of its own error estimate.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import product
 
@@ -16,8 +15,8 @@ from aerokernels.derived import cached_on
 from aerokernels.medium.grid import GridPlaces, UniformGrid
 from aerokernels.medium.spline import SUPPORT, weights
 from aerokernels.process.threads import in_threads, product_on_one_core
+from aerokernels.tracing.lines import Lines
 from aerokernels.tracing.scheme import CUBE_ROW, CUBE_SIDE
-from aerokernels.tracing.straight_lines import Lines
 
 DEGREE = 3
 # Powers of the three coordinates of each coefficient, in the kernels' order: the third degree last, each group ordered
@@ -27,15 +26,8 @@ POWERS = sorted(
     key=lambda powers: sum(powers) == DEGREE,
 )
 WHOLE = sum(sum(powers) < DEGREE for powers in POWERS)
-# Points of a Gauss rule in each cell, for which the projection is exact.
-GAUSS = 4
 # Windows of coefficients that are processed together.
 SLAB = 1 << 14  # speed only
-# The greatest deviation of the potential anywhere over the greatest at the tested points: nodes and the middles of
-# cells.
-BETWEEN_POINTS = 1.5
-# Relative rounding of a coefficient of the third degree, at most: the upper half of a float has eight binary digits.
-CUT = 2.0**-8
 # Places along a line at which is estimated whether a table is worth making.
 PLACES = 24
 # The share of the greatest deviation of a slope that counts for each sample in a cube. The greatest deviation occurs at
@@ -68,7 +60,7 @@ def cube_polynomials(grid: UniformGrid) -> np.ndarray:
     steepest = DEGREE * 2.0 / (CUBE_SIDE * float(grid.spacing.min()))  # slope of a power over its size
     for parts in product(*(_parts(count) for count in cells)):
         place = tuple(part for part, _ in parts)
-        operators, points = _operators_on(grid.places, tuple(inside for _, inside in parts))
+        operators, points = _operators(grid.places, tuple(inside for _, inside in parts))
 
         def fill(first: slice, place=place, operators=operators, points=points) -> None:
             some = first, *place[1:]
@@ -78,14 +70,20 @@ def cube_polynomials(grid: UniformGrid) -> np.ndarray:
             slope = OFTEN * (deviation[points:].max(axis=0) + cut * steepest)
             table[some] = _packed(numbers, value, slope).reshape(table[some].shape)
 
-        in_threads(fill, list(_slabs(place[0], table[place].size // CUBE_ROW)))
+        layers = max(1, (place[0].stop - place[0].start) * SLAB * CUBE_ROW // max(table[place].size, 1))  # speed only
+        starts = range(place[0].start, place[0].stop, layers)
+        in_threads(fill, [slice(first, min(first + layers, place[0].stop)) for first in starts])
     return table
 
 
 def _value_bound(numbers: np.ndarray, deviation: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Bound the deviation of polynomials from the spline, given deviations at some points; and its part by rounding."""
-    cut = CUT * np.abs(numbers[WHOLE:]).sum(axis=0)
-    return BETWEEN_POINTS * deviation.max(axis=0) + cut, cut
+    # Relative rounding of a coefficient of the third degree, at most: the upper half of a float has eight binary
+    # digits.
+    cut = (2.0**-8) * np.abs(numbers[WHOLE:]).sum(axis=0)
+    # The greatest deviation of the potential anywhere over the greatest at the tested points: nodes and the middles of
+    # cells.
+    return 1.5 * deviation.max(axis=0) + cut, cut
 
 
 def approximate_deviation(grid: UniformGrid, lines: Lines) -> np.ndarray:
@@ -97,7 +95,7 @@ def approximate_deviation(grid: UniformGrid, lines: Lines) -> np.ndarray:
     width = CUBE_SIDE + SUPPORT["cubic"] - 1
     node = [CUBE_SIDE * cube[:, axis, None] + np.arange(width) for axis in range(3)]
     windows = grid.coefficients[node[0][:, :, None, None], node[1][:, None, :, None], node[2][:, None, None, :]]
-    operators, points = _operators_on(grid.places, (CUBE_SIDE,) * 3)
+    operators, points = _operators(grid.places, (CUBE_SIDE,) * 3)
     # Without lines the arrays are empty: the rays meet no disturbed air.
     tested = np.ascontiguousarray(operators[:, : len(POWERS) + points])
     made = product_on_one_core(windows.reshape(len(cube), width**3).astype(np.float32), tested).T
@@ -121,23 +119,13 @@ def _parts(cells: int) -> list[tuple[slice, int]]:
     return [part for part in parts if part[0].stop > part[0].start and part[1]]
 
 
-def _slabs(cubes: slice, count: int) -> Iterator[slice]:
-    """Yield some layers of cubes at a time."""
-    layers = max(1, (cubes.stop - cubes.start) * SLAB // max(count, 1))  # speed only
-    for first in range(cubes.start, cubes.stop, layers):
-        yield slice(first, min(first + layers, cubes.stop))
-
-
 @cached_on("places", 8)
-def _operators_on(places: GridPlaces, inside: tuple[int, ...]) -> tuple[np.ndarray, int]:
-    return _operators(inside, places.spacing)
-
-
-def _operators(inside: tuple[int, ...], spacing: np.ndarray) -> tuple[np.ndarray, int]:
+def _operators(places: GridPlaces, inside: tuple[int, ...]) -> tuple[np.ndarray, int]:
     """The operator from a window of coefficients to a cube's polynomial and its deviations from the spline."""
     alike = {count: _axis(count) for count in set(inside)}
     axes = [alike[count] for count in inside]
-    projected = np.stack([_tensor([axis.moments[n] for axis, n in zip(axes, row, strict=True)]) for row in POWERS], 1)
+    moments = [[axis.moments[n] for axis, n in zip(axes, row, strict=True)] for row in POWERS]
+    projected = np.stack([np.einsum("a,b,c->abc", *factors).ravel() for factors in moments], 1)
     in_powers = np.array(
         [[np.prod([axes[d].in_powers[row[d], to[d]] for d in range(3)]) for to in POWERS] for row in POWERS]
     )
@@ -149,7 +137,7 @@ def _operators(inside: tuple[int, ...], spacing: np.ndarray) -> tuple[np.ndarray
             cubic = [axis.cubic[marks][int(d == slope)] for d, axis in enumerate(axes)]
             there = np.einsum("ax,by,cz->abcxyz", *spline).reshape(len(fit), -1)
             made = np.stack([np.einsum("x,y,z->xyz", *(cubic[d][row[d]] for d in range(3))).ravel() for row in POWERS])
-            off.append((there - fit @ made) / (1.0 if slope is None else spacing[slope]))
+            off.append((there - fit @ made) / (1.0 if slope is None else places.spacing[slope]))
     points = off[0].shape[1] + off[1].shape[1]
     return np.concatenate([fit, *off], axis=1).astype(np.float32), points
 
@@ -170,7 +158,8 @@ class _Axis:
 
 
 def _axis(inside: int) -> _Axis:
-    gauss, share = legendre.leggauss(GAUSS)
+    # Points of a Gauss rule in each cell, for which the projection is exact.
+    gauss, share = legendre.leggauss(4)
     place = (np.arange(inside)[:, None] + 0.5 * (gauss + 1.0)).ravel()
     basis = [Legendre.basis(n, domain=[0.0, inside]) for n in range(DEGREE + 1)]
     at = _window_weights(place, inside)[0] * np.tile(share, inside) / (2.0 * inside)
@@ -194,7 +183,3 @@ def _window_weights(place: np.ndarray, inside: int) -> tuple[np.ndarray, np.ndar
         for k, row in enumerate(rows):
             made[kind, cell + k, np.arange(len(place))] = row
     return made[0], made[1]
-
-
-def _tensor(factors: list[np.ndarray]) -> np.ndarray:
-    return np.einsum("a,b,c->abc", *factors).ravel()

@@ -6,18 +6,22 @@ family; every ray is checked again, within `Family.close`, when it is interpolat
 """
 
 from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 
+from aerokernels.derived import Derived
 from aerokernels.medium import IndexField
 from aerokernels.medium.grid import UniformGrid
 from aerokernels.rays import RayBundle, transverse_axes
-from aerokernels.tracing.stop import ArcLength
+from aerokernels.tracing.lines import FACES, SIDE, BoxSpan, box_span
+from aerokernels.tracing.stop import ArcLength, stop_distance
 
+# Replaces infinity in kernels.
+FAR = 1e300
 # Lines, and planes of starts, that differ by less than this fraction of a cell count as one: the rest is rounding.
 CLOSE = 1e-6
-# Part of the error limit that this difference may cost: see `closeness`.
-CLOSE_SHARE = 0.1
 # Directions that differ by no more than this are equal.
 EQUAL = 4e-15
 # Least cosine of the angle between a line and the axis of its family.
@@ -119,13 +123,15 @@ def closeness(field: IndexField, limit: float = np.inf) -> float:
     low, high = field.samples.extremes
     contrast = max(high, 0.0) - min(low, 0.0)
     change = contrast + np.sqrt(2.0 * field.ambient_index * contrast)
-    return min(close, CLOSE_SHARE * limit / change) if change > 0.0 else close
+    # Part of the error limit that this difference may cost: see `closeness`.
+    return min(close, 0.1 * limit / change) if change > 0.0 else close
 
 
 def find_family(field: IndexField, rays: RayBundle, until, limit: float = np.inf) -> Family | str:
     """The family of the rays for an OPD error allowed to each [m], or a sentence that says why they form none."""
     close = closeness(field, limit)
-    if not _is_pencil(rays.pilot.position, rays.pilot.direction, close):
+    few = rays.pilot  # nearly always tell
+    if not _are_parallel(few.direction) and _apex(few.position, few.direction, close) is None:
         return NO_PENCIL
     some = rays.rows(some_rows(rays.ray_count, SAMPLE))
     position, direction = some.position, some.direction
@@ -160,32 +166,16 @@ def find_family(field: IndexField, rays: RayBundle, until, limit: float = np.inf
         return "they spread over too wide an angle"
     parameters = family.parameters(position, direction)
     low, high = parameters.min(axis=0), parameters.max(axis=0)
-    extent = _extent(low, high)
-    if extent is None:
+    extent = high - low
+    if not extent.max() > 0.0:
         return "they are one ray"
-    first, last = _rounded_range(low, high, extent)
-    return replace(family, low=first, high=last)
-
-
-def _is_pencil(position: np.ndarray, direction: np.ndarray, close: float) -> bool:
-    """Whether the lines are parallel or pass through one point; a few of a bundle's rays nearly always tell."""
-    return _are_parallel(direction) or _apex(position, direction, close) is not None
+    extent = np.maximum(extent, 1e-3 * extent.max())
+    part, room = 2.0 ** np.ceil(np.log2(extent / PARTS)), ROOM * extent
+    return replace(family, low=np.floor((low - room) / part) * part, high=np.ceil((high + room) / part) * part)
 
 
 def _are_parallel(direction: np.ndarray) -> bool:
     return bool(np.abs(direction - direction[0]).max() <= EQUAL)
-
-
-def _extent(low: np.ndarray, high: np.ndarray) -> np.ndarray | None:
-    """Range of parameters, shape (2,); None where all parameters are the same."""
-    extent = high - low
-    return np.maximum(extent, 1e-3 * extent.max()) if extent.max() > 0.0 else None
-
-
-def _rounded_range(low: np.ndarray, high: np.ndarray, extent: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """A range of parameters with a margin, rounded to parts."""
-    part, room = 2.0 ** np.ceil(np.log2(extent / PARTS)), ROOM * extent
-    return np.floor((low - room) / part) * part, np.ceil((high + room) / part) * part
 
 
 def _apex(position: np.ndarray, direction: np.ndarray, close: float) -> np.ndarray | None:
@@ -244,3 +234,93 @@ def counted_parameters(family: Family, rays: RayBundle) -> tuple[np.ndarray, flo
     rows = some_rows(rays.ray_count, COUNTED)
     some = rays.rows(rows)
     return family.parameters(some.position, some.direction), rays.ray_count / len(rows)
+
+
+# Numbers in the header of a block: parameters of its first node (2), cells per unit of each parameter (2), the class of
+# its lines (FaceClasses), and the greatest step error [m], step count and evaluation count of its lines.
+HEADER = 8
+
+
+@dataclass(frozen=True, eq=False)
+class FaceClasses:
+    """Classify lines by those of FACES through which they enter and leave a field's box, and which matter, shape (7,).
+
+    `margin` is the least distance [m] to any other face of the place where a line leaves: a deflected ray might use it.
+    """
+
+    field: IndexField
+    until: Any
+    matters: np.ndarray
+    margin: float = 0.0
+
+    @property
+    def are_all_alike(self) -> bool:
+        """Whether no face matters: rays end elsewhere, and enter and leave through uniform air."""
+        return self.until is not None and not self.matters.any()
+
+    def numbers(self, position: np.ndarray, direction: np.ndarray) -> np.ndarray:
+        """The class of each line, shape (n,): lines of one class pass the same faces. Negative where that is unsure."""
+        if self.are_all_alike:
+            return np.zeros(len(position), dtype=np.int64)
+        span = box_span(self.field, position, direction)
+        count, close = len(FACES), CLOSE * float(np.min(self.field.spacing))
+        # A line that begins in the box is like one that enters through the face behind it, if that does not matter.
+        behind = span.face_behind
+        enter = np.where(span.enter <= close, count, behind)
+        enter = np.where((behind >= 0) & ~self.matters[behind], count + 1, enter)
+        leaves, near = span.exit_face, self._is_near_edge(position, direction, span)
+        if self.until is not None:
+            leaves = np.where(self.matters[span.exit_face], span.exit_face, count)
+            # A line that stops inside the box does not leave it.
+            stop = stop_distance(position, direction, self.until)
+            leaves = np.where(stop < span.leave - close, count + 1, leaves)
+            near &= leaves <= count
+        beside = -1 if self.until is None else (count + 2) * (count + 3)
+        number = np.where(near, -1, (count + 2) * leaves + enter)
+        return np.where(span.meets, number, beside)
+
+    def _is_near_edge(self, position: np.ndarray, direction: np.ndarray, span: BoxSpan) -> np.ndarray:
+        """Whether lines leave the box within `margin` of a face other than their exit face, shape (n,)."""
+        low, high = self.field.box
+        place = position + np.where(span.meets, np.minimum(span.leave, FAR), 0.0)[:, None] * direction
+        depth = np.minimum(place - low, high - place)
+        if self.field.geometry == "axisymmetric":
+            depth[:, 0] = high[0] - np.hypot(place[:, 0], place[:, 1])
+            depth[:, 1] = np.inf
+        own = np.where(span.exit_face == SIDE, 0, span.exit_face // 2)
+        depth[np.arange(len(own)), own] = np.inf
+        return np.asarray(depth.min(axis=1) < self.margin)
+
+
+@dataclass(frozen=True, eq=False)
+class BundleTable(Derived):
+    """The patches of a family that meet the tolerance, with `channels` of CHANNELS, and how they were found.
+
+    Attributes:
+        map: Number of the block at each place of the parameter range, -1 where there is none, shape (mu, mv).
+        header: HEADER numbers of each block, shape (block_count, 8).
+        values: Value, slopes and mixed slope at the nodes of each block [per cell], shape (block_count, 5, 5, 4, c), in
+            float32 where its rounding is negligible.
+        error: Greatest estimated OPD error of the patches [m].
+        refused: Approximate number of rays that are not interpolated, by reason.
+    """
+
+    family: Family
+    classes: FaceClasses
+    channels: int
+    map: np.ndarray
+    header: np.ndarray
+    values: np.ndarray
+    traced: int
+    error: float
+    refused: dict[str, float]
+
+    @cached_property
+    def precision(self) -> str:
+        """The precision of `values`."""
+        return str(self.values.dtype)
+
+    @property
+    def rate(self) -> np.ndarray:
+        """Places of the map per unit of each parameter, shape (2,)."""
+        return np.asarray(self.map.shape / (self.family.high - self.family.low))

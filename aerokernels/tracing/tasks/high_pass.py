@@ -14,23 +14,13 @@ import math
 
 import numpy as np
 
-from aerokernels.derived import cached_on
-from aerokernels.medium.grid import GridPlaces, UniformGrid
+from aerokernels.medium.grid import UniformGrid
 from aerokernels.process.threads import in_threads, own_cores, slabs
 from aerokernels.tracing.step_bound import potential_at_nodes
 
-# The share of a component that is passed at phi H = x is 1 - exp(-(x / edge)^24): for edge = 0.92 it is 0.03 at
-# x = 0.8 and 0.99 at x = 0.98.
-MOST_OVER_EDGE = 2.0
-# With lower edges it is 1 - exp(-(x / edge)^3), which grows like the error of a rule of fourth order at a line's end.
-STEEP_FROM = 0.5
-# Cells between samples from which on the nearest image is the only one that they do not resolve.
-COARSE = 1.35
 # Axes on which phi H over cycles a cell is smaller do not count; images count along axes on which it is above the
 # second.
 LEAST_ALONG, LEAST_IMAGED = 0.01, 0.8
-# Weights of the last transforms are cached with a grid's node positions, if they are no more numbers than this.
-CACHED, MOST_CACHED = 3, 1 << 21  # speed only
 
 
 def high_pass(
@@ -53,44 +43,16 @@ def high_pass(
     if not axes:
         return np.zeros(grid.shape, kind)
 
-    given = rates, axes, spacing, edge, kind
     beside = [axis for axis in axes if axis != int(np.argmax(rates))]
     whole, inner = continued(grid, beside, kind)
     how = {"axes": axes, "overwrite_x": True, "workers": own_cores()}  # all in the memory of one volume
     found = dctn(whole, 1, **how)
-    if np.prod([found.shape[axis] for axis in axes]) <= MOST_CACHED:
-        found *= _shares(grid.places, found.shape, *given)
-    else:
-        _weigh(found, grid.places, *given)
+    _weigh(found, rates, axes, spacing / grid.spacing[axes], edge)
     return np.asarray(idctn(found, 1, **how)[inner])
 
 
-@cached_on("places", CACHED)
-def _shares(
-    places: GridPlaces,
-    shape: tuple[int, ...],
-    rates: np.ndarray,
-    axes: list[int],
-    spacing: float,
-    edge: float,
-    kind: np.dtype,
-) -> np.ndarray:
-    """The weights of the cosines along some axes of values of a shape."""
-    shares = np.ones([count if axis in axes else 1 for axis, count in enumerate(shape)], kind)
-    _weigh(shares, places, rates, axes, spacing, edge, kind)
-    return shares
-
-
-def _weigh(
-    values: np.ndarray,
-    places: GridPlaces,
-    rates: np.ndarray,
-    axes: list[int],
-    spacing: float,
-    edge: float,
-    kind: np.dtype,
-) -> None:
-    """Multiply values by the weights of the cosines along some axes."""
+def _weigh(values: np.ndarray, rates: np.ndarray, axes: list[int], steps: np.ndarray, edge: float) -> None:
+    """Multiply values by the weights of the cosines along some axes; `steps` are H in cells."""
     shape = values.shape
     # Frequencies of the cosines of a type I transform, in cycles a cell, along the axes.
     cycles = []
@@ -98,12 +60,11 @@ def _weigh(
         count = shape[axis]
         line = [count if other == axis else 1 for other in range(len(shape))]
         cycles.append((np.arange(count) / (2.0 * (count - 1))).reshape(line))
-    steps = np.array([spacing / places.spacing[axis] for axis in axes])
     first = axes[0]
 
     def fill(rows: slice) -> None:
         place = (slice(None),) * first + (rows,)
-        values[place] *= _shares_at([cycles[0][place], *cycles[1:]], rates[axes], steps, edge, kind)
+        values[place] *= _shares_at([cycles[0][place], *cycles[1:]], rates[axes], steps, edge, values.dtype)
 
     in_threads(fill, slabs(shape[first], math.prod(shape)))
 
@@ -131,8 +92,12 @@ def _shares_at(
 
 def _share_left(square: np.ndarray, edge: float) -> np.ndarray:
     """The share of components of this (phi H)^2 that is passed."""
-    over = np.minimum(square * square.dtype.type(edge**-2), square.dtype.type(MOST_OVER_EDGE))
-    if edge < STEEP_FROM:
+    # The share of a component that is passed at phi H = x is 1 - exp(-(x / edge)^24): for edge = 0.92 it is 0.03 at x =
+    # 0.8 and 0.99 at x = 0.98.
+    over = np.minimum(square * square.dtype.type(edge**-2), square.dtype.type(2.0))
+    # With lower edges it is 1 - exp(-(x / edge)^3), which grows like the error of a rule of fourth order at a line's
+    # end.
+    if edge < 0.5:
         over = over * np.sqrt(over)
     else:
         over *= over
@@ -147,7 +112,8 @@ def _images(rates: np.ndarray) -> list[tuple[int, int]]:
     """Axes, and along each the numbers m of the images that count; images along two axes at once do not."""
     main = int(np.argmax(rates))
     near = [(number, -1) for number, rate in enumerate(rates) if rate > LEAST_IMAGED]
-    return [*near, (main, 1), (main, -2)] if rates[main] < COARSE else near
+    # Cells between samples from which on the nearest image is the only one that they do not resolve.
+    return [*near, (main, 1), (main, -2)] if rates[main] < 1.35 else near
 
 
 def _held_share(cycles: np.ndarray) -> np.ndarray:

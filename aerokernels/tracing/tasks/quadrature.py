@@ -104,16 +104,10 @@ def radial_bundle(pupil: Pupil, look: np.ndarray, count: int) -> RayBundle:
 
 # Points of a replicate's lattices, each with its generator; in steps of 1.6 and 2.6.
 LATTICES = {144: 89, 233: 144, 610: 377, 1597: 987, 4181: 2584, 10946: 6765, 28657: 17711}
-# Lattices are tried only if at least this many rays are requested.
-LEAST_ASKED = 100_000
-# The greatest number of rays of a lattice, over the requested number.
-WORTH = 0.5
 # The distance of rays over the width of a cell: a grid holds nothing narrower.
 RESOLVED = 0.75
 # Standard errors of the Strehl ratio up to which a lattice is sufficient: where it is chosen, and at any seed.
 ENOUGH, ACCEPTED = 3e-6, 6e-6
-# The greatest power of the number of points by which an error that is still too great is expected to fall.
-FALL = 4.0
 
 
 def lattice_sizes(field: IndexField, pupil: Pupil, per_replicate: int, replicates: int, bundle: str) -> tuple[int, ...]:
@@ -121,13 +115,15 @@ def lattice_sizes(field: IndexField, pupil: Pupil, per_replicate: int, replicate
     if bundle not in ("auto", "off"):
         raise ValueError(f"bundle {bundle!r} is not known: choose one of auto, off")
     asked = per_replicate * replicates
-    if bundle == "off" or asked < LEAST_ASKED:
+    # Lattices are tried only if at least this many rays are requested.
+    if bundle == "off" or asked < 100_000:
         return ()
     # Rays that leave obliquely are closer than their points, so the area of the pupil itself is taken.
     width, height = (2.0 * extent for extent in pupil.half_extent)
     share = 1.0 if pupil.inner_ratio is None else 0.25 * np.pi * (1.0 - pupil.inner_ratio**2)
     least = share * width * height / (RESOLVED * float(np.min(field.spacing))) ** 2
-    return tuple(n for n in LATTICES if least <= n * replicates <= WORTH * asked)
+    # The greatest number of rays of a lattice, over the requested number.
+    return tuple(n for n in LATTICES if least <= n * replicates <= 0.5 * asked)
 
 
 def smoothed_axes(of_square: SquareMap) -> int:
@@ -140,7 +136,8 @@ def may_still_settle(errors: dict[int, float], size: int) -> bool:
     if not errors:
         return True
     last = max(errors)
-    return errors[last] * (last / size) ** FALL <= ENOUGH
+    # The greatest power of the number of points by which an error that is still too great is expected to fall.
+    return errors[last] * (last / size) ** 4.0 <= ENOUGH
 
 
 def lattice_order(size: int, by_radius: bool) -> np.ndarray:

@@ -1,7 +1,6 @@
 """Sums over a pupil's rays, which every backend computes alike, and the order of the rays."""
 
 import math
-import threading
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,64 +19,28 @@ MOMENT_COUNT = 16
 GREATEST_ERROR = 10
 # A row of sums: the moments, then real and imaginary part of the phasor.
 SUM_COUNT = MOMENT_COUNT + 2
-# Rays that are on a device together, in whole replicates: this number times the bytes of a ray bounds the memory.
-BATCH_RAYS = 1 << 21  # speed only
 # Per-ray outputs of the tracer that the sums need, besides the status.
 PUPIL_OUTPUTS = frozenset(("opd", "step_error", "evaluation_count"))
-
-
-# A word of Philox's key, which has two.
-WORD = (1 << 64) - 1
-
-
-class _Generator(threading.local):
-    """A generator of each thread, whose key is set to a seed: to make a new one takes five times as long."""
-
-    def __init__(self) -> None:
-        """Make it, and the state before its first number."""
-        self.philox = np.random.Philox(key=0)
-        self.state = self.philox.state
-
-    def numbers(self, seed: int, count: int) -> np.ndarray:
-        """Return the first numbers of `np.random.Philox(key=seed)`, uint64, shape (count,)."""
-        self.state["state"]["key"][:] = seed & WORD, seed >> 64
-        self.philox.state = self.state
-        return np.asarray(self.philox.random_raw(count), "<u8")
-
-
-GENERATOR = _Generator()
 
 
 def replicate_seeds(seed: int | None, replicates: int) -> np.ndarray:
     """Seeds of the scramble, uint32, shape (replicates, 2): one for each axis of each replicate.
 
-    They are the numbers of NumPy's Philox with the seed as its key, the lower half of each first; those of another
-    process each time without a seed.
+    They are the numbers of NumPy's Philox with the seed as its key, the lower half of each first.
     """
-    if seed is None or int(seed) >> 128:  # no key, or a longer one than Philox takes
-        numbers = np.asarray(np.random.Philox(seed).random_raw(replicates), "<u8")
-    else:
-        numbers = GENERATOR.numbers(int(seed), replicates)
+    has_key = seed is not None and not int(seed) >> 128
+    generator = np.random.Philox(key=int(seed)) if has_key else np.random.Philox(seed)  # type: ignore[arg-type]
+    numbers = np.asarray(generator.random_raw(replicates), "<u8")
     return numbers.view("<u4").reshape(replicates, 2)
 
 
 @dataclass(frozen=True, eq=False)
 class PupilTask:
-    """A pupil to trace and sum.
+    """A pupil to trace and sum: rays along the unit vector `look` to the plane `until`, in replicates.
 
-    Attributes:
-        field: The refractive index.
-        pupil: The pupil.
-        look: Direction of its rays, a unit vector, shape (3,).
-        until: The plane at which they stop.
-        plan: How they are traced.
-        wavelength: Vacuum wavelength [m].
-        per_replicate: Rays of a replicate.
-        replicates: Number of replicates.
-        terms: Terms of the surface from which phases are measured: "tilt", "focus".
-        by_radius: Whether rays are ordered by their distance from the pupil's centre alone.
-        is_radial: Whether the rays lie along one radius of the pupil.
-        generator: Generator of the lattice of a replicate's rays; 0 for Sobol points.
+    Phases are measured from a surface of the `terms` "tilt" and "focus". Rays are ordered by their distance from the
+    pupil's centre alone with `by_radius`, lie along one of its radii with `is_radial`, or on a lattice of a `generator`
+    (0: Sobol points).
     """
 
     field: IndexField
@@ -211,7 +174,9 @@ def joined_counts(per_replicate: int) -> list[int]:
 
 def batches_of(replicates: int, per_replicate: int) -> list[slice]:
     """Slices of the replicates that are traced together."""
-    size = max(1, BATCH_RAYS // per_replicate)  # speed only
+    # Rays that are on a device together, in whole replicates: this number times the bytes of a ray bounds the memory
+    # (speed only).
+    size = max(1, (1 << 21) // per_replicate)  # speed only
     return [slice(first, min(first + size, replicates)) for first in range(0, replicates, size)]
 
 
@@ -232,15 +197,10 @@ def fit_surface(moments: np.ndarray, terms: tuple[str, ...]) -> np.ndarray:
     return np.array([height, *slopes])
 
 
-def metres_of(task: PupilTask) -> np.ndarray:
-    """Factors that convert moments, whose x and y are in units of the pupil's reach, to metres, (MOMENT_COUNT,)."""
-    factors: np.ndarray = task.pupil.reach**LENGTHS
-    return factors
-
-
-def moments_in_metres(moments: np.ndarray, task: PupilTask, factors: np.ndarray | None = None) -> np.ndarray:
+def moments_in_metres(moments: np.ndarray, task: PupilTask) -> np.ndarray:
     """Convert moments (replicates, ..) in units of the pupil's reach; those along a radius to the whole disc's."""
-    moments = moments * (metres_of(task) if factors is None else factors)
+    moments = moments.copy()
+    moments[:, :MOMENT_COUNT] *= task.pupil.reach**LENGTHS
     if task.is_radial:
         moments[:, ODD] = 0.0
         moments[:, 4] *= 0.5
@@ -265,16 +225,6 @@ def fit_moments(total: np.ndarray) -> tuple[float, np.ndarray, float, float]:
     variance = max(ww - w * w, 0.0)
     about_plane = variance - along * right - across * up
     return w, np.array([along, across]), math.sqrt(variance), math.sqrt(max(about_plane, 0.0))
-
-
-def rms_about(
-    total: np.ndarray, terms: tuple[str, ...], fit: tuple[float, np.ndarray, float, float] | None = None
-) -> float:
-    """Return the rms about the surface of these terms; `fit` is the result of `fit_moments`, if it is known."""
-    if "focus" in terms:
-        return fit_terms(total, terms)[1]
-    _, _, about_piston, about_plane = fit_moments(total) if fit is None else fit
-    return about_plane if "tilt" in terms else about_piston
 
 
 def fit_terms(total: np.ndarray, terms: tuple[str, ...]) -> tuple[np.ndarray, float]:

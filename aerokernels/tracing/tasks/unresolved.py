@@ -30,15 +30,6 @@ EDGE, EDGE_AT_ENDS = 0.92, 0.37
 END, RULE_AT_END = 0.5, 3.0 * (8.0 - 1.0)
 # The error over int |R| dt: one for the sum, and one for the integral.
 BOTH = 2.0
-# With fewer cells than this between samples, R is computed for this many and scaled: a spline's images have no end.
-FINEST = 0.8
-# Overshoot of a spline through one outstanding node between the next two nodes, at most, over the node's value.
-LOBE = 0.15
-# The slope of a spline in a cell is at most the difference of its nodes and this share of the second differences at
-# both: through one outstanding node it is sqrt(3) times the difference.
-BENT = 0.25
-# Greatest value of the end-corrected midpoint rule's Peano kernel, the Bernoulli polynomial of degree 4 over 4!.
-PEANO = 1.0 / 720.0
 # Components of a direction below which no neighbouring block is met within half a stride.
 LEAST_OBLIQUITY = 0.05
 # Least component along an axis that all rays run along; greatest components along the other axes for which rays move by
@@ -87,35 +78,11 @@ def potential_by_blocks(grid: UniformGrid) -> np.ndarray:
     return by_slabs(greatest, grid.shape, block, 0)
 
 
-def missed_in_blocks(field: IndexField, sampling: Sampling, by_rule: bool = False) -> tuple[int, np.ndarray]:
-    """Cells in a block, and for each the greatest error of a ray's path per metre in it, without that at ends.
-
-    With `by_rule` it is the rule's own bound, which is faster to compute and never less.
-    """
-    grid = field.samples
-    assert isinstance(grid, UniformGrid)
-    return _missed(grid, field.geometry, sampling, by_rule)
-
-
-def missed_at_ends(field: IndexField, sampling: Sampling, by_rule: bool = False) -> np.ndarray | None:
-    """For each block the greatest error of a ray's path by beginning or ending in it [m]; None for rays that do not."""
-    grid = field.samples
-    assert isinstance(grid, UniformGrid)
-    return _at_ends(grid, field.geometry, sampling, by_rule) if sampling.ends else None
-
-
-def changes_missed(field: IndexField, sampling: Sampling) -> np.ndarray:
-    """Greatest change of the missed potential across the rays in each block, per metre of path [1/m]."""
-    grid = field.samples
-    assert isinstance(grid, UniformGrid)
-    return _changes(grid, field.geometry, sampling)
-
-
 def lookup_table(field: IndexField, sampling: Sampling) -> tuple[int, np.ndarray]:
     """Cells in a block, and the table in which kernels look up the error once within a stride of a ray."""
     from scipy.ndimage import uniform_filter1d
 
-    block, missed = missed_in_blocks(field, sampling)
+    block, missed = missed_in_blocks(field, sampling, False)
     obliquities, main = along_axes(sampling.steepness, field.geometry), _main_axis(sampling.steepness, field.geometry)
     for axis, obliquity in enumerate(obliquities):
         if axis == main:
@@ -127,11 +94,15 @@ def lookup_table(field: IndexField, sampling: Sampling) -> tuple[int, np.ndarray
     return block, missed
 
 
-@cached_on("grid", 32)
-def _missed(grid: UniformGrid, geometry: str, sampling: Sampling, by_rule: bool) -> tuple[int, np.ndarray]:
-    block = block_size(grid)
+@cached_on("field", 32)
+def missed_in_blocks(field: IndexField, sampling: Sampling, by_rule: bool) -> tuple[int, np.ndarray]:
+    """Cells in a block, and for each the greatest error of a ray's path per metre in it, without that at ends.
+
+    With `by_rule` it is the rule's own bound, which is faster to compute and never less.
+    """
+    grid = grid_of(field)
+    block, geometry, factor = block_size(grid), field.geometry, turned(grid, sampling.lever_arm)
     missed = _by_rule(grid, geometry, sampling)
-    factor = turned(grid, sampling.lever_arm)
     if by_rule:
         return block, factor * missed
     part, _, share = _not_resolved(grid, geometry, sampling, EDGE)
@@ -140,20 +111,32 @@ def _missed(grid: UniformGrid, geometry: str, sampling: Sampling, by_rule: bool)
     return block, factor * np.minimum(missed, BOTH * share * _with_lobes(rest, main))
 
 
+def grid_of(field: IndexField) -> UniformGrid:
+    """The samples of a field on a uniform grid."""
+    assert isinstance(field.samples, UniformGrid)
+    return field.samples
+
+
 def turned(grid: UniformGrid, lever_arm: float) -> float:
     """The factor by which an error grows with its error of direction, by the lever arm of a Sampling [m/rad]."""
     return 1.0 + MISSED_SLOPE * lever_arm / float(grid.spacing.min())
 
 
-@cached_on("grid", 32)
-def _at_ends(grid: UniformGrid, geometry: str, sampling: Sampling, by_rule: bool) -> np.ndarray:
+@cached_on("field", 32)
+def missed_at_ends(field: IndexField, sampling: Sampling, by_rule: bool) -> np.ndarray | None:
+    """For each block the greatest error of a ray's path by beginning or ending in it [m]; None for rays that do not."""
+    if not sampling.ends:
+        return None
+    grid, geometry = grid_of(field), field.geometry
     found = RULE_AT_END * sampling.spacing * _by_rule(grid, geometry, sampling)
     if not by_rule:
         part, spacing, share = _not_resolved(grid, geometry, sampling, EDGE_AT_ENDS)
         block = block_size(grid)
         size = by_slabs(lambda rows: block_maxima(np.abs(part[rows]), block), grid.shape, block, 0)
         if sampling.ends != EVERYWHERE:  # elsewhere the part is not known, but no greater than twice the whole
-            size = np.where(_ends_of(grid, sampling), size, 2.0 * potential_by_blocks(grid))
+            count = int(np.prod(size.shape))
+            ends = np.unpackbits(np.frombuffer(sampling.ends, np.uint8), count=count).reshape(size.shape)
+            size = np.where(ends, size, 2.0 * potential_by_blocks(grid))
         found = np.minimum(found, END * share * spacing * size)
     return turned(grid, sampling.lever_arm) * with_neighbors(found)
 
@@ -162,17 +145,15 @@ def _at_ends(grid: UniformGrid, geometry: str, sampling: Sampling, by_rule: bool
 def _by_rule(grid: UniformGrid, geometry: str, sampling: Sampling) -> np.ndarray:
     """The rule's own bound in each block, per metre of path [1]."""
     _, fourth, _ = roughness_of_blocks(grid)
-    scales = rule_scales(geometry, sampling)
+    # Greatest value of the end-corrected midpoint rule's Peano kernel, the Bernoulli polynomial of degree 4 over 4!.
+    scales = [(1.0 / 720.0) * float(u * sampling.spacing) ** 4 for u in along_axes(sampling.steepness, geometry)]
     return _joined([scale * change for scale, change in zip(scales, fourth, strict=True)])
 
 
-def rule_scales(geometry: str, sampling: Sampling) -> list[float]:
-    """The rule's own bound over the fourth derivative along each axis of a grid [m4]."""
-    return [PEANO * float(u * sampling.spacing) ** 4 for u in along_axes(sampling.steepness, geometry)]
-
-
-@cached_on("grid", 32)
-def _changes(grid: UniformGrid, geometry: str, sampling: Sampling) -> np.ndarray:
+@cached_on("field", 32)
+def changes_missed(field: IndexField, sampling: Sampling) -> np.ndarray:
+    """Greatest change of the missed potential across the rays in each block, per metre of path [1/m]."""
+    grid, geometry = grid_of(field), field.geometry
     part, _, share = _not_resolved(grid, geometry, sampling, EDGE)
     main = _main_axis(sampling.steepness, geometry)
     obliquity = along_axes(sampling.steepness, geometry)
@@ -198,7 +179,9 @@ def _slopes(values: np.ndarray, axis: int, nodes: tuple[slice, ...]) -> np.ndarr
     bends = np.diff(steps, axis=0)
     np.abs(steps, out=steps)
     np.abs(bends, out=bends)
-    bends *= values.dtype.type(BENT)
+    # The slope of a spline in a cell is at most the difference of its nodes and this share of the second differences at
+    # both: through one outstanding node it is sqrt(3) times the difference.
+    bends *= values.dtype.type(0.25)
     steps[1:] += bends
     steps[:-1] += bends
     found = np.empty_like(rows)
@@ -211,17 +194,10 @@ def _not_resolved(grid: UniformGrid, geometry: str, sampling: Sampling, edge: fl
     """The part of the potential at nodes that samples some distance apart do not resolve: along rays, or at ends."""
     obliquity = along_axes(sampling.steepness, geometry)
     # At higher frequencies a spline's images fall off as the fourth power of the frequency.
-    finest = FINEST / max(float((obliquity / grid.spacing).max()), 1.0 / float((grid.high - grid.low).max()))
+    # With fewer cells than this between samples, R is computed for this many and scaled: a spline's images have no end.
+    finest = 0.8 / max(float((obliquity / grid.spacing).max()), 1.0 / float((grid.high - grid.low).max()))
     spacing, share = max(sampling.spacing, finest), min(sampling.spacing / finest, 1.0) ** 4
     return high_pass(grid, obliquity, spacing, edge, sampling.is_fine), spacing, share
-
-
-def _ends_of(grid: UniformGrid, sampling: Sampling) -> np.ndarray:
-    """Whether rays begin or end in disturbed air in each block, or beside it."""
-    shape = tuple((count - 2) // block_size(grid) + 1 for count in grid.shape)
-    if not sampling.ends:
-        return np.zeros(shape, np.uint8)
-    return np.unpackbits(np.frombuffer(sampling.ends, np.uint8), count=int(np.prod(shape))).reshape(shape)
 
 
 def _by_blocks(
@@ -247,7 +223,9 @@ def _with_lobes(rest: np.ndarray, main: int | None) -> np.ndarray:
     """Values of blocks, raised to the overshoot of their neighbours' splines into them."""
     for axis in range(rest.ndim):
         if axis != main:
-            rest = np.maximum(rest, LOBE * greatest_around(rest, -1, 1, axis))
+            # Overshoot of a spline through one outstanding node between the next two nodes, at most, over the node's
+            # value.
+            rest = np.maximum(rest, 0.15 * greatest_around(rest, -1, 1, axis))
     return rest.astype(np.float64)
 
 

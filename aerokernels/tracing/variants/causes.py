@@ -26,6 +26,7 @@ from ...medium import IndexField
 from ...medium.grid import UniformGrid
 from ...medium.refined import refined
 from ...rays import RayBundle
+from ..launch import run_plan
 from ..plan import TracePlan
 from ..status import reached
 from ..step_bound import step_allowance
@@ -43,10 +44,6 @@ CANDIDATES, CURVE = 1 << 14, 1 << 10
 ORDERS = {"cubic": (3, 5), "linear": (1, 3), "monotone": (1, 3)}
 # Tolerance of the rays that measure the steps', as a share, and the greatest tolerance that it is a share of [waves].
 TIGHTER, LARGEST_TOLERANCE = 0.1, 1e-3
-# A mesh's next order over its change by cells cut in four.
-REFINED = 4.0 / 3.0
-# (field, rays, plan) -> what the rays bring, and their status
-Run = Callable[[IndexField, RayBundle, TracePlan], tuple[Rays, np.ndarray]]
 # (field, another in its place) -> what that changes
 Change = Callable[[IndexField, IndexField], Rays]
 
@@ -109,7 +106,7 @@ def variants(
     base: Rays,
     plan: TracePlan,
     until,
-    run: Run,
+    wavelength: float,
     *,
     weight: np.ndarray | None = None,
     lost: np.ndarray | None = None,
@@ -117,20 +114,13 @@ def variants(
 ) -> Variants:
     """Return how some rays of a run, all of which arrived, change by each cause.
 
-    Args:
-        field: The refractive index.
-        rays: The rays.
-        base: What they brought.
-        plan: The run's plan.
-        until: Their stop.
-        run: Traces rays by a plan to the same stop.
-        weight: Their shares in means over the bundle, shape (n,); None for equal ones.
-        lost: Optical path that the source has beyond the field's cuts [m], shape (n,).
-        group: Number of consecutive rays that belong together, as those of a pixel: few whole groups are traced again.
+    `base` is what they brought to their stop, `weight` their shares in means over the bundle (None: equal ones), and
+    `lost` the optical path that the source has beyond the field's cuts [m]. Of `group` consecutive rays that belong
+    together, as those of a pixel, whole groups are traced again.
     """
     paths = paths_of(field, rays.position, rays.direction, until, (base.position, base.direction))
     lost = np.zeros(rays.ray_count) if lost is None else lost
-    traced = _Traced(field, rays, base, plan, run, group)
+    traced = _Traced(field, rays, base, plan, until, wavelength, group)
     causes = traced.steps()
 
     def to_source(one: IndexField, source: IndexField) -> Rays:
@@ -208,16 +198,26 @@ def _by_index(field: IndexField, paths: Paths, change: Change) -> dict[str, Caus
     if finer is None:
         order = paths.integral(next_order(field), shortest_cell(field, paths))
     else:
-        order = change(field, finer) * REFINED
+        # A mesh's next order over its change by cells cut in four.
+        order = change(field, finer) * (4.0 / 3.0)
     return {"interpolation": Cause(like=(order,)), "jumps": Cause(like=(lacking(field, paths),))}
+
+
+def brought(field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelength: float) -> tuple[Rays, np.ndarray]:
+    """Trace rays by a plan; return what they bring to their stop, and their status."""
+    arrays = run_plan(field, rays, plan, until, wavelength, frozenset(("opd", "position", "direction", "step_error")))
+    opd, direction, position = (np.asarray(arrays[name]) for name in ("opd", "direction", "position"))
+    return Rays(opd, direction, position), np.asarray(arrays["status"])
 
 
 class _Traced:
     """Traces few of some rays again, by other plans and through other fields; each stands for those nearest to it."""
 
-    def __init__(self, field: IndexField, rays: RayBundle, base: Rays, plan: TracePlan, run: Run, group: int):
+    def __init__(
+        self, field: IndexField, rays: RayBundle, base: Rays, plan: TracePlan, until, wavelength: float, group: int
+    ):
         """Take the rays, all of which arrived, in groups of a size, and what they brought by a plan."""
-        self.field, self.base, self.plan, self.run = field, base, plan, run
+        self.field, self.base, self.plan, self.stop = field, base, plan, (until, wavelength)
         self.rays, self.group = rays, group
         # What a coarse grid makes of a mesh's shocks is finer than the distance of few rays.
         few = rays.ray_count if field.resampling is not None else TRACED
@@ -247,7 +247,7 @@ class _Traced:
     def through(self, field: IndexField) -> tuple[Rays, np.ndarray]:
         """Trace the rays through a field by such a plan."""
         if id(field) not in self.true:
-            self.true[id(field)] = self.run(field, self.some, self.tight(field))
+            self.true[id(field)] = brought(field, self.some, self.tight(field), *self.stop)
         return self.true[id(field)]
 
     def change(self, field: IndexField, other: IndexField) -> Rays:
@@ -257,9 +257,9 @@ class _Traced:
     def steps(self) -> dict[str, Cause]:
         """Return the changes by bundle, precision and steps."""
         plan, few = self.plan, (self.base[self.few], np.zeros(len(self.few), int))
-        one_by_one = self.run(self.field, self.some, plan) if plan.bundle is not None else few
+        one_by_one = brought(self.field, self.some, plan, *self.stop) if plan.bundle is not None else few
         doubled = replace(plan, precision="float64")
-        double = self.run(self.field, self.some, doubled) if plan.precision != "float64" else one_by_one
+        double = brought(self.field, self.some, doubled, *self.stop) if plan.precision != "float64" else one_by_one
         chain = {"": few, "bundle": one_by_one, "precision": double, "step": self.through(self.field)}
         return {name: Cause(known=(change,)) for name, change in self._for_all(chain).items()}
 
@@ -288,7 +288,9 @@ def spread(number: Number, base: Rays, cause: Cause) -> np.ndarray:
     plain, count = np.asarray(number(base)), len(base.opd)
     block = np.arange(count) * BLOCKS // max(count, 1)
     total = np.zeros(plain.shape)
-    for change in filter(_differs, (*cause.known, *cause.like)):
+    for change in (*cause.known, *cause.like):
+        if not (np.any(change.opd) or np.any(change.direction) or np.any(change.position)):
+            continue
         total += np.square(number(base + change) - plain)
         centred = change.lifted(-change.opd.mean())
         samples = np.array([BLOCKS * (number(base + centred * (block == part)) - plain) for part in range(BLOCKS)])
@@ -324,10 +326,6 @@ def of_a_ray(pick: Number, found: Variants, unit: str = "", others: Mapping[str,
         name: of_each(one, replace(found, causes={name: found.causes[name]}))[name] for name, one in picks.items()
     }
     return combine({name: float(error[0]) for name, error in errors.items()}, unit)
-
-
-def _differs(change: Rays) -> bool:
-    return bool(np.any(change.opd) or np.any(change.direction) or np.any(change.position))
 
 
 def errors(number: Number, found: Variants) -> dict[str, np.ndarray]:

@@ -16,9 +16,6 @@ from .paths import Cause, Contrast, Paths, Rays
 
 # Draws of the jumps' place.
 DRAWS = 8
-# Disagreement of two decays, as a logarithm, with those of a shock tanh(x / w), from which they count less; at twice
-# of it they do not count.
-ONE_LAW = 0.25
 # Widths of shocks [cells] whose decays are compared.
 WIDTHS = np.linspace(1e-3, 8.0, 4000)
 # Rays about a ray from which its size is taken, and its decay; rays and steps in distance by which likeness is found.
@@ -43,7 +40,9 @@ def left_over(size: dict[int, np.ndarray]) -> np.ndarray:
 
     off = np.abs(np.log(three / four / at(4, decay(3) / decay(4))))
     share = np.maximum(at(3, decay(1) / decay(2)), at(4, decay(1) / decay(2)))
-    return np.asarray(np.minimum(1.0, np.sqrt(3.0) * share) ** np.clip(2.0 - off / ONE_LAW, 0.0, 1.0))
+    # Disagreement of two decays, as a logarithm, with those of a shock tanh(x / w), from which they count less; at
+    # twice of it they do not count.
+    return np.asarray(np.minimum(1.0, np.sqrt(3.0) * share) ** np.clip(2.0 - off / 0.25, 0.0, 1.0))
 
 
 def jumps(field: IndexField, paths: Paths, thinned: tuple[tuple[Rays, dict[int, np.ndarray]], ...]) -> Cause:
@@ -130,10 +129,6 @@ def _alike(value: np.ndarray, place: np.ndarray) -> float:
     return float(edges[lost[0] + 1]) if len(lost) else np.inf
 
 
-# Lines along which averages are compared.
-COLUMNS = 64
-
-
 def next_order(field: IndexField) -> Contrast:
     """Return the change of the contrast by the next order of a mesh's interpolant."""
     samples = field.samples
@@ -188,7 +183,8 @@ def lacking(field: IndexField, paths: Paths) -> Rays:
     known = None if field.is_uniform else field.samples.lacking_by_cell
     if known is None or not known[1].any():
         return found
-    lost = np.zeros(min(COLUMNS, len(paths.length)))
+    # Lines along which averages are compared.
+    lost = np.zeros(min(64, len(paths.length)))
     rows = np.flatnonzero(paths.length[: len(lost)] > 0.0)
     chord = paths.last[rows] - paths.first[rows]
     direction = chord / np.linalg.norm(chord, axis=1, keepdims=True)

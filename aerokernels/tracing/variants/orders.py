@@ -18,10 +18,6 @@ from ...medium.mesh_samples import MeshSamples
 from .paths import Contrast, Paths, Rays, shortest_cell
 
 THINNED = (2, 3, 4)
-# Shortest path that is followed [cells]: others are points, but for rounding.
-LEAST_WAY = 1e-9
-# Order of the polynomials that a thinned sum's ends leave out.
-SMOOTH = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +54,8 @@ def crossings(field: IndexField, paths: Paths) -> Iterator[Crossings]:
     if field.geometry == "axisymmetric":
         chord = (paths.last - paths.first) / grid.spacing[0]
         way[:, 0] = np.hypot(chord[:, 0], chord[:, 1])
-    runs = (paths.length > 0.0) & (way.max(axis=1) > LEAST_WAY)
+    # Shortest path that is followed [cells]: others are points, but for rounding.
+    runs = (paths.length > 0.0) & (way.max(axis=1) > 1e-9)
     follows = np.where(runs, np.argmax(way, axis=1), -1)
     for axis in range(1 if field.geometry == "axisymmetric" else 0, grid.samples.ndim):
         rows = np.flatnonzero(follows == axis)
@@ -170,7 +167,8 @@ def _put(whole: Rays, found: Crossings, value: np.ndarray, slope: np.ndarray, we
 def _taper(found: Crossings, thin: int) -> np.ndarray:
     """Return weights of planes that begin and end smoothly where a path does, shape (n, k)."""
     kernel = np.ones(1)
-    for _ in range(SMOOTH):
+    # Order of the polynomials that a thinned sum's ends leave out.
+    for _ in range(4):
         kernel = np.convolve(kernel, np.full(thin, 1.0 / thin))
     there = found.weight > 0.49 * found.weight.max(axis=1, keepdims=True)
     left = np.cumsum(there[:, ::-1], axis=1)[:, ::-1]
@@ -337,8 +335,6 @@ def in_space(field: IndexField, points: np.ndarray, slope: np.ndarray) -> np.nda
 
 # Pieces of a path for each cell of the grid.
 PIECES = 1.5
-# Least number of nodes that are left along an axis of which every fourth is taken.
-LEAST_LEFT = 5
 
 
 def spline_of(field: IndexField, local: np.ndarray, order: int, axis: int = 0, step: int = 1) -> Contrast:
@@ -376,7 +372,8 @@ def thinned_along_r(field: IndexField, paths: Paths, order: int) -> tuple[Rays, 
         paths.length > 0.0
     )
     rows = np.flatnonzero(along)
-    if field.geometry != "axisymmetric" or not len(rows) or (grid.shape[0] - 1) // max(THINNED) + 1 < LEAST_LEFT:
+    # Least number of nodes that are left along an axis of which every fourth is taken.
+    if field.geometry != "axisymmetric" or not len(rows) or (grid.shape[0] - 1) // max(THINNED) + 1 < 5:
         return Rays.still(count), {thin: np.zeros(count) for thin in THINNED}
     some = paths.rows(rows)
     local, cell = _about(field, some), shortest_cell(field, some) / PIECES

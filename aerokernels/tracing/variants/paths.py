@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ...medium import IndexField
-from ..lines import box_span, cell_along
+from ..lines import after_body, box_span, cell_along
 from ..stop import Plane, stop_distance
 
 GAUSS = 0.5 + np.array([-0.5, 0.5]) / np.sqrt(3.0)
@@ -162,9 +162,7 @@ def paths_of(field: IndexField, position: np.ndarray, direction: np.ndarray, unt
     span = box_span(field, position, direction)
     enter, leave = span.enter, np.minimum(span.leave, stop_distance(position, direction, until))
     if field.body is not None:
-        walls = field.body.crossings(position, direction)
-        out = np.where(walls > 0.0, walls, np.inf).min(axis=1, initial=np.inf)
-        enter = np.where(np.count_nonzero(walls <= 0.0, axis=1) % 2 == 1, np.maximum(enter, out), enter)
+        enter = after_body(field.body, position, direction, enter)
     good = span.meets & (leave > enter) & np.isfinite(leave)
     enter, leave = np.where(good, enter, 0.0), np.where(good, leave, 0.0)
     stop = stop_distance(position, direction, until)

@@ -12,11 +12,11 @@ import pytest
 from aerokernels.medium import IndexField
 from aerokernels.rays import Disc, RayBundle
 from aerokernels.tracing import Plane, RayStatus, trace
+from aerokernels.tracing.launch import ToleranceWarning
 from aerokernels.tracing.leapfrog.pilot import LEAST_RAYS
+from aerokernels.tracing.lines import lever_arms_of
 from aerokernels.tracing.plan import TracePlan
 from aerokernels.tracing.pupil.run import PupilRun
-from aerokernels.tracing.retrace import ToleranceWarning
-from aerokernels.tracing.straight_lines import lever_arms_of
 from aerokernels.tracing.tasks.sums import PupilTask
 from tests.random_fields import uniform_field
 

@@ -13,7 +13,7 @@ import pytest
 from aerokernels.medium import IndexField
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import Plane, RayStatus, launch, trace
-from aerokernels.tracing.result import RAY_OUTPUTS
+from aerokernels.tracing.plan import RAY_OUTPUTS
 from tests.random_fields import uniform_field
 from tests.small_fields import oblique_rays
 

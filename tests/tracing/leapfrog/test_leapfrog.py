@@ -177,7 +177,7 @@ def test_rays_that_it_does_not_hold_for_are_traced_otherwise(engine):
     across = np.random.default_rng(3).uniform(-8e-3, 8e-3, (COUNT, 2))
     rays = RayBundle(np.c_[across, np.full(COUNT, -2e-2)], [0.0, 0.01, 1.0])
     plan = TracePlan("leapfrog", **on(engine), precision="float64", max_steps=100_000, step=None, tolerance=1e-3)
-    from aerokernels.tracing.trace import run_plan
+    from aerokernels.tracing.launch import run_plan
 
     plan = replace(plan, sample_count=240, quadrature_error_scale=0.125, trajectory_error_scale=0.01)
     outputs = frozenset(("opd", "direction", "evaluation_count"))

@@ -13,9 +13,9 @@ from aerokernels.rays import RayBundle
 from aerokernels.tracing import Plane, trace
 from aerokernels.tracing.error_limit import error_limit, support_box
 from aerokernels.tracing.launch import launch
-from aerokernels.tracing.leapfrog.missed_on_lines import disturbed_ends, greatest_error, missed_along
+from aerokernels.tracing.leapfrog.between_samples import disturbed_ends, greatest_error, missed_along
+from aerokernels.tracing.lines import lines_through
 from aerokernels.tracing.plan import TracePlan
-from aerokernels.tracing.straight_lines import lines_through
 from aerokernels.tracing.tasks.unresolved import Sampling
 from tests.random_fields import CELL
 

@@ -15,7 +15,7 @@ from ....medium.bodies.crossings import PARALLEL
 from ....medium.grid import AXIS_CORE
 from ....pupils import square_map
 from ... import scheme, tableau
-from ...result import OUTPUT_BITS
+from ...plan import OUTPUT_BITS
 from ...status import RayStatus
 from ...step_bound import CONE_SINES, CONES
 from ..layout import OPTIONS, STRUCTS, Value, arrays_of, values_of

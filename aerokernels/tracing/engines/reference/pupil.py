@@ -15,8 +15,8 @@ from aerokernels.tracing.tasks.sums import (
 
 from ....pupils import across_look
 from ....rays import RayBundle
+from ...launch import run_plan
 from ...status import reached
-from ...trace import run_plan
 
 
 class PupilRun:

@@ -1,17 +1,16 @@
 """The Warp kernel that interpolates rays of a two-parameter family between traced rays.
 
-It uses the table of tasks/bundle_table.py, one lookup per ray. tests/tracing/bundle/bundle_delivery.py has the same
+It uses the table of tasks/family.py, one lookup per ray. tests/tracing/bundle/bundle_delivery.py has the same
 formulas in NumPy.
 """
 
 import warp as wp
 
 from aerokernels.tracing.engines.bundle_frame import SHAPES, STOPS
-from aerokernels.tracing.tasks.bundle_table import FAR
-from aerokernels.tracing.tasks.family import EQUAL
+from aerokernels.tracing.tasks.family import EQUAL, FAR
 
 from ....lines import FACES
-from ....result import output_mask
+from ....plan import output_mask
 from ....status import NOT_DELIVERED, RayStatus
 from ..library import TYPES, Scene, built_once
 from .outputs import build_write_outputs
@@ -298,7 +297,7 @@ def build_in_patch(scene: Scene):
 
 @built_once("channels")
 def build_bundle_kernel(scene: Scene):
-    """Build the kernel for patches with 1, 4 or 8 channels (tasks/bundle_table.py)."""
+    """Build the kernel for patches with 1, 4 or 8 channels (tasks/family.py)."""
     t, channel_count = scene.types, scene.channels
     real, Arrival = t.real, t.Arrival
     in_patch, write_outputs = build_in_patch(scene), build_write_outputs(scene)

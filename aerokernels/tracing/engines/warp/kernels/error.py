@@ -84,7 +84,7 @@ def build_bends(scene: Scene):
 
     @wp.func
     def judged_status(status: int, tolerance: real, used: real):
-        """Status of a ray, by its error `used`: TOLERANCE_NOT_MET where it is to be traced again, see retrace.py.
+        """Status of a ray, by its error `used`: TOLERANCE_NOT_MET where it is to be traced again, see launch.py.
 
         So is a ray whose steps float32 exhausted, with an infinite error: rounding may have kept them short, or refused
         them, so that float64 decides.

@@ -28,7 +28,7 @@ error of the parabola counts as an error too, as does the air outside the suppor
 
 import warp as wp
 
-from ....result import OUTPUT_BITS
+from ....plan import OUTPUT_BITS
 from ....scheme import BEYOND_SUPPORT, LEAPFROG_ANGLE, LEAST_COSINE, LEFT_SHARE, STEEPEST_COSINE, TINY
 from ....status import RayStatus
 from ..library import Scene, built_once

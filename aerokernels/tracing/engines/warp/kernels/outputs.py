@@ -2,7 +2,7 @@
 
 import warp as wp
 
-from ....result import OUTPUT_BITS
+from ....plan import OUTPUT_BITS
 from ..library import Scene, built_once
 
 
