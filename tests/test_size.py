@@ -29,7 +29,7 @@ LINES = {
     "inputs": 1140,
     "jobs": 6030,
     "lidar": 3100,
-    "medium": 4110,
+    "medium": 3560,
     "process": 1370,
     "pupils": 1050,
     "scene": 1490,
