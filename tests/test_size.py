@@ -22,7 +22,7 @@ LINES = {
     "display": 450,
     "files": 470,
     "fldi": 690,
-    "flow": 12440,
+    "flow": 12340,
     "focus": 650,
     "hardware": 2390,
     "imaging": 1670,
