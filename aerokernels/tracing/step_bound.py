@@ -175,19 +175,10 @@ def _roughness_of_slab(grid: UniformGrid, axis: int, block: int, slab: slice) ->
     """Greatest fourth differences along an axis, and kinks, of the blocks in a slab."""
     nodes = _stretched(grid, axis, slab)  # in the grid's own memory order, with that axis first
     nodes /= grid.ambient_index
-    fourth = block_maxima(axis_back(np.abs(_differences(nodes, 4)), axis), block)
+    fourth = block_maxima(axis_back(np.abs(np.diff(nodes, 4, axis=0)), axis), block)
     if grid.interpolation == "cubic":
         return np.stack([fourth, np.zeros_like(fourth)])
     return np.stack([fourth, block_maxima(axis_back(np.abs(np.diff(nodes[1:-1], 2, axis=0)), axis), block)])
-
-
-def _differences(values: np.ndarray, order: int) -> np.ndarray:
-    """Differences along the first axis, as by np.diff, computed in the memory of one result."""
-    found = values[1:] - values[:-1]
-    for _ in range(order - 1):
-        np.subtract(found[1:], found[:-1], out=found[:-1])
-        found = found[:-1]
-    return found
 
 
 def _stretched(grid: UniformGrid, axis: int, slab: slice) -> np.ndarray:

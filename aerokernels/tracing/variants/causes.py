@@ -129,7 +129,9 @@ def variants(
         change = traced.change(one, source)
         return replace(change, opd=change.opd - lost)
 
-    bent = Rays(base.opd, base.direction - rays.direction, _moved(base, rays))
+    way = base.position - rays.position  # of which the part across the undisturbed rays counts
+    moved = way - np.sum(way * rays.direction, axis=1, keepdims=True) * rays.direction
+    bent = Rays(base.opd, base.direction - rays.direction, moved)
     causes |= _of_field(field, paths, traced.change, to_source, bent, lost)
     weight = np.full(rays.ray_count, 1.0 / rays.ray_count) if weight is None else weight
     return Variants(
@@ -156,12 +158,6 @@ def along(paths: Paths) -> Change:
         return paths.integral(difference, min(shortest_cell(field, paths), shortest_cell(other, paths)))
 
     return change
-
-
-def _moved(base: Rays, rays: RayBundle) -> np.ndarray:
-    """Return the displacement of the ends across the undisturbed rays [m], shape (n, 3)."""
-    way = base.position - rays.position
-    return np.asarray(way - np.sum(way * rays.direction, axis=1, keepdims=True) * rays.direction)
 
 
 def _of_field(
