@@ -1,12 +1,9 @@
-"""Bound the length of a step at each place, so that nothing between its samples is missed.
-
-With G the greatest fourth derivative of the potential and K the greatest kink of its slope times the spacing that a ray
-can meet within H ahead of a block of cells, over a path of length L
+"""Bound the length of a step at each place, so that nothing between its samples is missed: docs/theory/step-control.md.
 
     H <= (SHARE budget / (C L G))^(1/4)       and, at kinks,      K / 12 <= KINK_SHARE budget / L
 
-Steps of up to STEP_LIMIT cells are taken in any case. With k_i = G_i^(1/4) along axis i, G along a direction u of a
-structure with one normal is (sum |u_i| k_i)^4.
+on a path of length L, with the greatest fourth derivative G of the potential and kink K of its slope times the spacing
+that a ray can meet within H. Along a direction u of a structure with one normal, G is (sum |u_i| G_i^(1/4))^4.
 """
 
 import math

@@ -22,15 +22,10 @@ THINNED = (2, 3, 4)
 
 @dataclass(frozen=True, eq=False)
 class Crossings:
-    """Where k planes of nodes are crossed by the paths of n rays, `rows` of all.
+    """Where k planes of nodes across an `axis` of the grid (`space` of x, y, z) are crossed by the paths of n rays.
 
-    Attributes:
-        axis: The grid's axis across the planes, which in x, y and z is `space`.
-        plane: Numbers of the planes, shape (k,).
-        share: Where the paths cross them, as shares of their lengths, shape (n, k).
-        weight: Length of the path that each crossing stands for [m], shape (n, k); 0 where a path ends before.
-        points: The crossings [m], shape (n, k, 3).
-        place: Places within the planes [nodes], shape (n, k, 2), 0 along a second axis that the grid has not.
+    `share` of the lengths, and `weight`, the length that each stands for [m] (0 where a path ends before), have shape
+    (n, k), `points` [m] (n, k, 3), and `place` within the planes [nodes] (n, k, 2).
     """
 
     rows: np.ndarray
