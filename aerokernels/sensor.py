@@ -5,15 +5,11 @@ readout adds Gaussian noise, and the sum is limited to the full well and rounded
 """
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from aerokernels.inputs.arguments import Numbers, checked
 from aerokernels.inputs.checks import check_at_least, check_count, check_positive
-
-if TYPE_CHECKING:
-    pass
 
 
 @checked

@@ -1,13 +1,12 @@
 """Synthetic schlieren pictures, shadowgraphs and interferograms of a field, and measurements on them."""
 
 from .bench import Bench
-from .fringes import Interferogram, fringe_picture, interferogram
-from .knife_edge import SchlierenImage, knife_edge_picture, schlieren
+from .fringes import Interferogram, interferogram
+from .knife_edge import SchlierenImage, schlieren
 from .line_of_sight import LineOfSight, line_of_sight
 from .measurements import ShockAngle, StandOff, measure_shock_angle, measure_stand_off
-from .picture import HalfComparison, Picture, compare_halves
-from .picture_file import read_picture, write_picture
-from .shadowgraph import Shadowgraph, shadow_picture, shadowgraph
+from .picture import HalfComparison, Picture, compare_halves, read_picture, write_picture
+from .shadowgraph import Shadowgraph, shadowgraph
 
 __all__ = [
     "Bench",
@@ -20,15 +19,12 @@ __all__ = [
     "ShockAngle",
     "StandOff",
     "compare_halves",
-    "fringe_picture",
     "interferogram",
-    "knife_edge_picture",
     "line_of_sight",
     "measure_shock_angle",
     "measure_stand_off",
     "read_picture",
     "schlieren",
-    "shadow_picture",
     "shadowgraph",
     "write_picture",
 ]

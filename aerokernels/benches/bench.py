@@ -5,7 +5,8 @@ the edge. Each of the source's points is traced on its own through the pixels' p
 G. S. Settles, Schlieren and Shadowgraph Techniques (Springer, 2001), sections 2.3, 3.2 and 3.4.
 """
 
-from collections.abc import Iterator
+import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,7 +17,7 @@ from ..inputs.checks import check_choice, check_count
 from ..medium import IndexField
 from ..pupils import Disc, Pupil, Rectangle
 from ..sensor import Sensor
-from .line_of_sight import LineOfSight, ParallelLight, line_of_sight
+from .line_of_sight import LineOfSight, line_of_sight
 
 # An edge is sought in one of many equal parts of the source, then in one of as many parts of that: 2^60 in all.
 PARTS, ROUNDS = 64, 10
@@ -181,26 +182,30 @@ def light_below(shape: Pupil, place: np.ndarray, low: float, high: float) -> np.
     return np.asarray(np.cumsum(light)[where[1:]].reshape(np.shape(place)))
 
 
-class SourceLight:
-    """The light of a source's points through a field; iterating traces it, point by point."""
+def light_of_source(
+    field: IndexField | LineOfSight,
+    bench: Bench,
+    bright: float,
+    light_of: Callable[[LineOfSight, np.ndarray], np.ndarray],
+    options: dict[str, Any],
+) -> tuple[np.ndarray, LineOfSight, np.ndarray]:
+    """Trace the light of each point of a bench's source and sum what `light_of` makes of it in each pixel, (ny, nx).
 
-    def __init__(self, field: IndexField, tilts: np.ndarray, focus: float, options: dict[str, Any]):
-        """Take the points' angles toward right and up [rad], shape (n, 2), and options of `line_of_sight`."""
-        self.field, self.tilts, self.options = field, tilts, {**options, "focus": focus}
-        self.lights: list[ParallelLight | None] = []
-        self.known: np.ndarray | None = None
-        self.middle: LineOfSight | None = None
-
-    def __iter__(self) -> Iterator[LineOfSight]:
-        """Trace the light of each point."""
-        middle = int(np.argmin(np.hypot(*self.tilts.T)))
-        for number, (right, up) in enumerate(self.tilts):
-            traced = line_of_sight(self.field, tilt=(right, up), **self.options)
-            self.lights.append(traced.light)
-            self.known = traced.known if self.known is None else self.known & traced.known
-            if number == middle:
-                self.middle = traced
-            yield traced
+    Points are across an edge that brightens toward the angle `bright` from right toward up [rad]. Also returns the rays
+    of the middlemost point, and a mask of the pixels whose light is known for all points.
+    """
+    if isinstance(field, LineOfSight):
+        raise TypeError("a bench traces light of its own: give the field in place of light that was traced")
+    points, shares = bench.points()
+    right, up = math.cos(bright), math.sin(bright)
+    tilts = points @ np.array([[right, up], [-up, right]])
+    total, known, middle = np.zeros(()), np.ones((), dtype=bool), int(np.argmin(np.hypot(*tilts.T)))
+    for number, (point, share, tilt) in enumerate(zip(points, shares, tilts, strict=True)):
+        traced = line_of_sight(field, tilt=(tilt[0], tilt[1]), focus=bench.focus, **options)
+        total, known = total + share * light_of(traced, point), known & traced.known
+        if number == middle:
+            middle_rays = traced
+    return total, middle_rays, known
 
 
 # Bisections in the search for the size whose weights have the right variance; cells across a shape that give its
@@ -216,18 +221,14 @@ def blurred(irradiance: np.ndarray, source: str | Pupil, size: float, pitch: tup
     """
     from scipy.ndimage import convolve, convolve1d
 
-    shape = shape_of(source)
-    if shape is None:
-        slit = Rectangle(2.0, 2.0)
-        edges, _ = _fitted(slit, 0, 0.5 * abs(size), pitch[0])
-        weights = light_in(slit, edges, np.array([-1.0, 1.0]))[0]
-        return np.asarray(convolve1d(irradiance, weights / weights.sum(), axis=1, mode="nearest"))
+    shape = shape_of(source) or Rectangle(2.0, 2.0)
     scale = abs(size) / (2.0 * shape.half_extent[0])
-    drawn = [_fitted(shape, axis, scale * shape.half_extent[axis], pitch[axis]) for axis in (0, 1)]
+    axes = (0, 1) if shape_of(source) else (0,)
+    drawn = [_fitted(shape, axis, scale * shape.half_extent[axis], pitch[axis]) for axis in axes]
     if isinstance(shape, Rectangle):  # separable
-        across, along = (light / light.sum() for _, light in drawn)
-        picture = convolve1d(irradiance, across, axis=1, mode="nearest")
-        return np.asarray(convolve1d(picture, along, axis=0, mode="nearest"))
+        for axis, (_, light) in zip(axes, drawn, strict=True):
+            irradiance = convolve1d(irradiance, light / light.sum(), axis=1 - axis, mode="nearest")
+        return np.asarray(irradiance)
     weights = light_in(shape, drawn[0][0], drawn[1][0])
     if size < 0.0:
         weights = weights[::-1, ::-1]
@@ -240,30 +241,23 @@ def _fitted(shape: Pupil, axis: int, half: float, step: float) -> tuple[np.ndarr
     The shape, of half the size `half` [m] over pixels `step` [m] apart, is scaled such that this light has the shape's
     own mean square distance from its centre.
     """
-    reach = shape.half_extent[axis]
+    reach, other = shape.half_extent[axis], shape.half_extent[1 - axis]
+
+    def light_between(edges: np.ndarray) -> np.ndarray:
+        ends = np.array([-other, other])
+        return np.ravel(light_in(shape, edges, ends) if axis == 0 else light_in(shape, ends, edges))
+
     fine = np.linspace(-reach, reach, CELLS + 1)
-    light = _along(shape, axis, fine)
+    light = light_between(fine)
     cell = fine[1] - fine[0]
     square = float(light @ ((0.5 * (fine[1:] + fine[:-1])) ** 2 + cell**2 / 12.0) / light.sum())
     wanted = square * (half / reach) ** 2
     low, high = max(half - step, 1e-6 * step), half + step
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
-        edges = _edges(middle / step) * step
-        weights = _along(shape, axis, edges * reach / middle)
+        count = int(np.ceil(middle / step - 0.5 + 1e-9)) if middle > 0.5 * step else 0
+        edges = np.arange(-count - 0.5, count + 1.0) * step
+        weights = light_between(edges * reach / middle)
         place = 0.5 * (edges[1:] + edges[:-1])
         low, high = (middle, high) if float(weights @ place**2) < wanted * weights.sum() else (low, middle)
     return edges * reach / middle, weights
-
-
-def _along(shape: Pupil, axis: int, edges: np.ndarray) -> np.ndarray:
-    """Return the light of a shape between positions along one of its axes."""
-    reach = shape.half_extent[1 - axis]
-    ends = np.array([-reach, reach])
-    return np.ravel(light_in(shape, edges, ends) if axis == 0 else light_in(shape, ends, edges))
-
-
-def _edges(half: float) -> np.ndarray:
-    """Return the edges of the pixels that a half width about a centre reaches, in pixels."""
-    count = int(np.ceil(half - 0.5 + 1e-9)) if half > 0.5 else 0
-    return np.arange(-count - 0.5, count + 1.0)

@@ -6,9 +6,8 @@ Reference: W. Merzkirch, Flow Visualization, 2nd ed. (Academic Press, 1987), sec
 """
 
 import math
-from dataclasses import dataclass, replace
-from functools import partial
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -16,13 +15,10 @@ from ..display.shown import shown
 from ..inputs.arguments import checked
 from ..inputs.checks import warn_caller
 from ..medium import IndexField
-from .bench import Bench, SourceLight
-from .line_of_sight import LineOfSight, check_exposure, check_turn, line_of_sight
+from .bench import Bench, light_of_source
+from .line_of_sight import LineOfSight, check_exposure, check_turn, traced_light
 from .picture import TracedPicture
-from .picture_error import SomeLight, error_of
-
-if TYPE_CHECKING:
-    import xarray
+from .picture_error import SomeLight, shared_attributes
 
 
 @shown
@@ -46,24 +42,22 @@ class Interferogram(TracedPicture):
     phase: float
     visibility: float
 
-    def to_xarray(self) -> "xarray.Dataset":
-        """Return the picture as a dataset with units."""
-        return self._dataset(
-            {"opd": ("pixel", self.opd, "m", "optical path difference against the ambient medium")},
-            {
-                "kind": "interferogram",
-                "wavelength_m": self.wavelength,
-                "fringe_spacing_m": float("inf") if self.fringe_spacing is None else self.fringe_spacing,
-                "fringe_angle_rad": self.fringe_angle,
-                "phase_waves": self.phase,
-                "visibility": self.visibility,
-            },
-        )
+    KIND: ClassVar[str] = "interferogram"
+    MAPS: ClassVar[dict[str, tuple[str, str, str]]] = {
+        "opd": ("pixel", "m", "optical path difference against the ambient medium")
+    }
+    NUMBERS: ClassVar[dict[str, str]] = {
+        "wavelength_m": "wavelength",
+        "fringe_spacing_m": "fringe_spacing",
+        "fringe_angle_rad": "fringe_angle",
+        "phase_waves": "phase",
+        "visibility": "visibility",
+    }
 
 
 @checked
 def interferogram(
-    field: IndexField,
+    field: IndexField | LineOfSight,
     *,
     fringe_spacing: float | None = None,
     fringe_angle: float = 0.5 * math.pi,
@@ -76,7 +70,7 @@ def interferogram(
     """Make an interferogram of a field.
 
     Args:
-        field: any field; a planar one needs `width` and a view along x.
+        field: any field, of which a planar one needs `width` and a view along x; or light that was traced through one.
         fringe_spacing: distance between undisturbed fringes [m] (finite fringe); None for the infinite fringe.
         fringe_angle: direction across the undisturbed fringes, from the picture's right toward its up [rad].
         phase: of the undisturbed fringes at the middle of the picture [waves]; 0 is bright.
@@ -91,41 +85,27 @@ def interferogram(
         UserWarning: in more than a hundredth of the picture fringes are narrower than two rays.
 
     Raises:
-        ValueError: an argument is out of range; the message names it and the remedy.
+        ValueError: an argument is out of range, or the fringes are too fine for the pixels.
     """
     fringes = Fringes(fringe_spacing, fringe_angle, phase, visibility)
     check_exposure(exposure)
+    shared: dict[str, Any] = {}
     if bench is None:
-        return _picture(line_of_sight(field, **options), fringes, exposure)
-    points, shares = bench.points()
-    traced = SourceLight(field, points, bench.focus, options)
-    light = exposure * sum(share * fringes.light(one) for share, one in zip(shares, traced, strict=True))
-    assert traced.middle is not None
-    brightness = np.clip(light, 0.0, 1.0)
-    return replace(
-        _picture(traced.middle, fringes, exposure, brightness, is_same=len(points) == 1),
-        # Light above white included: a sensor may not be saturated by it.
-        intensity=brightness if bench.sensor is None else bench.sensor.expose(light, bench.seed),
-        known=traced.known,
+        traced = traced_light(field, options)
+        light = fringes.light(traced)
+    else:
+        light, traced, known = light_of_source(field, bench, 0.0, lambda rays, point: fringes.light(rays), options)
+        shared = {"bench": bench, "known": known, "is_same": len(bench.points()[1]) == 1}
+    _warn_of_narrow(traced, fringes)
+    return Interferogram(
+        opd=traced.pixel_mean(traced.opd),
+        wavelength=traced.wavelength,
+        fringe_spacing=None if fringe_spacing is None else float(fringe_spacing),
+        fringe_angle=float(fringe_angle),
+        phase=float(phase),
+        visibility=float(visibility),
+        **shared_attributes(fringes, traced, light, exposure, **shared),
     )
-
-
-@checked
-def fringe_picture(
-    traced: LineOfSight,
-    *,
-    fringe_spacing: float | None = None,
-    fringe_angle: float = 0.5 * math.pi,
-    phase: float = 0.0,
-    visibility: float = 1.0,
-    exposure: float = 1.0,
-) -> Interferogram:
-    """Make the interferogram of traced light; arguments and errors as in `interferogram`.
-
-    Raises:
-        ValueError: as in `interferogram`; or the fringes are too fine for the pixels.
-    """
-    return _picture(traced, Fringes(fringe_spacing, fringe_angle, phase, visibility), check_exposure(exposure))
 
 
 @dataclass(frozen=True)
@@ -151,6 +131,10 @@ class Fringes:
         """Return the light of traced rays, a mean over each pixel, shape (ny, nx)."""
         return traced.pixel_mean(np.where(traced.through, self.of_rays(traced), 0.0))
 
+    def light_of(self, some: SomeLight) -> np.ndarray:
+        """Return the light of some pixels, shape (pixels,)."""
+        return np.asarray(self.of_rays(some).mean(axis=1))
+
     def of_rays(self, traced: LineOfSight | SomeLight) -> np.ndarray:
         """Return the light of each ray, of the shape of `waves`; errors as there."""
         return np.asarray(0.5 * (1.0 + self.visibility * np.cos(2.0 * np.pi * self.waves(traced))))
@@ -170,37 +154,6 @@ class Fringes:
             right, up = (place - at for place, at in zip((across, along), middle, strict=True))
             waves = waves + (right * math.cos(self.angle) + up * math.sin(self.angle)) / self.spacing
         return np.asarray(waves)
-
-
-def _picture(
-    traced: LineOfSight,
-    fringes: Fringes,
-    exposure: float,
-    brightness: np.ndarray | None = None,
-    is_same: bool = True,
-) -> Interferogram:
-    """Return the picture of traced light; `brightness` is that of a bench, and `is_same` as in `error_of`."""
-    if brightness is None:
-        brightness = np.clip(exposure * fringes.light(traced), 0.0, 1.0)
-    _warn_of_narrow(traced, fringes)
-    of_pixels = partial(_of_pixels, fringes=fringes, exposure=exposure)
-    return Interferogram(
-        intensity=brightness,
-        opd=traced.pixel_mean(traced.opd),
-        **traced.frame,
-        wavelength=traced.wavelength,
-        fringe_spacing=None if fringes.spacing is None else float(fringes.spacing),
-        fringe_angle=float(fringes.angle),
-        phase=float(fringes.phase),
-        visibility=float(fringes.visibility),
-        exposure=float(exposure),
-        measure_error=error_of(brightness, traced, of_pixels, is_same=is_same),
-    )
-
-
-def _of_pixels(some: SomeLight, fringes: Fringes, exposure: float) -> np.ndarray:
-    """Return the brightness of some pixels."""
-    return np.clip(exposure * fringes.of_rays(some).mean(axis=1), 0.0, 1.0)
 
 
 def _warn_of_narrow(traced: LineOfSight, fringes: Fringes) -> None:

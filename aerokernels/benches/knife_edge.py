@@ -6,24 +6,19 @@ Reference: G. S. Settles, Schlieren and Shadowgraph Techniques (Springer, 2001),
 """
 
 import math
-from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any, ClassVar
 
 import numpy as np
 
 from ..display.shown import ROUNDING, shown
 from ..inputs.arguments import checked
 from ..medium import IndexField
-from .bench import Bench, SourceLight
-from .line_of_sight import LineOfSight, check_exposure, check_turn, line_of_sight
+from .bench import Bench, light_of_source
+from .line_of_sight import LineOfSight, check_exposure, check_turn, traced_light
 from .picture import TracedPicture
-from .picture_error import OF_CORNERS, SomeLight, error_of, light_on_squares
+from .picture_error import OF_CORNERS, SomeLight, light_on_squares, shared_attributes
 from .shadowgraph import spread
-
-if TYPE_CHECKING:
-    import xarray
 
 
 @shown
@@ -45,20 +40,16 @@ class SchlierenImage(TracedPicture):
     cut_off: float
     sensitivity: float
 
-    def to_xarray(self) -> "xarray.Dataset":
-        """Return the picture as a dataset with units."""
-        return self._dataset(
-            {
-                "deflection": ("pixel direction", self.deflection, "rad", "deflection of the light"),
-                "opd": ("pixel", self.opd, "m", "optical path difference against the ambient medium"),
-            },
-            {
-                "kind": "schlieren",
-                "knife_edge": self.knife_edge,
-                "cut_off": self.cut_off,
-                "sensitivity_per_rad": self.sensitivity,
-            },
-        )
+    KIND: ClassVar[str] = "schlieren"
+    MAPS: ClassVar[dict[str, tuple[str, str, str]]] = {
+        "deflection": ("pixel direction", "rad", "deflection of the light"),
+        "opd": ("pixel", "m", "optical path difference against the ambient medium"),
+    }
+    NUMBERS: ClassVar[dict[str, str]] = {
+        "knife_edge": "knife_edge",
+        "cut_off": "cut_off",
+        "sensitivity_per_rad": "sensitivity",
+    }
 
 
 @dataclass(frozen=True)
@@ -68,6 +59,7 @@ class KnifeEdge:
     knife_edge: str | float = "vertical"
     cut_off: float = 0.5
     sensitivity: float | None = None
+    bench: Bench | None = None
 
     def __post_init__(self) -> None:
         """Check the values."""
@@ -102,6 +94,15 @@ class KnifeEdge:
         assert self.sensitivity is not None
         return np.clip(1.0 - self.cut_off + self.sensitivity * self.across(deflection), 0.0, 1.0)
 
+    def light_of(self, some: SomeLight) -> np.ndarray:
+        """Return the light of some pixels, that of all of a bench's source's points being deflected alike."""
+        if self.bench is None:
+            return np.asarray(self.passed(some.deflection).mean(axis=1))
+        across, passed = self.across(some.deflection), np.zeros(())
+        for point, share in zip(*self.bench.points(), strict=True):
+            passed = passed + share * self.bench.passed(point, across, self.cut_off)
+        return light_on_squares(some, some.displacement, passed)
+
     def with_full_range(self, deflection: np.ndarray) -> "KnifeEdge":
         """Return the edge with the sensitivity at which all but the largest 0.5 % of deflections are within its range.
 
@@ -114,7 +115,7 @@ class KnifeEdge:
 
 @checked
 def schlieren(
-    field: IndexField,
+    field: IndexField | LineOfSight,
     *,
     knife_edge: str | float = "vertical",
     cut_off: float = 0.5,
@@ -126,7 +127,7 @@ def schlieren(
     """Make a schlieren picture of a field.
 
     Args:
-        field: any field; a planar one needs `width` and a view along x.
+        field: any field, of which a planar one needs `width` and a view along x; or light that was traced through one.
         knife_edge: "vertical" shows changes along the picture's horizontal, "horizontal" those along its vertical; or
             the direction in which a deflection brightens, as an angle from the picture's right toward its up [rad]: the
             edge is across that direction, and pi is a vertical edge inserted from the other side.
@@ -143,89 +144,35 @@ def schlieren(
     edge = KnifeEdge(knife_edge, cut_off, sensitivity)
     check_exposure(exposure)
     if bench is None:
-        return _picture(line_of_sight(field, **options), edge, exposure)
+        traced = traced_light(field, options)
+        if edge.sensitivity is None:
+            edge = edge.with_full_range(traced.deflection[traced.through])
+        light = traced.pixel_mean(np.where(traced.through, edge.passed(traced.deflection), 0.0))
+        return _finished(edge, traced, light, exposure)
     if sensitivity is not None:
         raise ValueError(f"sensitivity = {sensitivity}: the bench's source and focal length give it; leave it out")
-    return _by_bench(field, bench, replace(edge, sensitivity=bench.sensitivity), exposure, options)
+    edge = replace(edge, sensitivity=bench.sensitivity, bench=bench)
 
-
-@checked
-def knife_edge_picture(
-    traced: LineOfSight,
-    *,
-    knife_edge: str | float = "vertical",
-    cut_off: float = 0.5,
-    sensitivity: float | None = None,
-    exposure: float = 1.0,
-) -> SchlierenImage:
-    """Make the schlieren picture of traced light; arguments and errors as in `schlieren`."""
-    return _picture(traced, KnifeEdge(knife_edge, cut_off, sensitivity), check_exposure(exposure))
-
-
-def _picture(traced: LineOfSight, edge: KnifeEdge, exposure: float) -> SchlierenImage:
-    if edge.sensitivity is None:
-        edge = edge.with_full_range(traced.deflection[traced.through])
-    light = np.where(traced.through, edge.passed(traced.deflection), 0.0)
-    brightness = np.clip(exposure * traced.pixel_mean(light), 0.0, 1.0)
-    of_pixels = partial(_of_pixels, edge=edge, exposure=exposure)
-    return SchlierenImage(
-        intensity=brightness, measure_error=error_of(brightness, traced, of_pixels), **_shared(traced, edge, exposure)
-    )
-
-
-def _of_pixels(some: SomeLight, edge: KnifeEdge, exposure: float) -> np.ndarray:
-    """Return the brightness of some pixels."""
-    return np.clip(exposure * edge.passed(some.deflection).mean(axis=1), 0.0, 1.0)
-
-
-def _shared(traced: LineOfSight, edge: KnifeEdge, exposure: float) -> dict[str, Any]:
-    """Return the attributes of a picture that do not depend on the bench."""
-    assert edge.sensitivity is not None
-    return {
-        **traced.frame,
-        "deflection": traced.pixel_mean(traced.deflection),
-        "opd": traced.pixel_mean(traced.opd),
-        "knife_edge": edge.knife_edge,
-        "cut_off": float(edge.cut_off),
-        "sensitivity": float(edge.sensitivity),
-        "exposure": float(exposure),
-    }
-
-
-def _by_bench(
-    field: IndexField, bench: Bench, edge: KnifeEdge, exposure: float, options: dict[str, Any]
-) -> SchlierenImage:
-    """Make the picture of a bench; deflection and optical path are those of its source's middlemost point."""
-    right, up = math.cos(edge.bright), math.sin(edge.bright)
-    traced = SourceLight(field, bench.points()[0] @ np.array([[right, up], [-up, right]]), bench.focus, options)
-    light = exposure * _bench_light(traced, bench, edge)
-    middle = traced.middle
-    assert middle is not None
-    brightness = np.clip(light, 0.0, 1.0)
-    of_pixels = partial(_of_bench, bench=bench, edge=edge, exposure=exposure)
-    error = error_of(brightness, middle, of_pixels, square=max(middle.window.pitch), curved=OF_CORNERS)
-    return SchlierenImage(
-        intensity=brightness if bench.sensor is None else np.clip(bench.sensor.expose(light, bench.seed), 0.0, 1.0),
-        measure_error=error,
-        **{**_shared(middle, edge, exposure), "known": traced.known},
-    )
-
-
-def _bench_light(lights: Iterable[LineOfSight], bench: Bench, edge: KnifeEdge) -> np.ndarray:
-    """Return the light of a bench's pixels, from that of its source's points, shape (ny, nx)."""
-    total = np.zeros(())
-    for point, share, traced in zip(*bench.points(), lights, strict=True):
-        light = np.where(traced.through, bench.passed(point, edge.across(traced.deflection), edge.cut_off), 0.0)
+    def light_of(traced: LineOfSight, point: np.ndarray) -> np.ndarray:
+        light = np.where(traced.through, bench.passed(point, edge.across(traced.deflection), cut_off), 0.0)
         if min(light.shape) < 2:
             raise ValueError(f"a bench's picture needs at least 2 x 2 rays, got {light.shape}: raise pixel_count")
-        total = total + share * spread(traced, traced.displacement, np.nan_to_num(light))
-    return total
+        return spread(traced, traced.displacement, np.nan_to_num(light))
+
+    light, middle, known = light_of_source(field, bench, edge.bright, light_of, options)
+    of_error = {"square": max(middle.window.pitch), "curved": OF_CORNERS}
+    return _finished(edge, middle, light, exposure, bench=bench, known=known, **of_error)
 
 
-def _of_bench(some: SomeLight, bench: Bench, edge: KnifeEdge, exposure: float) -> np.ndarray:
-    """Return the brightness of some pixels, the light of all of the source's points being deflected alike."""
-    across = edge.across(some.deflection)
-    passed = sum(
-        share * bench.passed(point, across, edge.cut_off) for point, share in zip(*bench.points(), strict=True)
+def _finished(
+    edge: KnifeEdge, traced: LineOfSight, light: np.ndarray, exposure: float, **shared: Any
+) -> SchlierenImage:
+    assert edge.sensitivity is not None
+    return SchlierenImage(
+        deflection=traced.pixel_mean(traced.deflection),
+        opd=traced.pixel_mean(traced.opd),
+        knife_edge=edge.knife_edge,
+        cut_off=float(edge.cut_off),
+        sensitivity=float(edge.sensitivity),
+        **shared_attributes(edge, traced, light, exposure, **shared),
     )
-    return np.clip(exposure * light_on_squares(some, some.displacement, np.asarray(passed)), 0.0, 1.0)

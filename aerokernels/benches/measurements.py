@@ -54,17 +54,12 @@ def measure_shock_angle(
     """Measure the angle of a shock in a picture.
 
     Every column of pixels in the window is scanned from undisturbed air toward the axis; the outermost shock is where
-    the brightness first departs from the air's (see `fronts.py`). With `near`, a shock inside the flow is measured: the
-    strongest band near a given line. A straight line or a parabola is fitted; outliers are left out.
+    the brightness first departs from the air's. With `near`, a shock inside the flow is measured: the strongest band
+    near a given line. A straight line or a parabola is fitted; outliers are left out.
 
-    The standard error is from the scatter of the points. In a synthetic picture with one ray per pixel an ideal shock
-    is a staircase, which repeats along the whole window at slopes near simple ratios, such as 1/2 or 2/3: its error is
-    then not in the scatter, and is added (see `staircase.py`; recognised up to a noise of a fifth of the shock's change
-    of brightness). Pictures with several `rays_per_pixel` have a smaller error.
-
-    A shock's edge is as wide as pixels, smoothing and the field's cells make it. Where the band behind it widens along
-    the shock, as in a conical flow, its half height moves and turns the line. This error is added too: it is about
-    proportional to the edge's width, and taken as twice the angle's change with half of the smoothing.
+    The standard error is from the scatter of the points; from the staircase that an ideal shock is with one ray per
+    pixel, which repeats at slopes such as 1/2; and from the width of the shock's edge, twice the angle's change with
+    half of the smoothing.
 
     Args:
         picture: a Picture or any of the synthetic pictures; a horizontal knife edge shows slanted shocks best.
@@ -87,8 +82,17 @@ def measure_shock_angle(
         raise ValueError(f"degree = {degree!r}: give 1 (straight) or 2 (curved)")
     if (near is None) != (reach is None):
         raise ValueError("near and reach belong together: give both, or neither for the outermost shock")
-    columns = columns_in(picture, window)
-
+    if reach is not None and not (np.isfinite(reach) and reach > 0.0):
+        raise ValueError(f"reach = {reach!r}: give a positive length in metres")
+    low, high = (float(end) for end in window)
+    if not low < high:
+        raise ValueError(f"window {window!r}: give from and to along the horizontal in metres, increasing")
+    columns = np.flatnonzero((picture.horizontal >= low) & (picture.horizontal <= high))
+    if columns.size < LEAST_LINES:
+        raise ValueError(
+            f"window {low:g} to {high:g} m holds {columns.size} columns of pixels, at least {LEAST_LINES} are needed: "
+            f"the picture goes from {picture.horizontal[0]:g} to {picture.horizontal[-1]:g} m"
+        )
     seen = Picture(_without_body(picture), picture.horizontal, picture.vertical)
 
     def found_with(width: float) -> ShockAngle:
@@ -97,7 +101,18 @@ def measure_shock_angle(
             _in_half(seen, brightness, columns, one, degree=degree, axis=axis, near=near, reach=reach, level=level)
             for one in (("upper", "lower") if half == "both" else (half,))
         ]
-        return halves[0] if len(halves) == 1 else _mean_of(*halves)
+        if len(halves) == 1:
+            return halves[0]
+        up, down = halves
+        return ShockAngle(
+            angle=0.5 * (up.angle + down.angle),
+            standard_error=0.5 * math.hypot(up.standard_error, down.standard_error),
+            place=up.place,
+            points=np.concatenate([up.points, down.points]),
+            curve=0.5 * (up.curve + down.curve),
+            residual_rms=math.sqrt(0.5 * (up.residual_rms**2 + down.residual_rms**2)),
+            roll=0.5 * float(np.arctan(up.curve[1]) - np.arctan(down.curve[1])),
+        )
 
     found = found_with(smoothing)
     error = math.hypot(found.standard_error, _edge_error(found.angle, found_with, smoothing))
@@ -128,18 +143,6 @@ def _edge_error(angle: float, found_with: Callable[[float], ShockAngle], smoothi
     return math.nan
 
 
-def _mean_of(up: ShockAngle, down: ShockAngle) -> ShockAngle:
-    return ShockAngle(
-        angle=0.5 * (up.angle + down.angle),
-        standard_error=0.5 * math.hypot(up.standard_error, down.standard_error),
-        place=up.place,
-        points=np.concatenate([up.points, down.points]),
-        curve=0.5 * (up.curve + down.curve),
-        residual_rms=math.sqrt(0.5 * (up.residual_rms**2 + down.residual_rms**2)),
-        roll=0.5 * float(np.arctan(up.curve[1]) - np.arctan(down.curve[1])),
-    )
-
-
 def _in_half(
     picture: Picture,
     brightness: np.ndarray,
@@ -164,10 +167,10 @@ def _in_half(
     height = np.abs(picture.vertical[inwards] - axis)  # decreases from a line's start to its end
     pitch = float(height[0] - height[1])
     along = picture.horizontal[columns]
-    if near is None:
+    if near is None or reach is None:
         places = outer_fronts(lines, level)
     else:
-        places = inner_bands(lines, (height[0] - _line_through(near, along)) / pitch, _checked_reach(reach) / pitch)
+        places = inner_bands(lines, (height[0] - _line_through(near, along)) / pitch, reach / pitch)
     middle, found = 0.5 * (along[0] + along[-1]), height[0] - pitch * places
     curve, covariance, used = fit_curve(along - middle, found, degree, 0.5 * pitch)
     rest = found[used] - np.vander(along[used] - middle, degree + 1, increasing=True) @ curve
@@ -186,20 +189,6 @@ def _in_half(
     )
 
 
-def columns_in(picture: PictureView, window: tuple[float, float]) -> np.ndarray:
-    """Return the indices of the pixel columns in a window [m]."""
-    low, high = (float(end) for end in window)
-    if not low < high:
-        raise ValueError(f"window {window!r}: give from and to along the horizontal in metres, increasing")
-    columns = np.flatnonzero((picture.horizontal >= low) & (picture.horizontal <= high))
-    if columns.size < LEAST_LINES:
-        raise ValueError(
-            f"window {low:g} to {high:g} m holds {columns.size} columns of pixels, at least {LEAST_LINES} are needed: "
-            f"the picture goes from {picture.horizontal[0]:g} to {picture.horizontal[-1]:g} m"
-        )
-    return columns
-
-
 def _line_through(points, along: np.ndarray) -> np.ndarray:
     """Return the heights of the line through two points at the positions `along` [m]."""
     ends = np.asarray(points, dtype=np.float64)
@@ -209,12 +198,6 @@ def _line_through(points, along: np.ndarray) -> np.ndarray:
         )
     slope = (ends[1, 1] - ends[0, 1]) / (ends[1, 0] - ends[0, 0])
     return ends[0, 1] + slope * (along - ends[0, 0])
-
-
-def _checked_reach(reach: float | None) -> float:
-    if reach is None or not (np.isfinite(reach) and reach > 0.0):
-        raise ValueError(f"reach = {reach!r}: give a positive length in metres")
-    return float(reach)
 
 
 @dataclass(frozen=True, eq=False)
@@ -278,23 +261,17 @@ def measure_stand_off(
             "raise it or take a finer picture"
         )
     step = -1 if upstream == "right" else 1
-    plain = picture.intensity[rows, ::step]
     lines = smoothed(picture.intensity, smoothing)[rows, ::step]
-    along = picture.horizontal[::step]
-    pitch = float(along[1] - along[0])
-    height = picture.vertical[rows] - axis
     places = outer_fronts(lines, level)
-    shock, shock_error, shock_points = _on_axis(height, along[0] + pitch * places, abs(pitch), "shock", axis)
-    shock_error = math.hypot(shock_error, abs(pitch) * _within_pixel(plain, places))
+    shock, shock_error, shock_points = _on_axis(picture, rows, axis, step, places, "shock")
     if nose is not None:
         if not np.isfinite(nose):
             raise ValueError(f"nose = {nose}: give a position along the horizontal in metres")
         return StandOff(abs(shock - nose), shock_error, shock, float(nose), shock_points, np.empty((0, 2)))
     dark = 0.2 * float(np.median(lines[:, 0]))
     edges = np.array([_dark_edge(line, dark, place) for line, place in zip(lines, places, strict=True)])
-    tip, tip_error, nose_points = _on_axis(height, along[0] + pitch * edges, abs(pitch), "body", axis)
-    tip_error = math.hypot(tip_error, abs(pitch) * _within_pixel(plain, edges))
-    if abs(shock - tip) < 2.0 * abs(pitch):
+    tip, tip_error, nose_points = _on_axis(picture, rows, axis, step, edges, "body")
+    if abs(shock - tip) < 2.0 * float(picture.horizontal[1] - picture.horizontal[0]):
         raise ValueError(
             f"the body at {tip:.4g} m begins where the shock does, at {shock:.4g} m: the shock is as dark as the body; "
             "take the knife edge from the other side, a weaker one, or give the nose"
@@ -302,25 +279,24 @@ def measure_stand_off(
     return StandOff(abs(shock - tip), math.hypot(shock_error, tip_error), shock, tip, shock_points, nose_points)
 
 
-def _within_pixel(lines: np.ndarray, places: np.ndarray) -> float:
-    """Return the standard deviation of an edge that may be anywhere within a pixel [pixels]; 0 if shades tell where.
-
-    About the axis the edge is almost along the pixels: all rows show the same pixel, and scatter tells nothing.
-    """
-    known = np.isfinite(places)
-    return math.sqrt(1.0 / 12.0) if is_staircase(lines[known], places[known]) else 0.0
-
-
 def _on_axis(
-    height: np.ndarray, found: np.ndarray, pitch: float, what: str, axis: float
+    picture: PictureView, rows: np.ndarray, axis: float, step: int, places: np.ndarray, what: str
 ) -> tuple[float, float, np.ndarray]:
-    """Return the position on the axis of a curve through points, its standard error, and the points used."""
+    """Return the position on the axis of a parabola through an edge at places on rows, its error, and points used [m].
+
+    About the axis the edge is almost along the pixels: where no shades tell, all rows show the same pixel, and the edge
+    may be anywhere within it.
+    """
+    along, height = picture.horizontal[::step], picture.vertical[rows] - axis
+    pitch, known = float(along[1] - along[0]), np.isfinite(places)
+    found = along[0] + pitch * places
     try:
-        curve, covariance, used = fit_curve(height, found, 2, 0.5 * pitch)
-    except ValueError as error:
-        raise ValueError(f"{what}: {error}") from None
-    points = np.stack([found[used], height[used] + axis], axis=1)
-    return float(curve[0]), math.sqrt(covariance[0, 0]), points
+        curve, covariance, used = fit_curve(height, found, 2, 0.5 * abs(pitch))
+    except ValueError as fault:
+        raise ValueError(f"{what}: {fault}") from None
+    steps = is_staircase(picture.intensity[rows, ::step][known], places[known])
+    error = math.hypot(math.sqrt(covariance[0, 0]), abs(pitch) * math.sqrt(1.0 / 12.0) * steps)
+    return float(curve[0]), error, np.stack([found[used], height[used] + axis], axis=1)
 
 
 def _dark_edge(line: np.ndarray, dark: float, start: float) -> float:

@@ -5,17 +5,17 @@ is made of them. What few rays leave out of a pixel's mean is the cause "samplin
 by a 24th of its second difference over h^2, and where it jumps, as its fourth difference tells, by two fifths over h.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
+from typing import Any, Protocol
 
 import numpy as np
 
 from ..tracing.some_pixels import SomePixels, total
 from ..tracing.variants.causes import FACTOR
 from ..tracing.variants.paths import Rays
-from .line_of_sight import LineOfSight, ParallelLight
-from .window import Window
+from .bench import Bench
+from .line_of_sight import LineOfSight, ParallelLight, Window
 
 # Most rays along a side of a pixel that are traced again.
 MOST_RAYS = 3
@@ -45,33 +45,55 @@ class SomeLight:
         return self.place[..., 0], self.place[..., 1]
 
 
-# Rays of some pixels -> their brightness, shape (pixels,).
-Number = Callable[[SomeLight], np.ndarray]
+class Kind(Protocol):
+    """A kind of picture: makes the light of pixels of their rays."""
+
+    def light_of(self, some: SomeLight) -> np.ndarray:
+        """Return the light of some pixels, 1 for full light, shape (pixels,)."""
 
 
-def error_of(
-    shown: np.ndarray,
+def shared_attributes(
+    kind: Kind,
     traced: LineOfSight,
-    number: Number,
-    square: float | None = None,
-    curved: float = SMOOTH,
-    is_same: bool = True,
-) -> Callable[[], np.ndarray] | None:
-    """Return a function that returns `picture_error` of a picture of traced light; None if the light is not known."""
-    if traced.light is None:
-        return None
+    light: np.ndarray,
+    exposure: float,
+    bench: Bench | None = None,
+    known: np.ndarray | None = None,
+    **of_error: Any,
+) -> dict[str, Any]:
+    """Return the attributes of a `TracedPicture` of some light, shape (ny, nx), as a bench's sensor sees it.
+
+    `traced` are the rays that were traced, of a bench those of its source's middle point. `known` is by default theirs;
+    `of_error` has arguments of `picture_error`.
+    """
+    light = exposure * light
+    brightness = np.clip(light, 0.0, 1.0)
+    # Light above white included: a sensor may not be saturated by it.
+    exposed = brightness if bench is None or bench.sensor is None else bench.sensor.expose(light, bench.seed)
     hidden = traced.pixel_mean(traced.through.astype(np.float64)) == 0.0
-    return partial(picture_error, shown, hidden, traced.light, number, square, curved, is_same)
+    window = traced.window
+    return {
+        "horizontal": window.horizontal,
+        "vertical": window.vertical,
+        "right": window.right,
+        "up": window.up,
+        "blocked": traced.pixel_mean(traced.blocked.astype(np.float64)) > 0.5,  # more than half of the pixel
+        "known": traced.known if known is None else known,
+        "intensity": exposed,
+        "exposure": float(exposure),
+        "measure_error": partial(picture_error, brightness, hidden, traced.light, kind, exposure, **of_error),
+    }
 
 
 def picture_error(
-    shown: np.ndarray,
-    hidden: np.ndarray,
+    shown: np.ndarray,  # the brightness, shape (ny, nx)
+    hidden: np.ndarray,  # pixels without light, shape (ny, nx)
     light: ParallelLight,
-    number: Number,
-    square: float | None,
-    curved: float,
-    is_same: bool,
+    kind: Kind,
+    exposure: float,
+    square: float | None = None,  # side of the squares at whose corners rays are [m]; None takes the pixel's own rays
+    curved: float = SMOOTH,  # error of a mean over a pixel by one ray, as a share of the second difference
+    is_same: bool = True,  # whether the picture is made of the pixels' own rays alone
 ) -> np.ndarray:
     """Return the error of a picture's brightness, shape (ny, nx)."""
     k, window = light.rays_per_pixel, light.window
@@ -90,7 +112,8 @@ def picture_error(
 
     def brightness(rays: Rays) -> np.ndarray:
         seen = light.seen(kept[..., 0], kept[..., 1], rays)
-        return number(SomeLight(window, wavelength, light.focus, kept, *seen))
+        some = SomeLight(window, wavelength, light.focus, kept, *seen)
+        return np.clip(exposure * kind.light_of(some), 0.0, 1.0)
 
     errors = pixels.errors(brightness, shown if square is None and few == k and is_same else None)
     return np.hypot(np.where(hidden, 0.0, pixels.whole_map(total(errors))), sampling)

@@ -5,9 +5,8 @@ which they map that square: light is conserved, also where rays have crossed. Di
 Settles, Schlieren and Shadowgraph Techniques (Springer, 2001), chapter 6.
 """
 
-from dataclasses import dataclass, replace
-from functools import partial
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -17,13 +16,9 @@ from ..medium import IndexField
 from ..pupils import Pupil
 from ..tracing.pupil.air import GREATEST_SHARE
 from .bench import Bench, blurred, check_source
-from .line_of_sight import LineOfSight, check_exposure, line_of_sight
+from .line_of_sight import LineOfSight, Window, check_exposure, ray_lines, traced_light
 from .picture import TracedPicture
-from .picture_error import SPREAD, SomeLight, error_of, light_on_squares
-from .window import Window, ray_lines
-
-if TYPE_CHECKING:
-    import xarray
+from .picture_error import SPREAD, SomeLight, light_on_squares, shared_attributes
 
 
 @shown
@@ -43,22 +38,20 @@ class Shadowgraph(TracedPicture):
     source_angle: float
     source: str | Pupil = "disc"
 
-    def to_xarray(self) -> "xarray.Dataset":
-        """Return the picture as a dataset with units."""
-        return self._dataset(
-            {"irradiance": ("pixel", self.irradiance, "1", "light on the screen over undisturbed light")},
-            {
-                "kind": "shadowgraph",
-                "distance_m": self.distance,
-                "source_angle_rad": self.source_angle,
-                "source": str(self.source),
-            },
-        )
+    KIND: ClassVar[str] = "shadowgraph"
+    MAPS: ClassVar[dict[str, tuple[str, str, str]]] = {
+        "irradiance": ("pixel", "1", "light on the screen over undisturbed light")
+    }
+    NUMBERS: ClassVar[dict[str, str]] = {
+        "distance_m": "distance",
+        "source_angle_rad": "source_angle",
+        "source": "source",
+    }
 
 
 @checked
 def shadowgraph(
-    field: IndexField,
+    field: IndexField | LineOfSight,
     *,
     distance: float,
     source_angle: float = 0.0,
@@ -69,7 +62,7 @@ def shadowgraph(
     """Make a shadowgraph of a field.
 
     Args:
-        field: any field; a planar one needs `width` and a view along x.
+        field: any field, of which a planar one needs `width` and a view along x; or light that was traced through one.
         distance: from the field's middle to the screen, along the light [m]. A camera may be focused on a plane inside
             the field or in front of it: then this is small or negative, and the rays are extended straight back.
         source_angle: full angle that the source, a disc, subtends as seen from the field [rad]: it blurs by distance
@@ -89,31 +82,27 @@ def shadowgraph(
         if source_angle:
             raise ValueError(f"source_angle = {source_angle}: the bench's source gives it; leave it out")
         screen = Screen(distance, bench.angle, bench.source)
-    found = _picture(line_of_sight(field, **options), screen, exposure)
-    if bench is None or bench.sensor is None:
-        return found
-    return replace(found, intensity=bench.sensor.expose(exposure * found.irradiance, bench.seed))
-
-
-@checked
-def shadow_picture(
-    traced: LineOfSight,
-    *,
-    distance: float,
-    source_angle: float = 0.0,
-    exposure: float = 0.5,
-    source: str | Pupil = "disc",
-) -> Shadowgraph:
-    """Make the shadowgraph of traced light; arguments and errors as in `shadowgraph`.
-
-    `source` is the source's shape, as in a `Bench`.
-    """
-    return _picture(traced, Screen(distance, source_angle, source), check_exposure(exposure))
+    traced = traced_light(field, options)
+    if min(traced.through.shape) < 2:
+        raise ValueError(f"a shadowgraph needs at least 2 x 2 rays, got {traced.through.shape}: raise pixel_count")
+    irradiance, known = screen.light(traced), traced.known
+    if traced.doubtful.any():
+        known = known & (screen.light(traced, traced.doubtful.astype(np.float64)) <= GREATEST_SHARE)
+    square = max(*traced.window.pitch, abs(screen.distance) * screen.source_angle)
+    return Shadowgraph(
+        irradiance=irradiance,
+        distance=float(screen.distance),
+        source_angle=float(screen.source_angle),
+        source=screen.source,
+        **shared_attributes(
+            screen, traced, irradiance, exposure, bench=bench, known=known, square=square, curved=SPREAD
+        ),
+    )
 
 
 @dataclass(frozen=True)
 class Screen:
-    """A screen and the source whose light falls on it: the arguments of `shadow_picture` of the same names."""
+    """A screen and the source whose light falls on it: the arguments of `shadowgraph` of the same names."""
 
     distance: float
     source_angle: float = 0.0
@@ -140,31 +129,9 @@ class Screen:
         sharp, width = spread(traced, self.landing(traced), share), self.distance * self.source_angle
         return blurred(sharp, self.source, width, traced.window.pitch) if self.source_angle > 0.0 else sharp
 
-
-def _picture(traced: LineOfSight, screen: Screen, exposure: float) -> Shadowgraph:
-    if min(traced.through.shape) < 2:
-        raise ValueError(f"a shadowgraph needs at least 2 x 2 rays, got {traced.through.shape}: raise pixel_count")
-    irradiance, known = screen.light(traced), traced.known
-    brightness = np.clip(exposure * irradiance, 0.0, 1.0)
-    if traced.doubtful is not None and traced.doubtful.any():
-        known = known & (screen.light(traced, traced.doubtful.astype(np.float64)) <= GREATEST_SHARE)
-    of_pixels = partial(_of_pixels, screen=screen, exposure=exposure)
-    square = max(*traced.window.pitch, abs(screen.distance) * screen.source_angle)
-    return Shadowgraph(
-        intensity=brightness,
-        irradiance=irradiance,
-        **{**traced.frame, "known": known},
-        distance=float(screen.distance),
-        source_angle=float(screen.source_angle),
-        exposure=float(exposure),
-        source=screen.source,
-        measure_error=error_of(brightness, traced, of_pixels, square=square, curved=SPREAD),
-    )
-
-
-def _of_pixels(some: SomeLight, screen: Screen, exposure: float) -> np.ndarray:
-    """Return the brightness of some pixels."""
-    return np.clip(exposure * light_on_squares(some, screen.landing(some)), 0.0, 1.0)
+    def light_of(self, some: SomeLight) -> np.ndarray:
+        """Return the light of some pixels, shape (pixels,)."""
+        return light_on_squares(some, self.landing(some))
 
 
 def spread(traced: LineOfSight, shift: np.ndarray, share: np.ndarray | None = None) -> np.ndarray:

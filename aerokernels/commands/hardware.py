@@ -159,7 +159,8 @@ def reporter() -> Iterator[Callable[["RecordingStatus"], None]]:
         with console.status("waiting for the first echo") as live:
             yield lambda status: live.update(Text(text(status), no_wrap=True, overflow="ellipsis"))
         return
-    shown_at, shown = -1.0, None
+    shown_at = -1.0
+    shown: tuple[RecordingStatus, tuple[bool, int]] | None = None
 
     def tell(status: "RecordingStatus") -> None:
         nonlocal shown_at, shown
@@ -198,8 +199,14 @@ def board(
     With it, `record` can be tried without hardware.
     """
     from aerokernels.hardware import DIALECT_NAMES, PROTOCOLS
-    from aerokernels.hardware.pseudo_terminal import PseudoTerminal
-    from aerokernels.hardware.simulator import DEFAULT_SCENE, EchoSource, SimulatedScope, run_board, run_scope
+    from aerokernels.hardware.simulator import (
+        DEFAULT_SCENE,
+        EchoSource,
+        PseudoTerminal,
+        SimulatedScope,
+        run_board,
+        run_scope,
+    )
     from aerokernels.inputs.checks import check_choice
     from aerokernels.process.interrupt import interrupt_flag
 

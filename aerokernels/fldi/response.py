@@ -15,20 +15,17 @@ import numpy as np
 from ..display.shown import drawn_on
 from ..flow import DensityField, Series
 from ..inputs.arguments import Numbers, checked
-from ..inputs.checks import check_count
+from ..inputs.checks import check_count, warn_caller
 from ..medium import IndexField
 from ..rays import RayBundle
 from ..tracing.cuts import lost
 from ..tracing.lines import cell_along
+from ..tracing.pupil.air import GREATEST_SHARE, TruncationWarning
 from ..tracing.some_pixels import STUDENT, total
 from ..tracing.stop import Plane
 from ..tracing.variants.causes import line_variants, of_each
 from ..tracing.variants.paths import Paths, Rays, paths_of
-from .instrument import FLDI
-from .rays import BEYOND_REACH, REACH, beam_grid, crossed, gathered, ray_points, truncated_share, warn_of_truncation
-
-# Column of the error in what is read.
-ERROR = 3
+from .instrument import BEYOND_REACH, FLDI, REACH, beam_grid, crossed, gathered, ray_points, truncated_share
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -104,12 +101,9 @@ class FLDIResponse:
             for name, (unit, text) in words.items()
         }
         coordinates = {} if self.time is None else {"time": ("time", self.time, {"units": "s"})}
-        attributes = {
-            "separation_m": self.instrument.separation,
-            "waist_m": self.instrument.waist,
-            "divergence_rad": self.instrument.divergence,
-            "wavelength": self.instrument.wavelength,
-        }
+        numbers = {"separation_m": "separation", "waist_m": "waist", "divergence_rad": "divergence"}
+        attributes = {name: getattr(self.instrument, own) for name, own in numbers.items()}
+        attributes["wavelength"] = self.instrument.wavelength
         return xarray.Dataset(variables, coordinates, attributes)
 
     def plot(self, axes=None):
@@ -189,7 +183,13 @@ def fldi_response(
     if not found:
         raise ValueError("no field was given")
     arrays = np.stack(found)  # time, offset, quantity
-    warn_of_truncation(float(arrays[..., -1].max()))
+    lost_share = float(arrays[..., -1].max())
+    if lost_share > GREATEST_SHARE:
+        text = (
+            f"{100.0 * lost_share:.3g} % of the light goes through disturbed air that was cut off the field, and is in "
+            "no error; give the field a larger region there, move the focus or turn the axis"
+        )
+        warn_caller(text, TruncationWarning)
     if offsets is None:
         arrays = arrays[:, 0]
     if times is None:
@@ -252,7 +252,8 @@ def _read(field: Any, instrument: FLDI, offsets: np.ndarray, rays: int | None, r
     found = np.asarray(rows)
     if seen:
         number, places, ways = (np.asarray(column) for column in zip(*seen, strict=True))
-        found[number, ERROR] = np.hypot(found[number, ERROR], field_errors(field, instrument, places, ways))
+        # The fourth column is the error.
+        found[number, 3] = np.hypot(found[number, 3], field_errors(field, instrument, places, ways))
     return found
 
 

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import partial
+from glob import glob
 from importlib import import_module
 from itertools import pairwise
 from pathlib import Path
@@ -24,6 +25,7 @@ from aerokernels.inputs.arguments import seconds
 from aerokernels.inputs.checks import check_path, check_positive, warn_caller
 from aerokernels.medium import Body, QuadMesh
 
+READING = "aerokernels.flow.reading"  # imported when it is needed
 FILES, WITH_TIME = "files that are read one by one", "data with a time axis"
 ARRAYS, FIELDS = "arrays", "density fields"
 # The arguments of each kind of source, apart from its times; all others are rejected, since the snapshots would have
@@ -192,9 +194,12 @@ def times_of(time: Sequence[float] | None, step: float | None, start: float, cou
 def _of_path(path: Path, call: _Call) -> Series:
     if any(letter in str(path) for letter in "*?[") and not path.exists():
         call.check(str(path), FILES)
-        return _of_numbered(_matching(path), call, str(path))
-    lists = import_module("aerokernels.flow.reading.readers.vtk_files")
-    case = import_module("aerokernels.flow.reading.readers.foam_case")
+        files = [Path(one) for one in glob(str(path), recursive=True)]
+        if not files:
+            raise ValueError(f"{path}: no file matches; check the folder and the pattern")
+        return _of_numbered(in_order(files), call, str(path))
+    lists = import_module(f"{READING}.readers.vtk_files")
+    case = import_module(f"{READING}.readers.foam_case")
     times: Any
     times, kind = None, "file"
     if path.suffix.lower() in lists.LISTS and path.is_file():
@@ -206,7 +211,7 @@ def _of_path(path: Path, call: _Call) -> Series:
     elif path.exists() and case.may_be_case(path) and case.is_case(path):
         times, kind = [one.value for one in case.case_times(case.case_folder(path))], "case"
     elif path.is_file():
-        times = import_module("aerokernels.flow.reading.formats").times_in(path, call.for_files())
+        times = import_module(f"{READING}.formats").times_in(path, call.for_files())
     if times is not None:
         places = [(path, float(time)) for time in times]
         identity = {kind: path.name, "times": [time for _, time in places]}
@@ -285,11 +290,27 @@ def _one_by_one(
 ) -> Series:
     """Return the series of files, or of times of one file: `places` has the path of each snapshot, and its time."""
     call.check(name, FILES)
-    reader = _Reader(call.named.get("read"), call.for_files(), call.only("body", "conditions"))
-    return _of_fields(
-        lambda number: reader(*places[number]), times, reader(*places[0]), described, identity=identity,
-        stamp=lambda number: reader.stamp(*places[number]),
-    )  # fmt: skip
+    given, own, behind = call.for_files(), call.only("body", "conditions"), import_module(f"{READING}.formats")
+    read: Any = call.named.get("read")
+    if is_ours := read is None:
+        read = import_module(f"{READING}.read").Reader(**given)
+        given = read.options
+
+    def get(number: int) -> DensityField:
+        path, *time = places[number]
+        more = {"time": time[0]} if time else {}
+        field = read(path, **more) if is_ours else read(path, **given, **more)
+        if is_ours:
+            # The median of each file's own turbulence would tilt its wavefront: all get that of the first one.
+            given.setdefault("ambient_density", field.ambient_density)
+        changed: DensityField = _with_own(field, own)
+        return changed
+
+    def stamp(number: int) -> str:
+        path, *time = places[number]
+        return str(behind.stamp(behind.files_behind(path, given if is_ours else None, *time)))
+
+    return _of_fields(get, times, get(0), described, identity=identity, stamp=stamp)
 
 
 def _of_fields(get: Callable[[int], Any], times: np.ndarray, first: Any, described: str, **more: Any) -> Series:
@@ -308,46 +329,6 @@ def _with_own(item: Any, own: Mapping[str, Any]) -> Any:
         what = f"a {type(item).__name__} is a formula, which has its own {', '.join(own)}"
         raise ValueError(f"{what}: leave it out, and make the fields with the values that they are to have")
     return replace(item, **own)  # type: ignore[type-var]
-
-
-class _Reader:
-    """Reads files, or one file at several times, as density fields; the first one read is the first snapshot.
-
-    All files get the ambient density of the first one, unless the caller gives it or a function that reads them: the
-    median of each file's own turbulence would tilt its wavefront.
-    """
-
-    def __init__(self, read: Callable[..., DensityField] | None, options: dict[str, Any], own: Mapping[str, Any]):
-        """Store the function, None for `flow.read`, its options, and attributes that replace those of the fields."""
-        self.options: dict[str, Any] | None = None  # those of `flow.read`
-        self._read: Any = partial(read, **options) if read is not None else None
-        if read is None:
-            self._read = import_module("aerokernels.flow.reading.read").Reader(**options)
-            self.options = self._read.options
-        self._own = own
-
-    def __call__(self, path: Path, time: float | None = None) -> DensityField:
-        """Read a file, or a time of it."""
-        field = self._read(path) if time is None else self._read(path, time=time)
-        if self.options is not None:
-            self.options.setdefault("ambient_density", field.ambient_density)
-        changed: DensityField = _with_own(field, self._own)
-        return changed
-
-    def stamp(self, path: Path, time: float | None = None) -> str:
-        """Return a text that changes when one of the files is written again that are read for a path at a time."""
-        behind = import_module("aerokernels.flow.reading.formats")
-        return str(behind.stamp(behind.files_behind(path, self.options, time)))
-
-
-def _matching(pattern: Path) -> list[Path]:
-    """Return the files of a pattern, in order."""
-    parts = pattern.parts
-    first = next(k for k, part in enumerate(parts) if any(letter in part for letter in "*?["))
-    files = list((Path(*parts[:first]) if first else Path()).glob(str(Path(*parts[first:]))))
-    if not files:
-        raise ValueError(f"{pattern}: no file matches; check the folder and the pattern")
-    return in_order(files)
 
 
 def in_order(paths: Sequence[Path]) -> list[Path]:

@@ -26,12 +26,13 @@ WATER = "H2O"
 class Species:
     """A gas and its dispersion, with the vacuum wavelength lambda in um.
 
-    "sum": n - 1 = c0 + sum a / (b - 1 / lambda^2). "sellmeier": n^2 - 1 = sum a lambda^2 / (lambda^2 - b).
+    "sum": n - 1 = c0 + sum a / (b - 1 / lambda^2). "sellmeier": n^2 - 1 = sum a lambda^2 / (lambda^2 - b). "ciddor":
+    the vapour of Ciddor's moist air.
 
     Attributes:
         name: Chemical formula.
         molar_mass: [kg/mol].
-        form: "sum" or "sellmeier".
+        form: "sum", "sellmeier" or "ciddor".
         coefficients: (c0, a, b, a, b, ...) for "sum", (a, b, a, b, ...) for "sellmeier".
         wavelength_range: Vacuum wavelengths for which the formula was fitted [m].
         temperature: Temperature of the reference state [K].
@@ -70,6 +71,8 @@ class Species:
                 f"wavelength {wavelength:g} m is outside {low * 1e6:g} to {high * 1e6:g} um, where the refractivity of "
                 f"{self.name} is known: {self.source}"
             )
+        if self.form == "ciddor":
+            return self.constant(wavelength, group=group) * self.reference_density
         square = 1.0 / (wavelength * 1e6) ** 2
         constant = self.coefficients[: len(self.coefficients) % 2]
         numbers = self.coefficients[len(constant) :]
@@ -91,6 +94,8 @@ class Species:
         Raises:
             ValueError: A wavelength outside the formula's range.
         """
+        if self.form == "ciddor":  # at the density of the vapour, below 1e-2 kg/m3, the two forms agree to 1e-6
+            return ciddor.ciddor_constant(wavelength, water=1.0, group=group)
         excess = self.refractivity(wavelength)
         turned = self.refractivity(wavelength, group=True) - excess if group else 0.0
         if form == "lorentz-lorenz":
@@ -129,9 +134,11 @@ _TABLE = [
      (273.0, 100000.0), _BORZSONYI),
     ("Xe", 131.293, "sellmeier", (103701.61e-8, 12.75e-3, 31228.61e-8, 0.561e-3), (0.4, 1.0), -154.0, 3e-3,
      (273.0, 100000.0), _BORZSONYI),
+    # Fitted to moist air: the uncertainty is 1 % of the vapour's contribution.
+    (WATER, 18.015, "ciddor", (), (0.3, 1.69), -1240.0, 1e-2, (293.15, 1333.0), "Ciddor (1996)"),
 ]  # fmt: skip
 SPECIES: dict[str, Species] = {row[0]: _gas(*row) for row in _TABLE}
-SPECIES_NAMES = (*SPECIES, WATER)
+SPECIES_NAMES = tuple(SPECIES)
 
 
 @dataclass(frozen=True, eq=False)
@@ -210,21 +217,18 @@ class Composition:
     @property
     def range(self) -> tuple[float, float]:
         """Vacuum wavelengths at which every species' formula holds [m]."""
-        bands = [ciddor.RANGE if name == WATER else SPECIES[name].wavelength_range for name in self._names]
+        bands = [SPECIES[name].wavelength_range for name in self._names]
         return max(low for low, _ in bands), min(high for _, high in bands)
 
     @property
     def uncertainty(self) -> float:
         """Relative uncertainty of the constant: the greatest among those of its species."""
-        # Ciddor's water vapour was fitted to moist air: the uncertainty is 1 % of the vapour's contribution.
-        return max(1e-2 if name == WATER else SPECIES[name].uncertainty for name in self._names)
+        return max(SPECIES[name].uncertainty for name in self._names)
 
     @property
     def source(self) -> str:
         """The papers from which the constants come."""
-        return "; ".join(
-            dict.fromkeys("Ciddor (1996)" if name == WATER else SPECIES[name].source for name in self._names)
-        )
+        return "; ".join(dict.fromkeys(SPECIES[name].source for name in self._names))
 
     @property
     def _names(self) -> tuple[str, ...]:
@@ -237,7 +241,7 @@ def molar_mass(name: str) -> float:
     """Return the molar mass of a species [kg/mol]."""
     if name not in SPECIES_NAMES:
         raise ValueError(f"species {name!r} is not known: choose one of {', '.join(SPECIES_NAMES)}")
-    return ciddor.WATER_MOLAR_MASS if name == WATER else SPECIES[name].molar_mass
+    return SPECIES[name].molar_mass
 
 
 @checked
@@ -249,8 +253,5 @@ def species_constant(name: str, wavelength: float, form: str = "gladstone-dale",
     Raises:
         ValueError: An unknown species, or a wavelength outside the range of its formula.
     """
-    if name == WATER:
-        # At the density of the vapour, below 1e-2 kg/m3, the two forms agree to 1e-6.
-        return ciddor.ciddor_constant(wavelength, water=1.0, group=group)
     molar_mass(name)
     return SPECIES[name].constant(wavelength, form, group=group)

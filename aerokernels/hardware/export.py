@@ -4,10 +4,10 @@ import csv
 import itertools
 import os
 import re
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -17,40 +17,23 @@ from aerokernels.hardware.store import EchoStore, StoreError
 from aerokernels.inputs.checks import check_path, listed
 
 ECHOES_AT_ONCE = 1024  # most echoes written at a time
-# Counts from 0 V up to which single precision, and seven digits of a text, resolve a tenth of a count.
-SINGLE_COUNTS = 2**20
 
 
-@dataclass(frozen=True)
-class _Extent:
-    """The size and common properties of the echoes to be written.
+class _Extent(NamedTuple):
+    """The number of echoes, the samples of the longest, the samples' times [s] where all agree on them, label keys.
 
-    Attributes:
-        count: number of echoes.
-        sample_count: samples of the longest echo.
-        time: time of each sample [s], where all echoes agree on it; None otherwise.
-        keys: keys of their labels.
-        is_single: whether single precision resolves the counts of all echoes: not on an offset a million counts high.
+    `is_single` says that single precision resolves the counts of all echoes: not on an offset a million counts high.
     """
 
-    count: int
+    echo_count: int
     sample_count: int
     time: np.ndarray | None
     keys: tuple[str, ...]
     is_single: bool
 
-    @property
-    def at_once(self) -> int:
-        """Echoes written at a time."""
-        # 2^23 samples are written at a time at most: one long curve makes every row as long.
-        return max(1, min(self.count, ECHOES_AT_ONCE, 2**23 // max(self.sample_count, 1)))
-
 
 def export(store: EchoStore, out: str | Path, label: Mapping[str, str] | None = None) -> int:
-    """Write the echoes of `store` to `out`; return their number.
-
-    A recorder may go on writing to the store meanwhile: the export shows the store at one moment. `out` is replaced in
-    one step when the export is complete.
+    """Write the echoes of `store`, as it is at one moment, to `out`, replaced in one step; return their number.
 
     Args:
         store: open for reading.
@@ -79,7 +62,7 @@ def export(store: EchoStore, out: str | Path, label: Mapping[str, str] | None = 
     try:
         with only_writer(out), store.snapshot():
             extent = _survey(store, label)
-            if not extent.count:
+            if not extent.echo_count:
                 known = listed(map(_text_of, store.labels()), "none")
                 raise ValueError(f"store {store.path}: no echoes with label {_text_of(label or {})}; it has: {known}")
             draft = draft_of(out)
@@ -92,7 +75,7 @@ def export(store: EchoStore, out: str | Path, label: Mapping[str, str] | None = 
         raise StoreError(
             f"out={out}: {os.strerror(error.errno) if error.errno else error}; make room, or give another place"
         ) from error
-    return extent.count
+    return extent.echo_count
 
 
 def _chosen(store: EchoStore, label: Mapping[str, str] | None) -> Iterator[StoredEcho]:
@@ -113,7 +96,8 @@ def _survey(store: EchoStore, label: Mapping[str, str] | None) -> _Extent:
         keys.update(dict.fromkeys(echo.label))
         if is_single:
             greatest = abs(echo.frame.offset) + 32768.0 * abs(echo.frame.scale)
-            is_single = greatest <= min(SINGLE_COUNTS * abs(echo.frame.scale), float(np.finfo(np.float32).max))
+            # Up to 2^20 counts single precision, and seven digits of a text, resolve a tenth of a count.
+            is_single = greatest <= min(2**20 * abs(echo.frame.scale), float(np.finfo(np.float32).max))
     time = None
     if len(axes) == 1:
         ((period, first),) = axes
@@ -148,77 +132,66 @@ def _write_netcdf(store: EchoStore, draft: Path, extent: _Extent, label: Mapping
     import h5netcdf
     import h5py
 
-    text = h5py.string_dtype()
-    label_names = _label_names(extent.keys)
+    text, names = h5py.string_dtype(), {key: "label_" + re.sub(r"\W", "_", key) for key in extent.keys}
+    real = np.dtype(np.float32 if extent.is_single else np.float64)
+    # 2^23 samples are written at a time at most: one long curve makes every row as long.
+    at_once = max(1, min(extent.echo_count, ECHOES_AT_ONCE, 2**23 // max(extent.sample_count, 1)))
+    # Variables over the echoes: type, unit, meaning and value.
+    columns: dict[str, tuple[Any, str, str, Callable[[StoredEcho], Any]]] = {
+        "session": ("i4", "1", "run of the board", lambda echo: echo.session),
+        "sequence": ("i8", "1", "number of the echo in its run", lambda echo: echo.frame.sequence),
+        "device_time_us": ("i8", "us", "the board's clock; -1 where the instrument sends none", _clock),
+        "host_time": ("i8", "nanoseconds since 1970-01-01", "host's time of the echo", lambda echo: echo.host_time_ns),
+        "flags": ("u1", "1", "the board's flags", lambda echo: echo.frame.flags),
+        "sample_count": ("i4", "1", "samples of this echo", lambda echo: echo.frame.samples.size),
+        "sample_period": ("f8", "s", "time between two samples", lambda echo: echo.frame.sample_period_ps * 1e-12),
+        "first_sample_time": ("f8", "s", "time of the first sample", lambda echo: echo.frame.first_sample_time),
+    }
+    for key, name in names.items():
+        columns[name] = (text, "", f"label {key}", partial(_label_value, key))
     with RetryingFile(draft) as disk, h5netcdf.File(disk, "w") as file:
-        file.dimensions = {"echo": extent.count, "sample": extent.sample_count}
+        file.dimensions = {"echo": extent.echo_count, "sample": extent.sample_count}
         file.attrs["title"] = "recorded echoes"
         file.attrs["source"] = f"aerokernels, store {store.path.name}"
         file.attrs["missing_count"] = sum(gap.missing_count for gap in store.gaps())
         file.attrs["damaged_count"] = store.damaged_count
-        columns = [
-            (_variable(file, name, ("echo",), kind, units, meaning), kind, value)
-            for name, kind, units, meaning, value in (
-                ("session", "i4", "1", "run of the board", lambda echo: echo.session),
-                ("sequence", "i8", "1", "number of the echo in its run", lambda echo: echo.frame.sequence),
-                ("device_time_us", "i8", "us", "the board's clock; -1 where the instrument sends none", _clock),
-                (
-                    "host_time",
-                    "i8",
-                    "nanoseconds since 1970-01-01",
-                    "when the echo was complete on the host",
-                    lambda echo: echo.host_time_ns,
-                ),
-                ("flags", "u1", "1", "the board's flags", lambda echo: echo.frame.flags),
-                ("sample_count", "i4", "1", "samples of this echo", lambda echo: echo.frame.samples.size),
-                (
-                    "sample_period",
-                    "f8",
-                    "s",
-                    "time between two samples",
-                    lambda echo: echo.frame.sample_period_ps * 1e-12,
-                ),
-                ("first_sample_time", "f8", "s", "time of the first sample", lambda echo: echo.frame.first_sample_time),
-                *(
-                    (name, text, "", f"label {key}", lambda echo, key=key: echo.label.get(key, ""))
-                    for key, name in label_names.items()
-                ),
-            )
-        ]
-        real = np.dtype(np.float32 if extent.is_single else np.float64)
-        volts = _variable(
-            file, "voltage", ("echo", "sample"), real, "V", "echo; NaN beyond its own samples",
-            chunks=(extent.at_once, max(extent.sample_count, 1)), compression="gzip",
-            compression_opts=1, shuffle=True, fillvalue=real.type("nan"),
+        for name, (kind, units, meaning, _) in columns.items():
+            _describe(file.create_variable(name, ("echo",), kind), units, meaning)
+        volts = file.create_variable(
+            "voltage", ("echo", "sample"), real, chunks=(at_once, max(extent.sample_count, 1)),
+            compression="gzip", compression_opts=1, shuffle=True, fillvalue=real.type("nan"),
         )  # fmt: skip
-        coordinates = ["sequence", "host_time", *label_names.values()]
+        _describe(volts, "V", "echo; NaN beyond its own samples")
+        coordinates = ["sequence", "host_time", *names.values()]
         if extent.time is not None:
             coordinates.append("time")
-            _variable(file, "time", ("sample",), "f8", "s", "time of the sample")[:] = extent.time
+            axis = file.create_variable("time", ("sample",), "f8")
+            _describe(axis, "s", "time of the sample")
+            axis[:] = extent.time
         volts.attrs["coordinates"] = " ".join(coordinates)
-        start = 0
-        for block in _blocks(_chosen(store, label), extent.at_once):
+        start, echoes = 0, _chosen(store, label)
+        while not disk.failure and (block := list(itertools.islice(echoes, at_once))):
             here = slice(start, start + len(block))
-            for column, kind, value in columns:
-                column[here] = np.array([value(echo) for echo in block], dtype=kind)
+            for name, (kind, _, _, value) in columns.items():
+                file[name][here] = np.array([value(echo) for echo in block], dtype=kind)
             rows = np.full((len(block), extent.sample_count), np.nan, real)
             for row, echo in zip(rows, block, strict=True):
                 row[: echo.frame.samples.size] = echo.frame.voltage
             if extent.sample_count:
                 volts[here] = rows
             start += len(block)
-            if disk.failure:
-                break
     if disk.failure:
         raise disk.failure
 
 
-def _variable(file: Any, name: str, dims: tuple[str, ...], kind: Any, units: str, meaning: str, **options: Any) -> Any:
-    variable = file.create_variable(name, dims, kind, **options)
+def _label_value(key: str, echo: StoredEcho) -> str:
+    return echo.label.get(key, "")
+
+
+def _describe(variable: Any, units: str, meaning: str) -> None:
     if units:
         variable.attrs["units"] = units
     variable.attrs["long_name"] = meaning
-    return variable
 
 
 def _clock(echo: StoredEcho) -> int:
@@ -227,27 +200,8 @@ def _clock(echo: StoredEcho) -> int:
     return -1 if clock is None else signed(clock)
 
 
-def _label_names(keys: tuple[str, ...]) -> dict[str, str]:
-    """Return a NetCDF name for each key of a label; a name that is already used gets underscores appended."""
-    names: dict[str, str] = {}
-    for key in keys:
-        name = "label_" + re.sub(r"\W", "_", key)
-        while name in names.values():
-            name += "_"
-        names[key] = name
-    return names
-
-
-def _blocks(echoes: Iterator[StoredEcho], count: int) -> Iterator[list[StoredEcho]]:
-    while block := list(itertools.islice(echoes, count)):
-        yield block
-
-
 def _text_of(label: Mapping[str, str]) -> str:
     return " ".join(f"{key}={value}" for key, value in label.items()) or "(empty)"
-
-
-FORMULA = ("=", "+", "-", "@", "\t", "\r")
 
 
 def text_of_cell(cell: str) -> str:
@@ -258,7 +212,7 @@ def text_of_cell(cell: str) -> str:
 
 def csv_cell(value: object) -> object:
     """Return a cell's value; a text that begins like a formula and is not a number gets a leading apostrophe."""
-    if not isinstance(value, str) or not value.lstrip(" ").startswith(FORMULA):
+    if not isinstance(value, str) or not value.lstrip(" ").startswith(("=", "+", "-", "@", "\t", "\r")):
         return value
     try:
         float(value)

@@ -16,6 +16,7 @@ CRC-32 as in zlib (ISO-HDLC).
 import math
 import struct
 import zlib
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 from operator import index
@@ -30,14 +31,8 @@ from aerokernels.inputs.checks import check_at_least
 class Waveform:
     """Counts of an analogue-to-digital converter as volts over time.
 
-    volts = offset + scale * sample, and the time of sample k is first_sample_time + k * sample period.
-
-    Attributes:
-        sample_period_ps: time between two samples [ps].
-        scale: [V/count].
-        offset: [V].
-        samples: counts, int16, shape (sample_count,).
-        first_sample_time: time of the first sample [s].
+    volts = offset [V] + scale [V/count] * sample, int16, shape (sample_count,); the time of sample k is
+    first_sample_time [s] + k * sample period [ps].
     """
 
     sample_period_ps: float
@@ -66,11 +61,7 @@ class Waveform:
 
 
 def as_counts(samples: Any) -> np.ndarray:
-    """Return counts as an int16 array of shape (sample_count,) that cannot be written to.
-
-    Raises:
-        ValueError: more than one row, counts that are not whole numbers, or that do not fit int16.
-    """
+    """Return counts as an int16 array of shape (sample_count,) that cannot be written to."""
     counts = np.asarray(samples)
     if counts.ndim != 1:
         raise ValueError(f"samples have shape {counts.shape}: give one row of counts")
@@ -89,20 +80,10 @@ def as_whole(value: Any, name: str) -> int:
         raise TypeError(f"{name} must be a whole number, got {value!r}") from None
 
 
-MAGIC = b"AE"
-
-VERSION = 1
-
-DELIMITER = b"\x00"
-
+MAGIC, VERSION, DELIMITER = b"AE", 1, b"\x00"
 GREATEST_SAMPLE_COUNT = 0xFFFF
-
-_HEADER = struct.Struct("<2sBBIQIffH")
-
-_CRC = struct.Struct("<I")
-
+_HEADER, _CRC = struct.Struct("<2sBBIQIffH"), struct.Struct("<I")
 _GREATEST_PAYLOAD = _HEADER.size + 2 * GREATEST_SAMPLE_COUNT + _CRC.size
-
 # Bytes of the longest possible frame on the wire, without its delimiter.
 GREATEST_FRAME_LENGTH = _GREATEST_PAYLOAD + _GREATEST_PAYLOAD // 254 + 1
 
@@ -136,12 +117,7 @@ class EchoFrame(Waveform):
     raw: bytes = field(default=b"", repr=False)
 
     def __post_init__(self) -> None:
-        """Check that every field fits its place in the frame.
-
-        Raises:
-            ValueError: a value that does not fit; the message names the field.
-            TypeError: a value that is no number.
-        """
+        """Check that every field fits its place in the frame; a ValueError or TypeError names one that does not."""
         for name, bits in (("sequence", 32), ("device_time_us", 64), ("sample_period_ps", 32), ("flags", 8)):
             value = as_whole(getattr(self, name), name)
             object.__setattr__(self, name, value)
@@ -204,16 +180,11 @@ def decode(raw: bytes) -> EchoFrame:
         if not math.isfinite(value):
             raise FrameError(f"header: {name} = {value}, which is no voltage")
     samples = np.frombuffer(body, "<i2", offset=_HEADER.size).astype(np.int16, copy=False)
-    return _received(
+    frame = object.__new__(EchoFrame)  # without its checks: fields unpacked from a frame always fit
+    frame.__dict__.update(
         sequence=sequence, device_time_us=device_time, sample_period_ps=period, scale=scale, offset=offset,
         samples=samples, flags=flags, raw=bytes(raw), crc=crc,
     )  # fmt: skip
-
-
-def _received(**fields: Any) -> EchoFrame:
-    """Make a frame from decoded fields without checking them: fields unpacked from a frame always fit."""
-    frame = object.__new__(EchoFrame)
-    frame.__dict__.update(fields)
     return frame
 
 
@@ -247,43 +218,31 @@ class FrameDecoder:
 
     def feed(self, chunk: bytes) -> list[EchoFrame | DamagedPiece]:
         """Take the next bytes; return the frames and damaged pieces that they complete, in order."""
-        found: list[EchoFrame | DamagedPiece] = []
+        pieces: list[EchoFrame | DamagedPiece] = []
         *ended, rest = bytes(chunk).split(DELIMITER)
-        for piece in ended:
-            self._extend(piece, found)
-            if self._overlong:
-                found.extend(self._damaged(_OVERLONG))
-            elif self._pending:
-                found.append(self._judge())
-            self._pending.clear()
-            self._overlong = False
-        self._extend(rest, found)
-        return found
+        for part in ended:
+            self._pending += part
+            pieces += self._overlong_pieces()
+            if self._pending and not self._overlong:
+                try:
+                    pieces.append(decode(bytes(self._pending)))
+                except FrameError as error:
+                    pieces.append(DamagedPiece(bytes(self._pending), str(error)))
+                self._pending.clear()
+            pieces += self.finish()
+        self._pending += rest
+        return [*pieces, *self._overlong_pieces()]
 
     def finish(self, reason: str = "cut off: the stream ended before its delimiter") -> list[DamagedPiece]:
         """End the stream: return the pending bytes as a damaged piece, and reset the decoder."""
-        found = self._damaged(_OVERLONG if self._overlong else reason)
+        raw, reason = bytes(self._pending), _OVERLONG if self._overlong else reason
         self._pending.clear()
         self._overlong = False
-        return found
+        return [DamagedPiece(raw, reason)] if raw else []
 
-    def _extend(self, piece: bytes, found: list[EchoFrame | DamagedPiece]) -> None:
-        start = 0
-        while len(self._pending) + len(piece) - start > GREATEST_FRAME_LENGTH:
-            room = GREATEST_FRAME_LENGTH - len(self._pending)
-            self._pending += piece[start : start + room]
-            start += room
-            found.extend(self._damaged(_OVERLONG))
-            self._pending.clear()
+    def _overlong_pieces(self) -> Iterator[DamagedPiece]:
+        """Take pieces of the greatest length off the pending bytes while they are longer."""
+        while len(self._pending) > GREATEST_FRAME_LENGTH:
+            yield DamagedPiece(bytes(self._pending[:GREATEST_FRAME_LENGTH]), _OVERLONG)
+            del self._pending[:GREATEST_FRAME_LENGTH]
             self._overlong = True
-        self._pending += piece[start:]
-
-    def _damaged(self, reason: str) -> list[DamagedPiece]:
-        return [DamagedPiece(bytes(self._pending), reason)] if self._pending else []
-
-    def _judge(self) -> EchoFrame | DamagedPiece:
-        raw = bytes(self._pending)
-        try:
-            return decode(raw)
-        except FrameError as error:
-            return DamagedPiece(raw, str(error))

@@ -4,6 +4,7 @@ import errno
 import queue
 import threading
 import time
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -74,20 +75,13 @@ def open_port(port: str, *, baud: int = 115200, timeout: float = 0.1, flow: str 
 
 
 def read_available(port: "serial.SerialBase") -> bytes:
-    """Return the bytes that have arrived; wait up to the port's timeout for the first one, empty when none came.
-
-    Raises:
-        OSError, termios.error: the port was lost (`PORT_ERRORS`).
-    """
+    """Return the bytes that have arrived; wait up to the port's timeout for the first one, empty when none came."""
     if _is_socket(port):
         return _read_socket(port)
     first = port.read(max(1, min(port.in_waiting, _LONGEST_READ)))
-    if first:
-        try:  # the read returned after one byte; by now more have usually arrived
-            waiting = min(port.in_waiting, _LONGEST_READ)
-            return first + port.read(waiting) if waiting else first
-        except PORT_ERRORS:
-            pass  # the next call raises the same error; return the byte that was read first
+    with suppress(*PORT_ERRORS):  # the next call raises the same error
+        if first and (waiting := min(port.in_waiting, _LONGEST_READ)):  # by now more have usually arrived
+            return first + port.read(waiting)
     return first
 
 
@@ -107,10 +101,8 @@ def _is_socket(port: "serial.SerialBase") -> bool:
 
 def close_port(port: "serial.SerialBase") -> None:
     """Close a port in any state, without raising."""
-    try:
+    with suppress(*PORT_ERRORS):  # a lost device may fail to close
         port.close()
-    except PORT_ERRORS:
-        pass  # a lost device may fail to close
 
 
 def _remedy(port: str, error: Exception) -> str:
@@ -140,11 +132,7 @@ def _known_ports() -> str:
 
 
 class PortReader:
-    """Reads a port ahead of its user.
-
-    Args:
-        port: the open port; only this reader reads from it, and the user closes it after `stop`.
-    """
+    """Reads an open port ahead of its user, who closes it after `stop`."""
 
     def __init__(self, port: "serial.SerialBase") -> None:
         """Start reading."""
@@ -159,8 +147,7 @@ class PortReader:
     def next(self, timeout: float = 0.1) -> tuple[bytes, int] | None:
         """Return the next bytes and their arrival time [ns since 1970]; None when none came within `timeout` [s].
 
-        Raises:
-            OSError, termios.error: the port was lost; raised after all bytes that came before were returned.
+        The error of a port that was lost is raised after all bytes that came before were returned.
         """
         try:
             return self._chunks.get(timeout=timeout)
@@ -176,17 +163,13 @@ class PortReader:
 
     def _read(self) -> None:
         try:
+            item = None
             while not self._stopping.is_set():
-                chunk = read_available(self._port)
-                if chunk:
-                    self._put((chunk, time.time_ns()))
+                if item is None and (chunk := read_available(self._port)):
+                    item = chunk, time.time_ns()
+                if item is not None:
+                    with suppress(queue.Full):
+                        self._chunks.put(item, timeout=0.1)
+                        item = None
         except Exception as error:  # raised again in the user's thread by `next`
             self._failure = error
-
-    def _put(self, item: tuple[bytes, int]) -> None:
-        while True:
-            try:
-                return self._chunks.put(item, timeout=0.1)
-            except queue.Full:
-                if self._stopping.is_set():
-                    return None  # never acknowledged

@@ -29,9 +29,6 @@ _RIGOL_FIELDS = (
 )  # fmt: skip
 
 
-MOST_SAMPLES = 2**32  # more than any block holds
-
-
 class PreambleError(ValueError):
     """A preamble cannot be used; the message is the reason."""
 
@@ -59,16 +56,12 @@ class Preamble:
     offset: float
 
     def __post_init__(self) -> None:
-        """Check.
-
-        Raises:
-            PreambleError: a number that is not finite, a scale of 0, a period that is not positive, or overflow.
-        """
+        """Check that the numbers are finite, that scale and period are not 0, and that nothing overflows."""
         for name in ("sample_period", "first_sample_time", "scale", "offset"):
             if not math.isfinite(getattr(self, name)):
                 raise PreambleError(f"preamble: {name} = {getattr(self, name)}")
-        # Volts of the widest count and the time of the last possible sample [ps] must not overflow.
-        furthest = abs(self.first_sample_time) + 1e12 * self.sample_period * MOST_SAMPLES
+        # Volts of the widest count and the time [ps] of the last of more samples than a block holds must not overflow.
+        furthest = abs(self.first_sample_time) + 1e12 * self.sample_period * 2**32
         if not math.isfinite(abs(self.offset) + 65536.0 * abs(self.scale)) or not math.isfinite(furthest):
             raise PreambleError(f"preamble: {self.scale} V per count every {self.sample_period} s is out of range")
         if self.scale == 0.0 or self.sample_period <= 0.0:
@@ -85,11 +78,7 @@ class Preamble:
         return same and abs(self.first_sample_time - other.first_sample_time) < self.sample_period
 
     def curve(self, data: bytes, raw: bytes, sequence: int | None) -> "ScopeCurve":
-        """Return the curve in the block `data`.
-
-        Raises:
-            PreambleError: the block's length differs from the preamble's.
-        """
+        """Return the curve in the block `data`, whose length must be the preamble's."""
         width = np.dtype(self.sample_type).itemsize
         if len(data) % width or (self.sample_count is not None and len(data) != width * self.sample_count):
             raise PreambleError(f"length: {len(data)} bytes for {self.sample_count} samples of {width}")
@@ -112,19 +101,10 @@ class Preamble:
 
 @dataclass(frozen=True, eq=False)
 class ScopeCurve(Waveform):
-    """One curve of an oscilloscope.
+    """One curve of an oscilloscope, with its preamble as the instrument sent it, and the block as received (raw).
 
-    Attributes:
-        sequence: the instrument's count of acquisitions; None where it has no count, and the store numbers the curve.
-        sample_period_ps: time between two samples [ps].
-        scale: [V/count].
-        offset: [V].
-        samples: counts, int16, shape (sample_count,).
-        first_sample_time: time of the first sample after the trigger [s].
-        preamble: the preamble as the instrument sent it.
-        raw: the block as received.
-        device_time_us: always None, since an oscilloscope sends no clock.
-        flags: 0.
+    `sequence` is the instrument's count of acquisitions; None where it has no count, and the store numbers the curve.
+    An oscilloscope sends no clock and no flags.
     """
 
     sequence: int | None
@@ -139,12 +119,7 @@ class ScopeCurve(Waveform):
     flags: int = 0
 
     def __post_init__(self) -> None:
-        """Check.
-
-        Raises:
-            ValueError: a number that is not finite, or samples that are not one row of 16-bit counts.
-            TypeError: a value that is no number.
-        """
+        """Check that the numbers are finite, and the samples one row of 16-bit counts."""
         if self.sequence is not None:
             object.__setattr__(self, "sequence", as_whole(self.sequence, "sequence"))
         for name in ("sample_period_ps", "scale", "offset", "first_sample_time"):
@@ -164,9 +139,6 @@ def parse_tektronix(text: str) -> Preamble:
     """Parse the preamble of a Tektronix oscilloscope: `NAME value` pairs between semicolons, in any order.
 
     Fields that older instruments leave out get their usual values: one signed byte a sample, no offsets.
-
-    Raises:
-        PreambleError: a field is missing, or has an unsupported value.
     """
     fields: dict[str, str] = {}
     for part in re.findall(r'(?:[^;"]|"[^"]*"?)+', text):
@@ -203,11 +175,7 @@ def parse_tektronix(text: str) -> Preamble:
 
 
 def parse_rigol(text: str) -> Preamble:
-    """Parse the preamble of a Rigol oscilloscope: ten numbers between commas.
-
-    Raises:
-        PreambleError: not ten numbers, or an unsupported format.
-    """
+    """Parse the preamble of a Rigol oscilloscope: ten numbers between commas."""
     values = re.sub(r"^\s*:?[A-Za-z][\w:]*\s+", "", text).split(",")
     if len(values) != len(_RIGOL_FIELDS):
         raise PreambleError(f"preamble: {len(values)} values instead of {len(_RIGOL_FIELDS)} in {text[:200]!r}")

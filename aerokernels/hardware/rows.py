@@ -129,11 +129,7 @@ def row_of(
 
 
 def stored_echo(session: Any, host_time: Any, label: Any, *columns: Any) -> StoredEcho:
-    """Make an echo from the columns that `READ_ECHOES` selects.
-
-    Raises:
-        TypeError, ValueError, OverflowError: The columns do not hold an echo.
-    """
+    """Make an echo from the columns that `READ_ECHOES` selects."""
     sequence, device_time, period, first_sample, scale, offset, samples, flags, preamble, raw = columns
     counts = np.frombuffer(samples, "<i2").astype(np.int16, copy=False)
     if device_time is None:
@@ -147,11 +143,7 @@ def stored_echo(session: Any, host_time: Any, label: Any, *columns: Any) -> Stor
 
 
 def encode_label(label: Mapping[str, str]) -> str:
-    """Return a label as it is stored: JSON text with sorted keys, so that equal labels are equal texts.
-
-    Raises:
-        TypeError: the label is not texts by their keys, or holds characters that are not Unicode.
-    """
+    """Return a label as it is stored: JSON text with sorted keys, so that equal labels are equal texts."""
     meant = 'a label is texts by their keys, such as {"mach": "3"}'
     if not isinstance(label, Mapping):
         raise TypeError(f"{meant}, got {label!r}")

@@ -95,18 +95,10 @@ class BlockDecoder:
 
 @dataclass(frozen=True)
 class Dialect:
-    """Commands of one family of oscilloscopes.
+    """Commands of one family of oscilloscopes; questions for the scaling, the samples and the count of acquisitions.
 
-    Attributes:
-        name: the dialect's name on the command line.
-        set_up: commands sent once.
-        preamble: question for the scaling.
-        curve: question for the samples.
-        acquisition: question for the count of acquisitions, None where there is none.
-        single: command that starts a single acquisition, question for its state, and command that ends this mode.
-        parse: parser of the answer to `preamble`.
-        maker: name in the answer to `*IDN?` without which the preamble is not believed; empty where its fields have
-            names. Other makers send ten numbers too, and mean other volts by them.
+    `single` starts a single acquisition, asks for its state, and ends this mode. Without the name of the `maker` in the
+    answer to `*IDN?` the preamble is not believed: other makers send ten numbers too, and mean other volts by them.
     """
 
     name: str
@@ -149,10 +141,7 @@ class DamagedAnswerError(Exception):
 class Oscilloscope:
     """Sends commands and questions to an instrument, and reads its answers.
 
-    Args:
-        port: the open port.
-        timeout: longest silence before and within an answer [s].
-        stopped: called while waiting; True gives up at once.
+    `timeout` is the longest silence before and within an answer [s]; `stopped` gives up at once.
     """
 
     def __init__(
@@ -169,13 +158,7 @@ class Oscilloscope:
         self._port.write(command.encode("ascii") + b"\n")
 
     def ask_text(self, question: str, timeout: float | None = None) -> str:
-        """Send `question` and return the line of text that answers it.
-
-        Raises:
-            NoAnswerError: no answer came in time.
-            DamagedAnswerError: the answer is not a line of text.
-            OSError, termios.error: the port was lost.
-        """
+        """Send `question` and return the line of text that answers it; NoAnswerError or DamagedAnswerError without."""
         answer = self._ask(question, timeout)
         if isinstance(answer, Block):
             self.reject(answer, f"text: a block in answer to {question}")
@@ -183,7 +166,7 @@ class Oscilloscope:
         return answer
 
     def ask_block(self, question: str) -> Block:
-        """Send `question` and return the block that answers it; raises the errors of `ask_text`."""
+        """Send `question` and return the block that answers it."""
         answer = self._ask(question)
         if isinstance(answer, str):
             self.reject(answer, f"block: a text in answer to {question}")
@@ -242,16 +225,9 @@ class Oscilloscope:
 
 
 def find_dialect(scope: Oscilloscope, name: str = "auto") -> Dialect:
-    """Find the dialect that the instrument answers, after sending its set-up commands.
+    """Find the dialect ("auto": any) that the instrument answers, after sending its set-up commands.
 
-    Args:
-        scope: the instrument.
-        name: "auto", or the name of one of `DIALECTS`, which counts where the instrument does not say its maker.
-
-    Raises:
-        NoAnswerError: the instrument answers no dialect, or its maker's scale of volts is not known; the message says
-            what came instead.
-        OSError, termios.error: the port was lost.
+    The message of a NoAnswerError says what came instead.
     """
     why, identity = "no answer", probe(scope, "*IDN?")
     for dialect in DIALECTS:

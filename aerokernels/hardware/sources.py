@@ -22,11 +22,7 @@ Piece = EchoFrame | ScopeCurve | DamagedPiece
 
 
 class FrameStream:
-    """Frames v1, which the board sends unprompted.
-
-    Args:
-        port: the open port; closed by `close`.
-    """
+    """Frames v1, which the board sends unprompted."""
 
     waits_long = False  # whether a `poll` may wait for seconds, so that earlier echoes are committed first
 
@@ -62,16 +58,11 @@ class FrameStream:
 
 
 class CurveStream:
-    """Curves of an oscilloscope, queried one by one.
+    """Curves of an oscilloscope, queried one by one, and none twice.
 
-    Args:
-        port: the open port; closed by `close`, and by the constructor if the instrument does not answer.
-        dialect: "auto", "tektronix" or "rigol".
-        timeout: longest silence before and within an answer [s].
-        stopped: called while waiting; True gives up at once.
-
-    Raises:
-        PortError: the instrument does not answer as an oscilloscope does.
+    Where the instrument counts its acquisitions (Tektronix), the count is queried before and after each curve, which
+    shows how many were missed. Where it does not (Rigol), each single acquisition is started from here. An instrument
+    that supports neither is read as fast as it answers; one that does not answer at all is a PortError.
     """
 
     waits_long = True

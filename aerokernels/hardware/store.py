@@ -143,20 +143,10 @@ class EchoStore:
             execute("PRAGMA wal_autocheckpoint = 4000")  # pages, 16 MB, before they are moved into the file
 
     def begin_recording(self, port: str, protocol: str, label: Mapping[str, str]) -> None:
-        """Set the origin and the label of the echoes that follow.
+        """Set the port, the protocol and the label (texts by their keys) of the echoes that follow.
 
         Numbering continues from the last echo of the same port and protocol: echoes that the board sent while nobody
         recorded are a gap, unless the board was restarted meanwhile.
-
-        Args:
-            port: name of the port.
-            protocol: name of the protocol.
-            label: texts by their keys.
-
-        Raises:
-            TypeError: a label that is not texts by their keys, or a name that is no text.
-            ValueError: the store was opened for reading only, or is closed.
-            StoreError: the store cannot be written.
         """
         for name, given in (("port", port), ("protocol", protocol)):
             if not isinstance(given, str):
@@ -174,12 +164,7 @@ class EchoStore:
             self._recording = self._connection.execute("SELECT last_insert_rowid()").fetchone()[0]
 
     def add(self, echo: EchoFrame | ScopeCurve, host_time_ns: int) -> bool:
-        """Add an echo to the open batch; return False if the store already has it (a frame sent twice).
-
-        Raises:
-            ValueError: `begin_recording` was not called before.
-            TypeError: something other than an echo, or a host time [ns since 1970] that is no whole number.
-        """
+        """Add an echo to the open batch; return False if the store already has it (a frame sent twice)."""
         self._check_recording()
         if not isinstance(echo, EchoFrame | ScopeCurve):
             raise TypeError(f"a store holds an EchoFrame or a ScopeCurve, got {echo!r}")
@@ -204,7 +189,7 @@ class EchoStore:
         return True
 
     def add_damaged(self, piece: DamagedPiece, host_time_ns: int) -> None:
-        """Add a damaged piece to the open batch; raises the errors of `add`."""
+        """Add a damaged piece to the open batch."""
         self._check_recording()
         if not isinstance(piece, DamagedPiece):
             raise TypeError(f"a damaged piece is a DamagedPiece, got {piece!r}")

@@ -6,7 +6,7 @@ field and the blur by the flow. Reference: M. Raffel, Exp. Fluids 56 (2015) 60.
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Unpack
 
 import numpy as np
 
@@ -16,8 +16,9 @@ from ..inputs.checks import check_choice
 from ..medium import IndexField
 from ..process.threads import in_threads
 from ..sensor import Sensor
+from ..tracing.plan import TraceOptions
 from .camera import Camera
-from .shift import BackgroundDisplacement, check_view, gather
+from .shift import BackgroundDisplacement, gather, view_options
 
 # Points of the aperture for a picture, and margin of a pattern around it [pixels].
 APERTURE_RAYS, MARGIN = 16, 32
@@ -216,8 +217,8 @@ def bos(
     sensor: Sensor | None = None,
     seed: int = 0,
     aperture_rays: int = APERTURE_RAYS,
-    allow_truncation: bool = False,
-    **options: Any,
+    wavelength: float | None = None,
+    **options: Unpack[TraceOptions],
 ) -> BackgroundPictures:
     """Simulate the pictures of a bench for background-oriented schlieren.
 
@@ -231,19 +232,17 @@ def bos(
         sensor: Adds noise and grey levels; None leaves the brightness as it is.
         seed: Seed of the noise, which is independent in the two pictures.
         aperture_rays: Approximate number of points of the aperture.
-        allow_truncation: As in `background_displacement`.
-        **options: method, tolerance [waves], wavelength, backend, device, precision, step, max_steps: as in `trace`.
+        wavelength: As in `background_displacement`.
+        options: As in `background_displacement`.
 
     Raises:
         TypeError: An argument is of the wrong type, or an option is unknown.
         ValueError: A number is out of range, the scene is infinitely far, no ray meets the field, or the view is
             truncated and `allow_truncation` is not set.
     """
-    check_view(field, camera, options)
+    whole = view_options(field, camera, wavelength, options, sensor)
     if not np.isfinite(camera.distance):
         raise ValueError("the pattern is at the camera's distance, which is infinite: give a finite distance [m]")
-    if sensor is not None and not isinstance(sensor, Sensor):
-        raise TypeError(f"sensor must be a Sensor, got {type(sensor).__name__}")
     shape = camera.shape(None if isinstance(pattern, DotPattern) else pattern)
     out_of_focus = (1.0 - camera.distance / camera.focus_distance) / camera.scene_pixel
     if pattern is None or isinstance(pattern, DotPattern):
@@ -267,7 +266,7 @@ def bos(
         step = max(1, (1 << 14) // shape[1])  # speed only
         in_threads(add, [slice(first, min(first + step, shape[0])) for first in range(0, shape[0], step)])
 
-    traced = gather(field, camera, shape, aperture_rays, options, visit, allow_truncation)
+    traced = gather(field, camera, shape, aperture_rays, whole, visit)
     if sensor is not None:
         reference, picture = sensor.expose(reference, seed=2 * seed), sensor.expose(picture, seed=2 * seed + 1)
     return BackgroundPictures(reference, picture, traced)

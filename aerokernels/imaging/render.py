@@ -4,8 +4,6 @@ The nodes of a row are processed together. The scene's own spline coefficients a
 of the blurred scene: so no spline is affected by the edge of a patch.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from ..process.threads import in_threads
@@ -32,7 +30,7 @@ def render(scene: np.ndarray, grid: SpreadGrid, shift: np.ndarray, through: np.n
     if scene.ndim == 3:
         return np.stack([render(colour, grid, shift, through) for colour in np.moveaxis(scene, 2, 0)], axis=2)
     shape, picture = through.shape, np.zeros(through.shape)
-    view = _View.of(scene, grid, shift)
+    view = _View(scene, grid, shift)
     across = [hat(grid.columns, column, shape[1]) for column in range(len(grid.columns))]
 
     def add(row: int) -> None:
@@ -55,39 +53,25 @@ def hat(nodes: np.ndarray, index: int, count: int) -> Hat:
     return pixels[lit], weight[lit]
 
 
-@dataclass(frozen=True, eq=False)
 class _View:
     """A scene prepared for rendering."""
 
-    ground: np.ndarray  # the scene, or its spline's coefficients, with a border that continues its edge
-    edge: tuple[int, int]  # pixels from the edge of `ground` to the edge of the picture, along rows and columns
-    still: bool  # whether the shift is constant: then nothing is interpolated
-    grid: SpreadGrid
-    shift: np.ndarray
-    kernel: np.ndarray  # the nodes' kernels, without rows and columns that are dark in all of them
-    lead: tuple[int, int]  # rows and columns of a kernel before its middle
-
-    @classmethod
-    def of(cls, scene: np.ndarray, grid: SpreadGrid, shift: np.ndarray) -> "_View":
+    def __init__(self, scene: np.ndarray, grid: SpreadGrid, shift: np.ndarray):
         """Prepare a scene for all nodes."""
         from scipy.ndimage import spline_filter
 
-        still = float(np.ptp(shift.reshape(-1, 2), axis=0).max()) <= SAME_SHIFT
+        self.grid, self.shift = grid, shift
+        # Where the shift is constant nothing is interpolated.
+        self.still = float(np.ptp(shift.reshape(-1, 2), axis=0).max()) <= SAME_SHIFT
+        # The scene, or its spline's coefficients, with a border that continues its edge; pixels to the picture's edge.
         ground = np.pad(scene, BORDER, mode="edge")
-        top, left = ((n - m) // 2 + BORDER for n, m in zip(scene.shape, shift.shape, strict=False))
+        self.ground = ground if self.still else spline_filter(ground, order=3, mode="mirror")
+        self.edge = [(n - m) // 2 + BORDER for n, m in zip(scene.shape, shift.shape, strict=False)]
+        # The kernels without rows and columns that are dark in all of them, and how many there are before the middle.
         lit = np.any(grid.kernel, axis=(0, 1))
         rows, columns = (np.flatnonzero(np.any(lit, axis=axis)) for axis in (1, 0))
-        kernel = grid.kernel[..., rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
-        middle = grid.kernel.shape[-1] // 2
-        return cls(
-            ground if still else spline_filter(ground, order=3, mode="mirror"),
-            (top, left),
-            still,
-            grid,
-            shift,
-            kernel,
-            (middle - int(rows[0]), middle - int(columns[0])),
-        )
+        self.kernel = grid.kernel[..., rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+        self.lead = [grid.kernel.shape[-1] // 2 - int(one[0]) for one in (rows, columns)]
 
     def lights(self, row: int, pixels: np.ndarray, across: list[Hat]):
         """Yield for each node of a row its number, and the scene blurred by its kernel at its pixels."""

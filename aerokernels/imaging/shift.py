@@ -8,35 +8,144 @@ A pixel's ray meets the scene at L with the flow and at L0 without it; for a far
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
-from numbers import Real
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 
 from ..display.shown import drawn_on, is_flat, say_flat
 from ..inputs.arguments import checked
-from ..inputs.checks import check_positive
+from ..inputs.checks import check_positive, warn_caller
 from ..medium import IndexField
 from ..process.clock import clocked, stage
+from ..rays import RayBundle
+from ..sensor import Sensor
 from ..tracing import trace
+from ..tracing.cuts import lost, may_lose
+from ..tracing.plan import TraceOptions, complete
 from ..tracing.pupil.air import GREATEST_SHARE
+from ..tracing.some_pixels import SomePixels, total
 from ..tracing.status import reached
 from ..tracing.stop import plane_beyond
-from .camera import Camera, rows_and_columns
-from .displacement_error import KnownView, PixelErrors
+from ..tracing.variants.paths import Rays
+from .camera import Aperture, Camera, rows_and_columns
 
 if TYPE_CHECKING:
     import xarray
 
 # Points of the aperture: a ring of four gives the exact mean of polynomials up to the third order.
 APERTURE_RAYS = 4
-# Default tolerance of `trace` [waves].
-DEFAULT_TOLERANCE = 1e-3
 # (point of the aperture [m], its share of the light, shifts [pixels] of shape (rows, columns, 2), mask of the rays that
 # arrived)
 Visit = Callable[[np.ndarray, float, np.ndarray, np.ndarray], None]
-# Options passed to `trace`.
-TRACE_OPTIONS = ("method", "tolerance", "wavelength", "backend", "device", "precision", "step", "max_steps")
+
+
+# Most points of the aperture whose rays change.
+MOST_POINTS = 16
+
+
+@dataclass(frozen=True, eq=False)
+class KnownView:
+    """A camera in front of a field: finds the pixels that look through disturbed air that was cut off the field."""
+
+    field: IndexField
+    camera: Camera
+    aperture: Aperture
+    tolerance: float  # greatest OPD that a ray may lose by cuts [m]
+    options: dict[str, Any]  # of `trace`
+
+    def truncated(self, shape: tuple[int, int], stride: tuple[int, int] = (1, 1)) -> np.ndarray:
+        """Return the share of the aperture that loses more than the tolerance, for every `stride`-th pixel."""
+        x, y = (axis[step // 2 :: step] for axis, step in zip(self.camera.tangents(shape), stride[::-1], strict=True))
+        found = np.zeros((len(y), len(x)))
+        if not may_lose(self.field, self.tolerance):
+            return found
+        across, up = (axis.ravel() for axis in np.meshgrid(x, y))
+        for point, weight in zip(self.aperture.points, self.aperture.weights, strict=True):
+            rays = self.camera.rays(point, across, up)
+            amount = lost(self.field, rays, self.camera.scene_plane, tolerance=self.tolerance)
+            found.ravel()[np.abs(amount) > self.tolerance] += weight
+        return found
+
+    def check(self, shape: tuple[int, int], allowed: bool) -> None:
+        """Check that at most a thousandth of a view is truncated, unless more is allowed; warn of less."""
+        if allowed:
+            return
+        stride = tuple(max(1, count // 32) for count in shape)
+        share = self.truncated(shape, (stride[0], stride[1]))
+        concerned = 100.0 * float(np.mean(share > GREATEST_SHARE))
+        if concerned == 0.0:
+            return
+        text = f"{concerned:.3g} % of the picture looks through disturbed air that was cut off the field"
+        if float(np.mean(share)) <= GREATEST_SHARE:
+            warn_caller(f"{text}; those pixels are marked in `known`", RuntimeWarning)
+            return
+        raise ValueError(
+            f"{text}. Give the field a larger region there, look another way, or take allow_truncation=True and read "
+            "`known`, where those pixels are marked"
+        )
+
+
+class PixelErrors:
+    """Errors of the maps of a camera's view."""
+
+    def __init__(self, view: KnownView, shape: tuple[int, int]):
+        """Trace rays of some pixels of a shape through points of the view's aperture."""
+        self.view, self.camera, self.own = view, view.camera, view.aperture
+        self.few = self.own if len(self.own.points) <= MOST_POINTS else _thinned(self.own)
+        self.pixels = SomePixels(shape, len(self.few.points))
+        rays = self._rays(self.few, self.pixels.place)
+        self.pixels.trace(view.field, rays, self.camera.scene_plane, view.options)
+
+    def of(self, number: Callable[[Aperture, np.ndarray], np.ndarray], stored: np.ndarray, other: Aperture | None):
+        """Return the errors of a number of shifts of some pixels, which is `stored` (rows, columns, 2), of its shape.
+
+        `other` points of the aperture tell what their number leaves out; None for no cause "sampling".
+        """
+        pixels = self.pixels
+        if pixels.found is None:
+            return np.full(stored.shape, np.nan)
+        place = pixels.place[pixels.kept]
+        errors = pixels.errors(
+            lambda rays: number(self.few, self._shifts(self.few, place, rays)),
+            stored if self.few is self.own else None,
+        )
+        if other is not None:
+            tried = np.arange(len(place))[:64]
+            rays = self._rays(other, place[tried])
+            outputs, plane = ("position", "direction"), self.camera.scene_plane
+            traced = trace(self.view.field, rays, until=plane, outputs=outputs, **self.view.options)
+            assert traced.direction is not None and traced.position is not None  # requested
+            ends = Rays(np.zeros(rays.ray_count), traced.direction, traced.position)
+            at = place[tried]
+            change = number(other, self._shifts(other, at, ends)) - stored[at[:, 0], at[:, 1]]
+            errors["sampling"] = pixels.spread(change)
+        return pixels.whole_map(total(errors))
+
+    def _tangents(self, place: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        x, y = self.camera.tangents(self.pixels.shape)
+        return x[place[:, 1]], y[place[:, 0]]
+
+    def _rays(self, aperture: Aperture, place: np.ndarray) -> RayBundle:
+        """Return the rays of all points of the aperture for each pixel at rows and columns (m, 2)."""
+        each = [self.camera.rays(point, *self._tangents(place)) for point in aperture.points]
+        position, direction = (
+            np.stack([getattr(one, name) for one in each], axis=1).reshape(-1, 3) for name in ("position", "direction")
+        )
+        return RayBundle.of_units(position, direction)
+
+    def _shifts(self, aperture: Aperture, place: np.ndarray, rays: Rays) -> np.ndarray:
+        """Return the shifts of the rays [pixels], shape (m, n, 2)."""
+        count = len(aperture.points)
+        x, y = (np.repeat(tangent, count) for tangent in self._tangents(place))
+        ends = rays.position if np.isfinite(self.camera.distance) else rays.direction
+        shifts = self.camera.shift(ends, np.tile(aperture.points, (len(place), 1)), x, y)
+        return shifts.reshape(len(place), count, 2)
+
+
+def _thinned(aperture: Aperture) -> Aperture:
+    """Return points of an aperture, drawn by their shares of the light."""
+    chosen = np.random.default_rng(0).choice(len(aperture.weights), MOST_POINTS, replace=False, p=aperture.weights)
+    return Aperture(aperture.points[chosen], np.full(MOST_POINTS, 1.0 / MOST_POINTS))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -54,7 +163,6 @@ class BackgroundDisplacement:
         plan: How the rays of one point of the aperture were traced.
         seconds: Wall time by stage: see STAGES in clock.py.
         view: The view, for `truncated` and `error`, which are computed when first read.
-        options: Options of `trace` that were used.
     """
 
     displacement: np.ndarray
@@ -65,20 +173,19 @@ class BackgroundDisplacement:
     plan: Any = None
     seconds: dict[str, float] = field(default_factory=dict)
     view: KnownView | None = None
-    options: dict[str, Any] = field(default_factory=dict)
 
     @cached_property
     def error(self) -> np.ndarray:
         """Error of the size of the displacement [pixels], shape (rows, columns); NaN if it is not known.
 
         It is the displacement of some pixels computed again with their rays changed by each cause, and with another
-        number of points of the aperture (displacement_error.py). Computed when first read.
+        number of points of the aperture. Computed when first read.
         """
         if self.pixel_errors is None or self.view is None:
             return np.full(self.through.shape, np.nan)
         count = len(self.view.aperture.points)
         other = None if count == 1 else self.camera.aperture(_others(count, 16))
-        return self.pixel_errors.displacement(self.displacement, other)
+        return np.linalg.norm(self.pixel_errors.of(Aperture.mean, self.displacement, other), axis=-1)
 
     @cached_property
     def blur_error(self) -> np.ndarray:
@@ -86,14 +193,14 @@ class BackgroundDisplacement:
         if self.pixel_errors is None or self.view is None:
             return np.full(self.blur.shape, np.nan)
         other = self.camera.aperture(_others(len(self.view.aperture.points), 36))
-        return self.pixel_errors.blur(self.blur, other)
+        return self.pixel_errors.of(Aperture.blur, self.blur, other)
 
     @cached_property
     def pixel_errors(self) -> PixelErrors | None:
         """Rays of some pixels and how they change by each cause; None for a displacement without a view."""
         if self.view is None:
             return None
-        return PixelErrors(self.view.field, self.camera, self.through.shape, self.view.aperture, self.options)
+        return PixelErrors(self.view, self.through.shape)
 
     @cached_property
     def truncated(self) -> np.ndarray:
@@ -182,8 +289,8 @@ def background_displacement(
     *,
     aperture_rays: int = APERTURE_RAYS,
     shape: tuple[int, int] | None = None,
-    allow_truncation: bool = False,
-    **options: Any,
+    wavelength: float | None = None,
+    **options: Unpack[TraceOptions],
 ) -> BackgroundDisplacement:
     """Trace the displacement of a camera's picture by a flow, for every pixel.
 
@@ -192,18 +299,19 @@ def background_displacement(
         camera: The camera; its scene may be far.
         aperture_rays: Approximate number of points of the aperture; 1 takes only its middle.
         shape: Rows and columns, which override the camera's.
-        allow_truncation: Whether more than a thousandth of the picture's light may come through disturbed air that was
-            cut off the field. The affected pixels are marked in `known`; if they are fewer, there is only a warning.
-        **options: method, tolerance [waves], wavelength, backend, device, precision, step, max_steps: as in `trace`.
+        wavelength: Vacuum wavelength [m]; None takes the field's own, or 905 nm where it has none.
+        options: tolerance [waves], method, step, max_steps, backend, device, precision: see `trace`; and
+            allow_truncation, whether more than a thousandth of the picture's light may come through disturbed air that
+            was cut off the field. Affected pixels are marked in `known`; if they are fewer, there is only a warning.
 
     Raises:
         TypeError: `field` or `camera` is of the wrong type, or an option is unknown.
         ValueError: A number is out of range, no ray of the camera meets the field, or the view is truncated and
             `allow_truncation` is not set.
     """
-    check_view(field, camera, options)
+    whole = view_options(field, camera, wavelength, options)
     size = camera.shape() if shape is None else rows_and_columns(shape, "shape")
-    return gather(field, camera, size, aperture_rays, options, allow_truncation=allow_truncation)
+    return gather(field, camera, size, aperture_rays, whole)
 
 
 def gather(
@@ -213,14 +321,15 @@ def gather(
     aperture_rays: int,
     options: dict[str, Any],
     visit: Visit | None = None,
-    allow_truncation: bool = False,
 ) -> BackgroundDisplacement:
     """Return the displacement; call `visit` for each point of the aperture while its rays exist."""
+    options = dict(options)
+    allowed = options.pop("allow_truncation")
     with clocked() as seconds, stage("landing"):
         points = camera.aperture(aperture_rays)
-        tolerance = float(options.get("tolerance", DEFAULT_TOLERANCE))
-        view = KnownView(field, camera, points, tolerance * field.wavelength_for(options.get("wavelength")))
-        view.check(shape, allow_truncation)
+        tolerance = options["tolerance"] * field.wavelength_for(options["wavelength"])
+        view = KnownView(field, camera, points, tolerance, options)
+        view.check(shape, allowed)
         x, y = (axis.ravel() for axis in np.meshgrid(*camera.tangents(shape)))
         name = "position" if np.isfinite(camera.distance) else "direction"
         through, mean, square = np.zeros(shape), np.zeros((*shape, 2)), np.zeros((*shape, 2))
@@ -250,25 +359,24 @@ def gather(
         plan=traced.plan,
         seconds=seconds,
         view=view,
-        options=options,
     )
 
 
-def check_view(field: IndexField, camera: Camera, options: dict[str, Any]) -> None:
-    """Check the types of field and camera, the options of `trace`, and that light from a far scene leaves the field."""
+def view_options(
+    field: IndexField, camera: Camera, wavelength: float | None, options: TraceOptions, sensor: Sensor | None = None
+) -> dict[str, Any]:
+    """Return all options of a view; check types and tolerance, and that light from a far scene leaves the field."""
     if not isinstance(field, IndexField):
         raise TypeError(f"field must be an IndexField, got {type(field).__name__}")
     if not isinstance(camera, Camera):
         raise TypeError(f"camera must be a Camera, got {type(camera).__name__}")
-    unknown = sorted(set(options) - set(TRACE_OPTIONS))
-    if unknown:
-        raise TypeError(f"options {unknown} are not known: choose from {', '.join(TRACE_OPTIONS)}")
-    tolerance = options.get("tolerance", DEFAULT_TOLERANCE)
-    if isinstance(tolerance, bool) or not isinstance(tolerance, Real):
-        raise TypeError(f"tolerance must be a number of waves, got {tolerance!r}")
-    check_positive(float(tolerance), "tolerance", "waves")
+    if sensor is not None and not isinstance(sensor, Sensor):
+        raise TypeError(f"sensor must be a Sensor, got {type(sensor).__name__}")
+    whole: dict[str, Any] = {**complete(options), "wavelength": wavelength}
+    check_positive(whole["tolerance"], "tolerance", "waves")
     if not np.isfinite(camera.distance):
         plane_beyond(field, camera.pupil, camera.pupil.normal)
+    return whole
 
 
 def _others(count: int, many: int) -> int:

@@ -6,12 +6,11 @@ If the flow makes a ray land at L beside its point X, the path to X follows from
     near scene     opd - n_0 d' (L - X) + n_0 |L - X|^2 / 2 R     across d', R the distance from the pupil
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from ..inputs.wavelength import check_spectrum
 from ..medium import IndexField
 from ..process.threads import in_threads, product_on_one_core
 from ..rays import RayBundle
@@ -57,64 +56,64 @@ def spread_grid(
     size: int,
     pupil_pixels: int,
     options: dict[str, Any],
-    wavelengths: np.ndarray | None = None,
-) -> tuple[SpreadGrid, ...]:
-    """Return point spread functions of a camera through a field, at each of some wavelengths with one OPD.
+    spectrum: tuple[np.ndarray, np.ndarray],
+) -> SpreadGrid:
+    """Return point spread functions of a camera through a field, in light of some wavelengths with one OPD.
 
     `shift` is the scene position seen by each pixel minus the one without the flow, along x and y [pixels], `size` the
-    side of the kernels [pixels].
+    side of the kernels [pixels], `spectrum` vacuum wavelengths [m] and weights that sum to 1.
     """
     rows, columns = nodes_along(shape[0], node_count), nodes_along(shape[1], node_count)
-    coordinate, step, weight, _ = pupil_grid(camera.pupil, pupil_pixels)
+    pupil = PupilSamples(camera, pupil_pixels)
     x, y = camera.tangents(shape)
     column, row = (axis.ravel() for axis in np.meshgrid(columns, rows))
     tangent = np.stack([x[column], y[row]], axis=1)
-    up, across = np.nonzero(weight > 0.0)
-    q, light = np.stack([coordinate[across], coordinate[up]], axis=1), weight[up, across]
-    opd, arrived, wavelength = node_paths(field, camera, tangent, q, options)
+    opd, arrived = node_paths(field, camera, tangent, pupil.points, options)
     moved = shift[row, column]
     moved = np.where(np.isfinite(moved), moved, 0.0)
     whole = np.rint(moved).astype(int)
     # The camera's angles are those of rays in the ambient medium, where a wavelength is shorter by its index.
-    opd = opd / field.ambient_index
-    lengths = np.atleast_1d(wavelength if wavelengths is None else wavelengths) / field.ambient_index
+    opd, lengths = opd / field.ambient_index, spectrum[0] / field.ambient_index
     tilt = _cosines(tangent + moved * camera.pixel_tangent) - _cosines(tangent)
-    kernels = np.zeros((len(lengths), len(row), size, size))
-    kept = np.zeros((len(lengths), len(row)))
+    kernel, kept = np.zeros((len(row), size, size)), np.zeros(len(row))
 
     def spread(part: slice) -> None:
-        flat = opd[part] - tilt[part] @ q.T
-        for number, length in enumerate(lengths):
-            wave = np.zeros((len(flat), *weight.shape), dtype=np.complex128)
-            wave[:, up, across] = light * arrived[part] * phasors(2.0 * np.pi / length * flat)
-            kernels[number, part], kept[number, part] = pixel_spreads(
-                wave, step, (moved - whole)[part], tangent[part], camera, float(length), size
-            )
+        flat, fraction = opd[part] - tilt[part] @ pupil.points.T, (moved - whole)[part]
+        for length, weight in zip(lengths.tolist(), spectrum[1].tolist(), strict=True):
+            one, share = pupil.spreads(flat, arrived[part], fraction, tangent[part], length, size)
+            kernel[part] += weight * one
+            kept[part] += weight * share
 
     in_threads(spread, [slice(first, first + NODES_AT_ONCE) for first in range(0, len(row), NODES_AT_ONCE)])
-    place = (len(rows), len(columns))
-    offset = whole[:, ::-1].reshape(*place, 2)
-    return tuple(
-        SpreadGrid(rows, columns, kernel.reshape(*place, size, size), offset, share.reshape(place))
-        for kernel, share in zip(kernels, kept, strict=True)
-    )
+    place, offset = (len(rows), len(columns)), whole[:, ::-1]
+    return SpreadGrid(rows, columns, kernel.reshape(*place, size, size), offset.reshape(*place, 2), kept.reshape(place))
 
 
-def mixed(grids: tuple[SpreadGrid, ...], weights: np.ndarray) -> SpreadGrid:
-    """Return the point spread functions of light of several wavelengths, with weights (n,) that sum to 1."""
-    if len(grids) == 1:
-        return grids[0]
-    kernel = np.tensordot(weights, np.stack([grid.kernel for grid in grids]), 1)
-    kept = np.tensordot(weights, np.stack([grid.kept for grid in grids]), 1)
-    return replace(grids[0], kernel=kernel, kept=kept)
+class PupilSamples:
+    """Rays across a camera's pupil, from `points` in the middles of square pixels [m], shape (lit count, 2)."""
+
+    def __init__(self, camera: Camera, pupil_pixels: int):
+        """Take the rays of a number of pixels across."""
+        coordinate, self.step, self.weight, _ = pupil_grid(camera.pupil, pupil_pixels)
+        up, across = np.nonzero(self.weight > 0.0)
+        self.camera, self.points = camera, np.stack([coordinate[across], coordinate[up]], axis=1)
+
+    def spreads(
+        self, opd: np.ndarray, arrived: Any, fraction: np.ndarray, tangent: np.ndarray, length: float, size: int
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return `pixel_spreads` of paths [m], shape (nodes, lit count), at a wavelength in the ambient medium [m]."""
+        lit = self.weight > 0.0
+        wave = np.zeros((len(opd), *lit.shape), dtype=np.complex128)
+        wave[:, lit] = self.weight[lit] * arrived * phasors(2.0 * np.pi / length * opd)
+        return pixel_spreads(wave, self.step, fraction, tangent, self.camera, length, size)
 
 
 def node_paths(
     field: IndexField, camera: Camera, tangent: np.ndarray, q: np.ndarray, options: dict[str, Any]
-) -> tuple[np.ndarray, np.ndarray, float]:
+) -> tuple[np.ndarray, np.ndarray]:
     """Return the OPD [m] at points q (n, 2) of the pupil [m] for light from the scene at tangents (m, 2), with defocus.
 
-    Also 1 where it is known, else 0, both of shape (m, n); and the wavelength [m].
+    Also 1 where it is known, else 0, both of shape (m, n).
     """
     pupil, distance = camera.pupil, camera.distance
     first, second = pupil.axes
@@ -143,7 +142,7 @@ def node_paths(
         ahead = _dot(beside, traced.direction)
         beyond = -ahead + 0.5 * (_dot(beside, beside) - ahead**2) / length
     paths = np.where(arrived, traced.opd + index * beyond, 0.0).reshape(defocus.shape) + index * defocus
-    return paths, arrived.astype(np.float64).reshape(defocus.shape), traced.wavelength
+    return paths, arrived.astype(np.float64).reshape(defocus.shape)
 
 
 def _dot(left: np.ndarray, right: np.ndarray) -> np.ndarray:
@@ -214,15 +213,12 @@ def pixel_spreads(
 
 
 def _through_pixels(wave: np.ndarray, fraction: np.ndarray, scale: np.ndarray, side: int) -> np.ndarray:
-    r"""Return the light between square pixels around each node, shape (n, side, side).
-
-    The point spread function is the transform of the wave's autocorrelation C, with as many terms as the pupil has
-    pairs of pixels. The overlap of a scene pixel and a camera pixel is a triangle function of their distance, so that
-    the integral is exact, axis by axis:
+    r"""Return the light between square pixels around each node, shape (n, side, side), exact axis by axis.
 
         \int |A(p)|^2 tri(p - j) dp = sum_d C(d) sinc(scale d)^2 exp(-2 pi i scale d (j - fraction))
 
-    `scale` is in waves per pixel of the pupil and pixel of the picture, along x and y, shape (n, 2).
+    C is the wave's autocorrelation, tri the overlap of a scene pixel and a camera pixel, `scale` in waves per pixel of
+    the pupil and pixel of the picture, along x and y, shape (n, 2).
     """
     from scipy.fft import fft2, next_fast_len, rfft2
 
@@ -243,27 +239,3 @@ def _through_pixels(wave: np.ndarray, fraction: np.ndarray, scale: np.ndarray, s
     columns[..., 1:] *= 2.0
     light = product_on_one_core(product_on_one_core(both, correlation), columns.transpose(0, 2, 1)).real
     return np.maximum(light, 0.0)  # rounding in dark pixels
-
-
-@dataclass(frozen=True, eq=False)
-class Spectrum:
-    """Light of several wavelengths.
-
-    Attributes:
-        wavelengths: Vacuum wavelengths [m], shape (n,).
-        weights: Shares of the light, shape (n,), or (n, colours), a column for each colour; each sums to 1.
-    """
-
-    wavelengths: np.ndarray
-    weights: np.ndarray
-
-    @classmethod
-    def of(cls, wavelengths, weights=None, scene: np.ndarray | None = None) -> "Spectrum":
-        """Check and make a spectrum; for a scene with colours the weights may have a column for each."""
-        colours = scene.shape[2] if scene is not None and scene.ndim == 3 else None
-        return cls(*check_spectrum(wavelengths, weights, colours))
-
-    @property
-    def mean_weights(self) -> np.ndarray:
-        """Shares of the light, averaged over all colours, shape (n,)."""
-        return self.weights if self.weights.ndim == 1 else self.weights.mean(axis=1)

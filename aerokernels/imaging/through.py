@@ -10,7 +10,7 @@ import warnings
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 
@@ -19,14 +19,15 @@ from ..files.writing import write_grey
 from ..inputs.arguments import Numbers, checked
 from ..inputs.checks import check_count
 from ..inputs.kinds import refuse_masked
+from ..inputs.wavelength import check_spectrum
 from ..medium import IndexField
 from ..process.clock import clocked, stage
 from ..sensor import Sensor
-from ..wavefronts.pixels import pupil_grid
+from ..tracing.plan import TraceOptions
 from .camera import Camera
 from .render import render
-from .shift import APERTURE_RAYS, BackgroundDisplacement, check_view, gather
-from .spreads import Spectrum, SpreadGrid, defocus_paths, mixed, phasors, pixel_spreads, spread_grid
+from .shift import APERTURE_RAYS, BackgroundDisplacement, gather, view_options
+from .spreads import PupilSamples, SpreadGrid, defocus_paths, spread_grid
 
 # Defaults: nodes along a side, pixels across a point spread function, rays across the pupil.
 NODE_COUNT, SIZE, PUPIL_PIXELS = 9, 32, 32
@@ -41,11 +42,10 @@ class ImageThrough:
             of colours where the scene has one.
         scene: The scene.
         shift: Displacement of each pixel, with its blur and errors.
-        spreads: Point spread functions at nodes over the picture; for a spectrum, their weighted mean.
+        spreads: Point spread functions at nodes over the picture.
         camera: The camera.
         wavelength: Vacuum wavelength [m] of the trace.
-        spectrum: The wavelengths and weights of the picture.
-        by_wavelength: Point spread functions at each of those wavelengths.
+        spectrum: The vacuum wavelengths of the picture's light [m] and their weights, each of shape (n,).
         ambient_index: Index of the undisturbed medium, in which the camera is.
         seconds: Wall time by stage: see STAGES in clock.py.
     """
@@ -56,8 +56,7 @@ class ImageThrough:
     spreads: SpreadGrid
     camera: Camera
     wavelength: float
-    spectrum: Spectrum
-    by_wavelength: tuple[SpreadGrid, ...]
+    spectrum: tuple[np.ndarray, np.ndarray]
     ambient_index: float = 1.0
     seconds: dict[str, float] = field(default_factory=dict)
 
@@ -70,28 +69,18 @@ class ImageThrough:
     def reference(self) -> np.ndarray:
         """Picture of the same camera without the flow, of the shape of `image`."""
         shape, size = self.image.shape[:2], self.spreads.kernel.shape[-1]
-        coordinate, step, weight, _ = pupil_grid(self.camera.pupil, PUPIL_PIXELS)
-        lit = weight > 0.0
-        q = np.stack([axis[lit] for axis in np.meshgrid(coordinate, coordinate)], axis=1)
-        zero, found, middle = np.zeros((1, 2)), [], np.array([0])
-        opd = defocus_paths(self.camera, zero, q)
-        for length in self.spectrum.wavelengths / self.ambient_index:
-            wave = np.zeros((1, *weight.shape), dtype=np.complex128)
-            wave[:, lit] = weight[lit] * phasors(2.0 * np.pi / length * opd)
-            kernel, _ = pixel_spreads(wave, step, zero, zero, self.camera, float(length), size)
-            found.append(SpreadGrid(middle, middle, kernel[None], np.zeros((1, 1, 2), dtype=int), np.ones((1, 1))))
-        return render_colours(self.scene, tuple(found), self.spectrum, np.zeros((*shape, 2)), np.ones(shape))
+        pupil = PupilSamples(self.camera, PUPIL_PIXELS)
+        zero, middle, kernel = np.zeros((1, 2)), np.array([0]), np.zeros((1, size, size))
+        opd = defocus_paths(self.camera, zero, pupil.points)
+        for length, weight in zip(*self.spectrum, strict=True):
+            kernel += weight * pupil.spreads(opd, 1.0, zero, zero, float(length / self.ambient_index), size)[0]
+        grid = SpreadGrid(middle, middle, kernel[None], np.zeros((1, 1, 2), dtype=int), np.ones((1, 1)))
+        return render(self.scene, grid, np.zeros((*shape, 2)), np.ones(shape))
 
     @property
     def known(self) -> np.ndarray:
         """Mask of the pixels that look through air that is all in the field: see BackgroundDisplacement."""
         return self.shift.known
-
-    def monochromatic(self) -> np.ndarray:
-        """Return the picture at each wavelength, shape (wavelengths, *image.shape), without sensor noise."""
-        shift, dark = filled(self.shift.shift)
-        through = np.where(dark, 0.0, self.shift.through)
-        return np.stack([render(self.scene, grid, shift, through) for grid in self.by_wavelength])
 
     def write(self, path: str | Path) -> None:
         """Write a grey picture in 16 bits, TIFF or PNG, the uppermost row first."""
@@ -101,9 +90,8 @@ class ImageThrough:
         """Return picture, displacement and blur as a dataset with units."""
         dims = ("y", "x", "colour")[: self.image.ndim]
         words = {"units": "1", "long_name": "brightness through the flow"}
-        weights = self.spectrum.weights
-        light = (("wavelength", "colour")[: weights.ndim], weights, {"units": "1", "long_name": "share of the light"})
-        length = ("wavelength", self.spectrum.wavelengths, {"units": "m", "standard_name": "radiation_wavelength"})
+        light = ("wavelength", self.spectrum[1], {"units": "1", "long_name": "share of the light"})
+        length = ("wavelength", self.spectrum[0], {"units": "m", "standard_name": "radiation_wavelength"})
         dataset = self.shift.to_xarray().assign(image=(dims, self.image, words), weight=light)
         return dataset.assign_coords(wavelength=length)
 
@@ -138,8 +126,8 @@ def image_through(
     seed: int = 0,
     wavelengths: Numbers | None = None,
     weights: Numbers | None = None,
-    allow_truncation: bool = False,
-    **options: Any,
+    wavelength: float | None = None,
+    **options: Unpack[TraceOptions],
 ) -> ImageThrough:
     """Render an extended scene through a flow: displaced by the shift map, blurred by point spread functions.
 
@@ -160,10 +148,9 @@ def image_through(
         seed: Seed of the noise.
         wavelengths: Vacuum wavelengths of the light [m], shape (n,), with one OPD: dispersion of air is ignored. None
             takes the wavelength of the trace.
-        weights: Shares of the light's energy at those wavelengths, shape (n,), or (n, colours) if the scene has
-            colours; normalised to sum to 1. None: equal shares.
-        allow_truncation: As in `background_displacement`.
-        **options: method, tolerance [waves], wavelength, backend, device, precision, step, max_steps: as in `trace`.
+        weights: Shares of the light's energy at those wavelengths, shape (n,), of any sum. None: equal shares.
+        wavelength: As in `background_displacement`.
+        options: As in `background_displacement`.
 
     Raises:
         TypeError: An argument is of the wrong type, or an option is unknown.
@@ -174,12 +161,10 @@ def image_through(
         RuntimeWarning: More than a fifth of the light of a point spread function is outside of its `psf_pixels`, as far
             out of focus: `spreads.kept` has the shares.
     """
-    check_view(field, camera, options)
+    whole = view_options(field, camera, wavelength, options, sensor)
     check_count(psf_nodes, "psf_nodes")
     check_count(psf_pixels, "psf_pixels")
     check_count(pupil_pixels, "pupil_pixels", 2)
-    if sensor is not None and not isinstance(sensor, Sensor):
-        raise TypeError(f"sensor must be a Sensor, got {type(sensor).__name__}")
     scene = _brightness(scene_image)
     shape = camera.shape(scene)
     if any(n < m or (n - m) % 2 for n, m in zip(scene.shape, shape, strict=False)):
@@ -187,15 +172,16 @@ def image_through(
             f"the scene has {scene.shape[0]} x {scene.shape[1]} pixels, the picture {shape[0]} x {shape[1]}: the scene "
             "must be as large, or larger by an even number"
         )
-    light = None if wavelengths is None and weights is None else Spectrum.of(wavelengths, weights, scene)
-    if light is not None and field.wavelength is None and options.get("wavelength") is None:
-        options = {**options, "wavelength": float(light.wavelengths.min())}
+    spectrum = None if wavelengths is None and weights is None else check_spectrum(wavelengths, weights)
+    if spectrum is not None and field.wavelength is None and wavelength is None:
+        whole["wavelength"] = float(spectrum[0].min())
     with clocked() as seconds:
-        found = gather(field, camera, shape, aperture_rays, options, allow_truncation=allow_truncation)
-        light = Spectrum.of(found.wavelength) if light is None else light
+        found = gather(field, camera, shape, aperture_rays, whole)
+        spectrum = check_spectrum(found.wavelength) if spectrum is None else spectrum
         shift, dark = filled(found.shift)
+        assert found.view is not None
         with stage("spread"):
-            grids = spread_grid(
+            spreads = spread_grid(
                 field,
                 camera,
                 shape,
@@ -203,14 +189,13 @@ def image_through(
                 node_count=int(psf_nodes),
                 size=int(psf_pixels),
                 pupil_pixels=pupil_pixels,
-                options=options,
-                wavelengths=light.wavelengths,
+                options=found.view.options,
+                spectrum=spectrum,
             )
         with stage("render"):
-            image = render_colours(scene, grids, light, shift, np.where(dark, 0.0, found.through))
+            image = render(scene, spreads, shift, np.where(dark, 0.0, found.through))
     if sensor is not None:
         image = sensor.expose(image, seed)
-    spreads = mixed(grids, light.mean_weights)
     lost = 1.0 - float(spreads.kept.min())
     if lost > 0.2:
         warnings.warn(
@@ -219,9 +204,7 @@ def image_through(
             RuntimeWarning,
             stacklevel=3,
         )
-    return ImageThrough(
-        image, scene, found, spreads, camera, found.wavelength, light, grids, field.ambient_index, seconds
-    )
+    return ImageThrough(image, scene, found, spreads, camera, found.wavelength, spectrum, field.ambient_index, seconds)
 
 
 def _brightness(scene_image: Any) -> np.ndarray:
@@ -251,13 +234,3 @@ def filled(shift: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         return shift, dark
     row, column = distance_transform_edt(dark, return_distances=False, return_indices=True)
     return shift[row, column], dark
-
-
-def render_colours(
-    scene: np.ndarray, grids: tuple[SpreadGrid, ...], light: Spectrum, shift: np.ndarray, through: np.ndarray
-) -> np.ndarray:
-    """Render a scene in light of a spectrum: mixing kernels is equal to averaging pictures, and faster."""
-    if light.weights.ndim == 1:
-        return render(scene, mixed(grids, light.weights), shift, through)
-    colours = zip(np.moveaxis(scene, 2, 0), light.weights.T, strict=True)
-    return np.stack([render(one, mixed(grids, weights), shift, through) for one, weights in colours], axis=2)

@@ -60,10 +60,10 @@ def field_wavelength(own: float | None, requested: SupportsFloat | None) -> floa
     return own
 
 
-def check_spectrum(wavelengths, weights=None, colours: int | None = None) -> tuple[np.ndarray, np.ndarray]:
+def check_spectrum(wavelengths, weights=None) -> tuple[np.ndarray, np.ndarray]:
     """Return vacuum wavelengths [m], shape (n,), and weights that sum to 1.
 
-    `weights` are fractions of the light's energy of any sum, shape (n,) or with `colours` (n, colours); None: equal.
+    `weights` are fractions of the light's energy of any sum, shape (n,); None: equal.
 
     Raises:
         TypeError: As `check_wavelength`.
@@ -76,10 +76,8 @@ def check_spectrum(wavelengths, weights=None, colours: int | None = None) -> tup
         raise ValueError(f"wavelengths must be numbers [m], shape (n,), got shape {lengths.shape}")
     checked = np.array([check_wavelength(one) for one in lengths])
     shares = np.ones(len(checked)) if weights is None else np.atleast_1d(np.asarray(weights, dtype=np.float64))
-    shapes = [checked.shape] if colours is None else [checked.shape, (len(checked), colours)]
-    if shares.shape not in shapes:
-        wanted = " or ".join(map(str, shapes))
-        raise ValueError(f"weights must be of shape {wanted}, one for each wavelength, got {shares.shape}")
-    if not (np.isfinite(shares).all() and (shares >= 0.0).all() and (shares.sum(axis=0) > 0.0).all()):
+    if shares.shape != checked.shape:
+        raise ValueError(f"weights must be of shape {checked.shape}, one for each wavelength, got {shares.shape}")
+    if not (np.isfinite(shares).all() and (shares >= 0.0).all() and shares.sum() > 0.0):
         raise ValueError("weights must be finite, not negative and not all 0")
-    return checked, shares / shares.sum(axis=0)
+    return checked, shares / shares.sum()

@@ -20,11 +20,11 @@ from aerokernels.benches import (
     Shadowgraph,
     ShockAngle,
     compare_halves,
-    fringe_picture,
-    knife_edge_picture,
+    interferogram,
     line_of_sight,
     measure_shock_angle,
-    shadow_picture,
+    schlieren,
+    shadowgraph,
     write_picture,
 )
 from aerokernels.benches.fringes import Fringes
@@ -35,14 +35,13 @@ from aerokernels.benches.shadowgraph import Screen
 from aerokernels.display.quantities import Quantity
 from aerokernels.display.shown import extent_of
 from aerokernels.flow import DensityField, shipped_names
-from aerokernels.jobs.figure_layout import house_style, png, styled_figure
+from aerokernels.jobs.page import house_style, png, styled_figure
 from aerokernels.jobs.plots import ACCENT
 from aerokernels.jobs.store import SUMMARY_FILE, staged_folder, write_result, write_summary
 from aerokernels.medium import IndexField
 from aerokernels.prepare import flow_index
 from aerokernels.scene import Scene, warn_of_unused
-from aerokernels.scene.errors import SceneError, scene_error
-from aerokernels.scene.loading import override, shipped_scenes
+from aerokernels.scene.loading import SceneError, override, scene_error, shipped_scenes
 
 if TYPE_CHECKING:
     import xarray
@@ -244,13 +243,13 @@ def make_pictures(
     pictures: dict[str, SchlierenImage | Shadowgraph | Interferogram] = {}
     if "schlieren" in options.kinds:
         edge = {name: getattr(options, name) for name in ("knife_edge", "cut_off", "sensitivity", "exposure")}
-        pictures["schlieren"] = knife_edge_picture(traced, **edge)
+        pictures["schlieren"] = schlieren(traced, **edge)
     if "shadowgraph" in options.kinds:
-        pictures["shadowgraph"] = shadow_picture(
+        pictures["shadowgraph"] = shadowgraph(
             traced, distance=options.screen_distance, source_angle=options.source_angle
         )
     if "interferogram" in options.kinds:
-        pictures["interferogram"] = fringe_picture(
+        pictures["interferogram"] = interferogram(
             traced, fringe_spacing=options.fringe_spacing, fringe_angle=options.fringe_angle
         )
     shock = measured_shock = None

@@ -12,9 +12,8 @@ from aerokernels.display.quantities import Quantity
 from aerokernels.display.shown import is_flat, say_flat, told
 from aerokernels.files.writing import only_writer, replacing
 from aerokernels.flow import Series, open_series
-from aerokernels.jobs.figure_layout import Panel, panelled_figure, plain_decades
 from aerokernels.jobs.numbers import SERIES_NUMBERS, quantity_of
-from aerokernels.jobs.page import Picture, drawn, embedded, page, table
+from aerokernels.jobs.page import Panel, Picture, drawn, embedded, page, panelled_figure, plain_decades, table
 from aerokernels.jobs.plots import axes_of
 from aerokernels.jobs.run_files import scene_toml
 from aerokernels.jobs.store import (
@@ -117,7 +116,6 @@ def summarise(scene: Scene, maps: "xarray.Dataset", found: "xarray.Dataset") -> 
             **{name: float(found[name]) for name in names},
             "errors": {name: STANDARD_ERRORS * float(found[f"{name}_error"]) for name in names},
             "independent_count": found.attrs["independent_count"],
-            "drifting": found.attrs["drifting"],
             "skipped": found.attrs["skipped"],
             "snapshot_count": int(maps.sizes["time"]),
             "traced_count": int(np.asarray(maps["traced"].values).sum()),
@@ -146,7 +144,7 @@ def series_report(scene: Scene, maps: "xarray.Dataset", found: "xarray.Dataset",
         f"{summary['traced_count']} traced in full; {summary['provenance']}; aerokernels {summary['version']}"
     )
     notes = [("Warning", text) for text in summary["warnings"]]
-    notes += [(words, summary[key]) for key, words in (("drifting", "Drifts"), ("skipped", "Skipped")) if summary[key]]
+    notes += [("Skipped", summary["skipped"])] if summary["skipped"] else []
     if summary["known_share"] < 1.0 - GREATEST_SHARE:
         lost = f"{100.0 * (1.0 - summary['known_share']):.3g} % of the pupil has no optical path; no number includes it"
         notes.append(("Known air", lost))

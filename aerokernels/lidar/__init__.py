@@ -2,27 +2,17 @@
 
 from aerokernels.lidar.chain import DetectorChain, Digitiser, NoiseSources, excess_noise_factor
 from aerokernels.lidar.detector import detect
-from aerokernels.lidar.doubtful_records import CoarseSamplingWarning, SaturatedRecordWarning
 from aerokernels.lidar.parts import RANGING_METHODS, Detector, Laser, Receiver, Reflector, Target
+from aerokernels.lidar.paths import plane_target_echo, tilted_pulse_tau
 from aerokernels.lidar.pulses import (
     GaussianPulse,
     HeliosPulse,
     SampledPulse,
     fwhm_from_pulse_tau,
-    gaussian_pulse,
-    pulse_energy,
     pulse_tau_from_fwhm,
 )
-from aerokernels.lidar.radiometry import plane_target_echo, tilted_pulse_tau
-from aerokernels.lidar.range_error import (
-    RangeStatistics,
-    RangeWalk,
-    chain_range_statistics,
-    cramer_rao_range,
-    range_statistics,
-    range_walk,
-)
-from aerokernels.lidar.ranging import estimate_range
+from aerokernels.lidar.range_error import RangeStatistics, cramer_rao_range, range_statistics
+from aerokernels.lidar.ranging import CoarseSamplingWarning, SaturatedRecordWarning, estimate_range
 from aerokernels.lidar.result import EchoResult
 from aerokernels.lidar.simulate import echo, simulate_echo
 
@@ -38,25 +28,20 @@ __all__ = [
     "Laser",
     "NoiseSources",
     "RangeStatistics",
-    "RangeWalk",
     "Receiver",
     "Reflector",
     "SampledPulse",
     "SaturatedRecordWarning",
     "Target",
-    "chain_range_statistics",
     "cramer_rao_range",
     "detect",
     "echo",
     "estimate_range",
     "excess_noise_factor",
     "fwhm_from_pulse_tau",
-    "gaussian_pulse",
     "plane_target_echo",
-    "pulse_energy",
     "pulse_tau_from_fwhm",
     "range_statistics",
-    "range_walk",
     "simulate_echo",
     "tilted_pulse_tau",
 ]

@@ -1,20 +1,10 @@
 """Model the detector chain, from received power to recorded volts, with and without noise.
 
-    power -> APD current, with its shot noise -> + background, dark and thermal noise -> transimpedance low-pass
-          -> saturation of the amplifier -> sampling -> digitiser
+    power -> APD current with shot noise -> + background, dark and thermal noise -> low-pass -> saturation -> samples
+    S = 2 q M^2 F (I_signal + I_background + I_dark) + 4 k T / R + i_n^2 [A^2/Hz],  F = k M + (1 - k) (2 - 1 / M)
 
-The power is given at times that resolve the pulse and the low-pass. Every `stride`-th of these times is a sample. The
-noise is white ahead of the low-pass, which shapes its spectrum. The noise is filtered circularly (the end of the record
-precedes its beginning), so that it is stationary from the first sample on.
-
-One-sided spectral density of the noise current after multiplication, white up to the amplifier's bandwidth:
-
-    S = 2 q M^2 F (I_signal + I_background + I_dark) + 4 k T / R + i_n^2        [A^2/Hz]
-    F = k M + (1 - k) (2 - 1 / M)
-
-I: primary currents, responsivity times power; M: multiplication; F: excess noise factor for electron injection (k: the
-ratio of the ionisation coefficients); R: the resistor that converts the current to volts; i_n: the amplifier's input
-noise (R. J. McIntyre, Multiplication noise in uniform avalanche diodes, IEEE Trans. Electron Devices 13 (1966)).
+S is one-sided and white ahead of the low-pass (R. J. McIntyre, IEEE Trans. Electron Devices 13 (1966)). Noise is
+filtered circularly, so that it is stationary from the first sample on.
 """
 
 import math
@@ -28,18 +18,13 @@ from aerokernels.inputs.checks import (
     as_finite_array,
     as_waveform,
     check_at_least,
-    check_choice,
     check_count,
     check_positive,
     check_share,
 )
-from aerokernels.lidar.detector import GREATEST_ORDER, RESPONSES, detect, low_pass_gain, memory_time
+from aerokernels.lidar.detector import GREATEST_ORDER, detect, low_pass_gain, memory_time
 from aerokernels.lidar.pulse_curve import PulseCurve
 from aerokernels.lidar.pulses import SPEED_OF_LIGHT
-
-ELEMENTARY_CHARGE = 1.602176634e-19  # [C], exact
-
-BOLTZMANN_CONSTANT = 1.380649e-23  # [J/K], exact
 
 
 @checked
@@ -97,7 +82,7 @@ class NoiseSources:
     @property
     def thermal_density(self) -> float:
         """One-sided noise density of resistor and amplifier [A^2/Hz]."""
-        return 4.0 * BOLTZMANN_CONSTANT * self.temperature / self.load_resistance + self.amplifier_noise**2
+        return 4.0 * 1.380649e-23 * self.temperature / self.load_resistance + self.amplifier_noise**2  # Boltzmann's
 
     @checked
     def density(self, power: Numbers) -> np.ndarray:
@@ -105,7 +90,7 @@ class NoiseSources:
         received = np.maximum(as_finite_array(power, "power"), 0.0) + self.background_power
         primary = self.responsivity * received + self.dark_current
         excess = excess_noise_factor(self.gain, self.ionisation_ratio)
-        shot = 2.0 * ELEMENTARY_CHARGE * self.gain**2 * excess * primary
+        shot = 2.0 * 1.602176634e-19 * self.gain**2 * excess * primary  # the elementary charge [C]
         return np.asarray(shot + self.thermal_density)
 
 
@@ -181,16 +166,12 @@ class DetectorChain:
     def __post_init__(self):
         """Check the numbers and the kinds of the parts."""
         check_positive(self.volts_per_watt, "volts_per_watt", "V/W")
-        check_choice(self.response, "response", RESPONSES)
         object.__setattr__(self, "order", check_count(self.order, "order", 1, GREATEST_ORDER))
-        for name, part, kind in (
-            ("sources", self.sources, NoiseSources),
-            ("digitiser", self.digitiser or Digitiser(1), Digitiser),
-        ):
-            if not isinstance(part, kind):
-                raise TypeError(f"{name} must be a {kind.__name__}, got {part!r}")
-        if self.bandwidth is not None:
-            memory_time(self.bandwidth, self.response, self.order)
+        memory_time(1.0 if self.bandwidth is None else self.bandwidth, self.response, self.order)  # checks them
+        if not isinstance(self.sources, NoiseSources):
+            raise TypeError(f"sources must be a NoiseSources, got {self.sources!r}")
+        if not isinstance(self.digitiser, Digitiser | None):
+            raise TypeError(f"digitiser must be a Digitiser, got {self.digitiser!r}")
         if self.saturation is not None:
             check_positive(self.saturation, "saturation", "V")
 
@@ -218,19 +199,9 @@ class DetectorChain:
 
     @checked
     def record(self, time: Numbers, power: Numbers, seed: int | np.random.Generator = 0, stride: int = 1) -> np.ndarray:
-        """Simulate one noisy record.
+        """Return the samples [V] of one noisy record, shape (ceil(n / stride),), of a power [W] at even times [s].
 
-        Args:
-            time: Times [s], shape (n,), in even steps.
-            power: Received power [W], shape (n,).
-            seed: Seed of the noise, or the generator to use.
-            stride: Number of given times per sample.
-
-        Returns:
-            Samples [V], shape (ceil(n / stride),).
-
-        Raises:
-            ValueError: Uneven times, shapes that disagree, a stride that is not a positive whole number.
+        `seed` is that of the noise, or a generator; every `stride`-th time is sampled.
         """
         _, watts, period = as_waveform(time, power, least_count=2)
         stride = check_count(stride, "stride")
@@ -243,19 +214,16 @@ class DetectorChain:
 
     @checked
     def noise(self, power: Numbers, period: float, seed: int | np.random.Generator = 0) -> np.ndarray:
-        """Return noise [V] after the low-pass for a received power [W] at even steps of `period` [s], shape (n,).
-
-        Raises:
-            ValueError: Powers that are not finite or have no or several axes, or a period that is not positive.
-        """
+        """Return noise [V] after the low-pass for a received power [W] at even steps of `period` [s], shape (n,)."""
         from scipy.fft import irfft, rfft, rfftfreq
 
         check_positive(period, "period", "s")
         density = self.sources.density(power)
         if density.ndim != 1 or not density.size:
             raise ValueError(f"power must be a list of powers [W], got shape {density.shape}")
-        current = white_noise(density, period, np.random.default_rng(seed))
-        volts = self.transimpedance * current
+        # Samples of period h hold the band up to 1 / (2 h), so the variance of a sample is density / (2 h).
+        white = np.sqrt(density / (2.0 * period)) * np.random.default_rng(seed).standard_normal(density.size)
+        volts = self.transimpedance * white
         if self.bandwidth is None:
             return volts
         low_pass = (period, self.bandwidth, self.response, self.order)
@@ -265,9 +233,7 @@ class DetectorChain:
     def noise_rms(self, power: float, sample_rate: float) -> float:
         """Standard deviation of a sample [V] under a steady power [W], without the digitiser's quantisation.
 
-        Args:
-            power: Received power [W]; 0 gives the noise between echoes.
-            sample_rate: Rate of the samples [Hz]; it limits the noise band of a chain of unlimited bandwidth.
+        The sample rate [Hz] limits the noise band of a chain of unlimited bandwidth.
         """
         top = 0.5 * check_positive(sample_rate, "sample_rate", "Hz")
         if self.bandwidth is None:
@@ -292,12 +258,8 @@ class DetectorChain:
     def cramer_rao_range(self, time: Numbers, power: Numbers) -> float:
         """Return the least standard deviation [m] of an unbiased range (Cramér-Rao), for a power [W] at times [s].
 
-        The noise is white ahead of the low-pass, and the low-pass acts on signal and noise alike. The bound is
-        therefore that of the current I in noise of density S: c / 2 / sqrt(integral of (dI/dt)^2 / (S / 2) dt).
-        Saturation, the digitiser, and the information in the level of the shot noise are neglected.
-
-        Raises:
-            ValueError: Uneven times, shapes that disagree, a power that is constant.
+        The low-pass acts on signal and noise alike, so the bound is that of the current I in noise of density S:
+        c / 2 / sqrt(integral of (dI/dt)^2 / (S / 2) dt), without saturation and digitiser.
         """
         _, watts, period = as_waveform(time, power)
         slope = self.sources.amperes_per_watt * PulseCurve(watts).slope / period
@@ -310,16 +272,8 @@ class DetectorChain:
         return voltage if self.saturation is None else np.minimum(voltage, self.saturation)
 
 
-def white_noise(density: np.ndarray, period: float, generator: np.random.Generator) -> np.ndarray:
-    """Return white noise [A] of a one-sided density [A^2/Hz] that may change along the record, shape (n,).
-
-    Samples of period h hold the band up to 1 / (2 h), so the variance of a sample is density / (2 h).
-    """
-    return np.sqrt(density / (2.0 * period)) * generator.standard_normal(density.size)
-
-
 def noise_bandwidth(bandwidth: float, response: str, order: int, top: float) -> float:
-    """Noise bandwidth [Hz] of a low-pass up to the frequency `top` [Hz]: the integral of |gain|^2."""
+    """Return the integral of |gain|^2 of a low-pass up to the frequency `top` [Hz]."""
     from scipy.integrate import quad
 
     def power_gain(ratio: float) -> float:
@@ -332,18 +286,10 @@ def noise_bandwidth(bandwidth: float, response: str, order: int, top: float) -> 
 
 
 def sampled_noise_gain(frequency, period: float, bandwidth: float, response: str, order: int) -> np.ndarray:
-    """Return the noise gain of a low-pass followed by sampling, which aliases noise above half the sample rate.
+    """Return the noise gain of a low-pass followed by sampling every `period` [s], at frequencies [Hz] up to 1 / (2 h).
 
-    Args:
-        frequency: Frequencies up to half the sample rate [Hz], any shape.
-        period: Sample period [s].
-        bandwidth: -3 dB bandwidth of the low-pass [Hz].
-        response: As for `low_pass_gain`.
-        order: As for `low_pass_gain`.
-
-    Returns:
-        The square root of the sum of |gain|^2 over all frequencies that sampling aliases to `frequency`, of the shape
-        of `frequency`. For a single pole, whose gain falls off slowly, the sum has a closed form.
+    It is the root of the sum of |gain|^2 over all frequencies that sampling aliases to this one. For a single pole,
+    whose gain falls off slowly, the sum has a closed form.
     """
     rate, low = 1.0 / period, np.asarray(frequency, dtype=np.float64)
     if response == "first-order" or (order == 1 and response != "gaussian"):

@@ -1,15 +1,8 @@
-"""Convert received power to volts without noise: responsivity, bandwidth, and the sample times of the digitiser.
+"""Convert received power to volts without noise: responsivity and a low-pass of -3 dB at the bandwidth B.
 
-The receiver's electronics are a low-pass of unit gain at 0 Hz and -3 dB at `bandwidth`:
-
-    "first-order"   1 / (1 + i f / B)
-    "gaussian"      exp(-(ln 2 / 2) (f / B)^2), no delay (not causal; the limit of many equal stages)
-    "bessel"        Bessel sections, flat group delay
-    "butterworth"   Butterworth sections, flat gain
-
-The exact transfer function is applied in the frequency domain, to a record padded until nothing wraps around: a digital
-filter of the same name would distort the response at a low sample rate. All responses but the Gaussian delay the pulse;
-a rangefinder is calibrated for this delay, and so is `simulate.echo`.
+"first-order" is 1 / (1 + i f / B), "gaussian" exp(-(ln 2 / 2) (f / B)^2), without delay (the limit of many stages);
+"bessel" and "butterworth" are their sections. The exact transfer function is applied in the frequency domain, to a
+record padded until nothing wraps around: a digital filter would distort the response at a low sample rate.
 """
 
 import math
@@ -46,33 +39,18 @@ def _bessel_poles(order: int) -> np.ndarray:
 
 
 def low_pass_gain(frequency, bandwidth: float, response: str = "bessel", order: int = 4) -> np.ndarray:
-    """Return the complex gain of a low-pass at the given frequencies.
-
-    Args:
-        frequency: Frequencies [Hz], any shape.
-        bandwidth: Frequency at which the power gain is one half [Hz].
-        response: "first-order", "gaussian", "bessel" or "butterworth".
-        order: Number of poles of "bessel" and "butterworth", 1 to 10.
-
-    Returns:
-        Gain, complex, of the shape of `frequency`.
-
-    Raises:
-        ValueError: A bandwidth that is not positive, an unknown response, an order out of range.
-    """
-    ratio = np.asarray(frequency, dtype=np.float64) / check_positive(bandwidth, "bandwidth", "Hz")
-    check_choice(response, "response", RESPONSES)
-    order = check_count(order, "order", 1, GREATEST_ORDER)
+    """Return the complex gain of a low-pass of -3 dB at `bandwidth` [Hz], of the shape of `frequency` [Hz]."""
+    ratio = np.asarray(frequency, dtype=np.float64) / bandwidth
     if response == "gaussian":
         return np.exp(-0.5 * math.log(2.0) * np.square(ratio)).astype(np.complex128)
     return np.asarray(np.prod([-pole / (1j * ratio - pole) for pole in _poles(response, order)], axis=0))
 
 
 def memory_time(bandwidth: float, response: str = "bessel", order: int = 4) -> float:
-    """Time [s] after which the low-pass's response to a pulse has decayed; arguments as for `low_pass_gain`."""
+    """Return the time [s] after which the low-pass's response to a pulse has decayed, after checking the arguments."""
     check_choice(response, "response", RESPONSES)
-    # The Gaussian's impulse response is 1e-16 of its peak after 1.6 / B.
     order = check_count(order, "order", 1, GREATEST_ORDER)
+    # The Gaussian's impulse response is 1e-16 of its peak after 1.6 / B.
     slowest = 4.0 if response == "gaussian" else float(-_poles(response, order).real.max())
     # Decay of the slowest pole's response by the end of the padding.
     return -math.log(1e-16) / (2.0 * math.pi * slowest * check_positive(bandwidth, "bandwidth", "Hz"))
@@ -104,6 +82,8 @@ def detect(
     Raises:
         ValueError: Uneven times, shapes that disagree, numbers that are not positive, an unknown response.
     """
+    from scipy.fft import irfft, rfft, rfftfreq
+
     _, watts, period = as_waveform(time, power, least_count=2)
     gain = check_positive(volts_per_watt, "volts_per_watt", "V/W")
     if bandwidth is None:
@@ -117,24 +97,5 @@ def detect(
         )
     padding = math.ceil(memory)
     padded = np.concatenate([gain * watts, np.zeros(padding)])
-    return low_pass(padded, period, bandwidth, response, order)[: watts.size]
-
-
-def low_pass(values: np.ndarray, period: float, bandwidth: float, response: str, order: int) -> np.ndarray:
-    """Filter samples with the low-pass circularly (the end precedes the beginning); returns the same shape (n,)."""
-    from scipy.fft import irfft, rfft, rfftfreq
-
-    gain = low_pass_gain(rfftfreq(values.size, period), bandwidth, response, order)
-    return irfft(rfft(values) * gain, values.size)
-
-
-def sample_times(start: float, stop: float, sample_rate: float) -> np.ndarray:
-    """Return the times k / sample_rate [s] that cover start to stop [s], shape (n,); the clock counts from t = 0.
-
-    Raises:
-        ValueError: A sample rate that is not positive, or a stop that is not after the start.
-    """
-    rate = check_positive(sample_rate, "sample_rate", "Hz")
-    if not stop > start:
-        raise ValueError(f"a record must end after it starts, got {start!r} s to {stop!r} s")
-    return np.arange(math.floor(start * rate), math.ceil(stop * rate) + 1) / rate
+    low_pass = low_pass_gain(rfftfreq(padded.size, period), bandwidth, response, order)
+    return irfft(rfft(padded) * low_pass, padded.size)[: watts.size]

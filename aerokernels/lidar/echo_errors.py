@@ -1,22 +1,8 @@
 """The errors of an echo's numbers by cause: each number computed again where rays over the receiver's pupil change.
 
-    return factor   F S(rays) / S(base), with S = |<exp(i k OPD)>|^2, tilt kept; F if it does not depend on phases
-    peaks, ranges   of the echo's waveform without noise times this change of the factor, through the detector chain
-    path            OPD of the rays, and the way to the target's plane along the beam's rays where these are turned as
-                    the rays are, as a mean over the beam; the model's uncertainty changes the air at rest too
-
-The rays leave the pupil straight ahead, as to a distant target: their relative change of S stands for that of every
-point of the target. (Group and phase index of air differ by 1.4 %, which is left out of errors.)
-
-"sampling" is what no ray shows, root sum of squares, with two standard deviations of what is random:
-
-    factor      at some of the points on which the beam's power falls, drawn by their shares of it, the factor computed
-                directly, with four times as many rays over the pupil: its changes there have a mean, which counts, and
-                a standard error; the share of the beam that is lost (rangefinder.py)
-    peaks       twice the rms error of the echo in vacuum where it arrives fractions of a sample later; of the voltage
-                the noise at the peak and half a code of the digitiser
-    ranges      the changes of the reading with the factor, of the mean path over the points weighted by it, with the
-                samples' position, and by the rounding to codes if no noise dithers them; the spread over noisy records
+The rays leave the pupil straight ahead, as to a distant target: the relative change of S = |<exp(i k OPD)>|^2, tilt
+kept, stands for that of every point of the target. "sampling" is what no ray shows, root sum of squares, with two
+standard deviations of what is random.
 """
 
 import math
@@ -34,7 +20,6 @@ from aerokernels.lidar.paths import air_error
 from aerokernels.lidar.pulse_curve import peak_height
 from aerokernels.lidar.pulses import SPEED_OF_LIGHT
 from aerokernels.lidar.rangefinder import Rangefinder, VacuumEcho
-from aerokernels.lidar.ranging import AMPLITUDE_METHODS
 from aerokernels.lidar.result import EchoResult
 from aerokernels.lidar.return_paths import factor_of, is_symmetric, reduce_pupils, upper_half
 from aerokernels.medium import IndexField
@@ -51,17 +36,9 @@ NUMBERS = {"strehl": "", "peak_power": "W", "peak_voltage": "V", "group_path": "
 class EchoProbe:
     """Everything an echo was computed from, to compute its errors on demand.
 
-    Attributes:
-        field: The refractive index of the flow.
-        estimate: A Strehl estimate of the receiver's pupil through this field, whose rays are used; None: rays are
-            traced.
-        vacuum: The echo without flow.
-        time: Sample times [s].
-        fine: Times at which power is computed [s], shape (n,).
-        stride: Number of these times per sample period.
-        power: Received power at the times `fine` [W], shape (n,).
-        clean: Voltage of the samples without noise [V].
-        rangefinder: Reads ranges.
+    `estimate` is a Strehl estimate of the receiver's pupil through the field, whose rays are used; None: rays are
+    traced. `power` (n,) is that at times `fine` [s], every `stride`-th of which is sampled; `clean` the voltage of the
+    samples without noise.
     """
 
     field: IndexField
@@ -94,15 +71,15 @@ class EchoProbe:
     @cached_property
     def rays(self) -> Variants | None:
         """Rays over the receiver's pupil, and how they change by cause; None where none gets out."""
-        known = None if self.estimate is None else self.estimate.varied
-        if not (isinstance(known, StrehlVariants) and known.field is self.field):
+        varied = None if self.estimate is None else self.estimate.varied
+        if not (isinstance(varied, StrehlVariants) and varied.field is self.field):
             options = {**self.setup.options, "allow_truncation": True}
             try:
                 prepared = PreparedStrehl(self.field, self.setup.receiver.pupil, **options)
             except ValueError:  # no ray meets the field, or arrives
                 return None
-            known = prepared.varied(prepared.plan)
-        rays = known.found
+            varied = prepared.varied(prepared.plan)
+        rays = varied.found
         if rays is None or "refractivity" not in rays.causes:
             return rays
         model = rays.causes["refractivity"]
@@ -121,7 +98,7 @@ class EchoProbe:
         record = self.setup.detector.chain.clipped(volts)
         methods: Sequence[str] = RANGING_METHODS
         if whole and np.array_equal(record, volts) and np.array_equal(self.clean, self.linear):
-            methods = AMPLITUDE_METHODS
+            methods = ("leading-edge",)  # the others do not depend on the amplitude
         ranges = self.rangefinder.ranges(self.time, record, methods)[0]
         ranges = {name: math.inf if math.isnan(value) else value for name, value in ranges.items()}
         self._known[share] = peak_height(record), {**(whole[1] if whole else {}), **ranges}
@@ -130,14 +107,6 @@ class EchoProbe:
     @cached_property
     def _known(self) -> dict[float, tuple[float, dict[str, float]]]:
         return {}
-
-    def read_digitised(self) -> dict[str, float]:
-        """Return the change of the noise-free waveform's range by the rounding to codes [m], by method."""
-        chain = self.setup.detector.chain
-        if chain.digitiser is None:
-            return {}
-        ranges, plain = self.rangefinder.ranges(self.time, chain.digitise(self.clean))[0], self.read(1.0)[1]
-        return {method: abs(value - plain[method]) for method, value in ranges.items()}
 
     def read_shifted(self) -> tuple[float, float, dict[str, float]]:
         """Return the rms errors by the samples' position: of peak power and voltage, relative, and of ranges [m].
@@ -160,53 +129,30 @@ class EchoProbe:
         return rms.pop("power"), rms.pop("voltage"), rms
 
 
-@dataclass(frozen=True, eq=False)
 class EchoNumbers:
-    """Computes an echo's NUMBERS and its ranges by method again from rays over the receiver's pupil.
+    """Computes an echo's NUMBERS and its ranges by method again from rays over the receiver's pupil."""
 
-    Attributes:
-        probe: What the echo was computed from.
-        rays: The rays and their changes.
-        strehl: The echo's mean Strehl ratio.
-        peak_power: Its peak power [W].
-    """
-
-    probe: EchoProbe
-    rays: Variants
-    strehl: float
-    peak_power: float
-
-    @cached_property
-    def ratio(self) -> float:
-        """Strehl ratio of the rays."""
-        return self._strehl(self.rays.base)
+    def __init__(self, probe: EchoProbe, rays: Variants, strehl: float, peak_power: float):
+        """Take the echo's mean Strehl ratio and its peak power [W], and the rays with their changes."""
+        self.probe, self.rays, self.strehl, self.peak_power = probe, rays, strehl, peak_power
+        beam, start = probe.setup.laser, rays.start
+        # Directions of the beam without flow where the rays start, (n, 3), and its shares there, (n,).
+        ahead = np.full(len(start), probe.setup.target.distance)
+        line = np.column_stack([start[:, :2] * (beam.radius / beam.exit_radius - 1.0), ahead])
+        square = 2.0 * np.sum(start[:, :2] ** 2, axis=1) / beam.exit_radius**2
+        share = rays.weight * np.exp(square.min() - square)
+        self.straight, self.share = line / lengths(line)[:, None], share / share.sum()
+        self.ratio, self.path = self._strehl(rays.base), self._path(rays.base)
 
     def _strehl(self, rays: Rays) -> float:
         return abs(mean_phasor(rays.opd, self.rays.weight, self.probe.setup.laser.wavelength)) ** 2
 
-    @cached_property
-    def path(self) -> float:
-        """Mean path of the rays over the beam [m]."""
-        return self._path(self.rays.base)
-
-    @cached_property
-    def beam(self) -> tuple[np.ndarray, np.ndarray]:
-        """Directions of the beam without flow where the rays start, (n, 3), and its shares there, (n,)."""
-        beam, start = self.probe.setup.laser, self.rays.start
-        line = np.column_stack([start[:, :2] * (beam.radius / beam.exit_radius - 1.0), self._ahead])
-        square = 2.0 * np.sum(start[:, :2] ** 2, axis=1) / beam.exit_radius**2
-        share = self.rays.weight * np.exp(square.min() - square)
-        return line / lengths(line)[:, None], share / share.sum()
-
-    @cached_property
-    def _ahead(self) -> np.ndarray:
-        return np.full(len(self.rays.start), self.probe.setup.target.distance)
-
     def _path(self, rays: Rays) -> float:
-        plane, (straight, share) = self.probe.setup.plane, self.beam
-        way = straight + rays.direction - self.rays.ahead
+        """Return the mean path of the rays over the beam [m], where these are turned as the rays are."""
+        plane = self.probe.setup.plane
+        way = self.straight + rays.direction - self.rays.ahead
         length = (plane.point - self.rays.start) @ plane.normal * lengths(way) / (way @ plane.normal)
-        return float(share @ (rays.opd + length))
+        return float(self.share @ (rays.opd + length))
 
     def __call__(self, rays: Rays) -> np.ndarray:
         """Return the numbers of rays, shape (4 + number of methods,); those without a value are NaN."""
@@ -259,7 +205,10 @@ def _sampling(result: EchoResult, probe: EchoProbe) -> dict[str, float]:
     }
     noisy = probe.rangefinder.statistics(probe.fine, probe.power, probe.stride, 32) if noise > 0.0 else {}
     # Noise above half a code dithers the codes: their errors are then random.
-    codes = probe.read_digitised() if noise < 0.5 * probe.code_step else {}
+    codes: dict[str, float] = {}
+    if noise < 0.5 * probe.code_step:
+        ranges = probe.rangefinder.ranges(probe.time, detector.chain.digitise(probe.clean))[0]
+        codes = {method: abs(value - probe.read(1.0)[1][method]) for method, value in ranges.items()}
     steps = [probe.read(1.0 + sign * share)[1] for sign in (-1.0, 1.0)] if 0.0 < share < 1.0 else []
     for method, value in probe.read(1.0)[1].items():
         walk = max((abs(one[method] - value) for one in steps), default=0.0 if share == 0.0 else math.nan)

@@ -1,23 +1,11 @@
-"""The parts of a laser rangefinder's path: laser, target, receiver, detector.
+"""The parts of a laser rangefinder's path: laser, target, receiver, detector, with a scene's defaults.
 
-A scene makes them (`Setup.of_scene`), and so may a Python program (`simulate_echo`). Their defaults are a scene's. The
-optical axis is z. The receiver's pupil faces +z; its plane is also that in which the beam leaves the laser.
-
-A surface is Lambertian, or has a diffuse part and a lobe about the mirror direction (modified Phong):
-
-    f_r = rho / pi                                                     Lambertian
-    f_r = rho [(1 - s) / pi + s (n + 2) / (2 pi) cos(alpha)^n]         Phong, 0 for the lobe where cos(alpha) < 0
-
-rho is the reflectivity, s the lobe's fraction, n its exponent, alpha the angle between the mirror direction of the
-incident light and the direction to the receiver. For a receiver beside the laser alpha is twice the incidence. The lobe
-is normalised: it returns s rho of the light at normal incidence and less at other incidences, so it creates no light
-(E. Lafortune, Y. Willems, Using the modified Phong reflectance model for physically based rendering, K. U. Leuven
-CW197, 1994).
+The optical axis is z. The receiver's pupil faces +z; its plane is also that in which the beam leaves the laser.
 """
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 import numpy as np
@@ -29,7 +17,7 @@ from aerokernels.lidar.chain import DetectorChain, Digitiser, NoiseSources
 from aerokernels.lidar.pulses import GaussianPulse, HeliosPulse, PulseShape, SampledPulse, as_pulse
 from aerokernels.pupils import Disc, Pupil
 from aerokernels.scene import STATIC_CALIBRATION, Scene
-from aerokernels.scene.echo_tables import orientation, rectangle_corners
+from aerokernels.scene.echo_tables import TiltedRectangle
 from aerokernels.tracing import Plane
 
 LIMITS = ("beam", "paper")
@@ -41,12 +29,15 @@ EVERY = "every"
 @checked
 @dataclass(frozen=True)
 class Reflector:
-    """A surface's reflectance; Lambertian unless `specular_share` is positive.
+    """A surface's reflectance, modified Phong: f_r = rho [(1 - s) / pi + s (n + 2) / (2 pi) cos(alpha)^n].
+
+    alpha is the angle between the mirror direction of the incident light and the direction to the receiver; without a
+    lobe the surface is Lambertian. The lobe creates no light (E. Lafortune, Y. Willems, K. U. Leuven CW197, 1994).
 
     Attributes:
-        reflectivity: Fraction of the light reflected at normal incidence, 0 to 1.
-        specular_share: Fraction of the reflected light in the lobe, 0 to 1.
-        specular_exponent: The lobe's exponent, positive.
+        reflectivity: Fraction rho of the light reflected at normal incidence, 0 to 1.
+        specular_share: Fraction s of the reflected light in the lobe, 0 to 1.
+        specular_exponent: The lobe's exponent n, positive.
 
     Raises:
         ValueError: A number out of range.
@@ -111,7 +102,7 @@ class Laser:
 
 @checked
 @dataclass(frozen=True)
-class Target:
+class Target(TiltedRectangle):
     """A flat rectangular reflector on the axis.
 
     Attributes:
@@ -150,21 +141,6 @@ class Target:
             raise TypeError(f"reflector must be a Reflector, got {self.reflector!r}")
         check_choice(self.limits, "limits", LIMITS)
         check_share(self.transmission, "transmission")
-
-    @property
-    def orientation(self) -> np.ndarray:
-        """Unit vectors of the reflector as columns: along its width, along its height, its normal; shape (3, 3)."""
-        return orientation(self.tilt, self.tilt_axis)
-
-    @property
-    def normal(self) -> np.ndarray:
-        """Its normal, a unit vector, shape (3,)."""
-        return self.orientation[:, 2]
-
-    @property
-    def corners(self) -> np.ndarray:
-        """The reflector's corners in cyclic order, relative to its centre [m], shape (4, 3)."""
-        return rectangle_corners(self.width, self.height, self.orientation)
 
 
 @checked
@@ -233,7 +209,6 @@ class Detector:
         ranging: How a range is read, one of RANGING_METHODS; see `estimate_range`.
         threshold: Level of the leading-edge discriminator [V].
         fraction: Fraction of the peak for "constant-fraction", between 0 and 1.
-        walk_correction: Whether the leading edge's range is corrected for the peak's height.
         trial_count: Number of noisy records that are ranged to find the random error, at least 2; 0: none.
 
     Raises:
@@ -247,7 +222,6 @@ class Detector:
     ranging: str = "leading-edge"
     threshold: float = 1.0
     fraction: float = 0.5
-    walk_correction: bool = False
     trial_count: int = 0
 
     def __post_init__(self):
@@ -284,46 +258,15 @@ class Setup:
             pulse = SampledPulse(beam.pulse_samples, beam.pulse_sample_period)
         share = target.specular_share if target.reflector == "phong" else 0.0
         transimpedance = detector.volts_per_watt / (detector.responsivity * detector.gain)
+        sources = _like(NoiseSources, detector, load_resistance=detector.load_resistance or transimpedance)
         bits = detector.bit_count
-        chain = DetectorChain(
-            volts_per_watt=detector.volts_per_watt,
-            sources=NoiseSources(
-                responsivity=detector.responsivity,
-                gain=detector.gain,
-                ionisation_ratio=detector.ionisation_ratio,
-                background_power=detector.background_power,
-                dark_current=detector.dark_current,
-                temperature=detector.temperature,
-                load_resistance=detector.load_resistance or transimpedance,
-                amplifier_noise=detector.amplifier_noise,
-            ),
-            bandwidth=detector.bandwidth,
-            response=detector.response,
-            order=detector.order,
-            saturation=detector.saturation,
-            digitiser=None if bits is None else Digitiser(bits, detector.adc_low, detector.adc_high),
-        )
-        same = ("sample_rate", "noise", "seed", "ranging", "threshold", "fraction", "walk_correction", "trial_count")
+        digitiser = None if bits is None else Digitiser(bits, detector.adc_low, detector.adc_high)
+        reflector = _like(Reflector, target, specular_share=share)
         return cls(
-            Laser(beam.peak_power, pulse, scene.flow.wavelength, beam.exit_radius, beam.radius, beam.ray_count),
-            Target(
-                target.distance,
-                target.tilt,
-                target.tilt_axis,
-                Reflector(target.reflectivity, share, target.specular_exponent),
-                target.width,
-                target.height,
-                target.limits,
-                scene.atmosphere.transmission,
-            ),
-            Receiver(
-                receiver.pupil,
-                receiver.ray_count,
-                receiver.return_factor,
-                receiver.strehl_node_count,
-                receiver.efficiency,
-            ),
-            Detector(chain, **{name: getattr(detector, name) for name in same}),
+            _like(Laser, beam, pulse=pulse, wavelength=scene.flow.wavelength),
+            _like(Target, target, reflector=reflector, transmission=scene.atmosphere.transmission),
+            _like(Receiver, receiver),
+            _like(Detector, detector, chain=_like(DetectorChain, detector, sources=sources, digitiser=digitiser)),
             trace_options(scene),
         )
 
@@ -331,6 +274,11 @@ class Setup:
     def plane(self) -> Plane:
         """The target's plane; its normal is the optical axis turned by the target's tilt."""
         return Plane(np.array([0.0, 0.0, self.receiver.aperture_z + self.target.distance]), self.target.normal)
+
+
+def _like(kind: type, table: Any, **others: Any) -> Any:
+    """Return a part with the values of a scene's table, whose keys have the names of its fields, and others."""
+    return kind(**({one.name: getattr(table, one.name) for one in fields(kind) if one.name not in others} | others))
 
 
 def trace_options(scene: Scene) -> dict:

@@ -1,19 +1,8 @@
 """Represent a sampled pulse by a smooth curve, to find crossings, peak and centroid between the samples.
 
-The curve is the quintic spline through the samples (of lower degree for fewer than six). For a Gaussian pulse of
-1/e half-width tau its error is of order (period / tau)^6: 2e-6 of the peak with six samples per tau, where linear
-interpolation has an error of 2e-2. Positions are counted in samples from the start of the record, whatever the sample
-period. Between two samples the curve is one polynomial; crossings and peaks are found from the polynomial's
-coefficients, because evaluating the spline at each trial position takes longer than the rest of a reading.
-
-If there are few samples across the pulse, no interpolation of the samples alone is accurate, because the pulse's
-content above half the sample rate is lost. (For a Gaussian with two samples across its width at half height, 10 ns, the
-crossing of half the height has an error of up to 24 mm with the quintic spline, and of 15 mm with the best series for
-band-limited records.) With a known shape s it is
-
-    v(t) = A s(t - t0) + remainder,    A and t0 by least squares,
-
-and only the remainder, noise and a small difference of shapes, is interpolated by the spline (`shaped_curve`).
+The curve is the quintic spline through the samples; for a Gaussian of 1/e half-width tau its error is of order
+(period / tau)^6, 2e-6 of the peak with six samples per tau. With few samples a known shape s is fitted first, and only
+the remainder v(t) - A s(t - t0) is interpolated. Positions are counted in samples from the start of the record.
 """
 
 import math
@@ -32,23 +21,11 @@ CENTROID_FLOOR = 0.1
 PLATEAU = 3
 
 
-def _fit_between(degree: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return Chebyshev points of [-1/2, 1/2], and the matrix from a polynomial's values there to its coefficients."""
-    node = 0.5 * np.cos(np.pi * (np.arange(degree + 1) + 0.5) / (degree + 1))
-    return node, np.linalg.inv(np.vander(node, increasing=True))
-
-
-_PIECES = {degree: _fit_between(degree) for degree in (1, 3, 5)}
-
-
 class PulseCurve:
-    """The curve through the samples of a pulse, shape (n,); positions in samples, values in the samples' unit.
+    """The curve through the samples of a pulse, shape (n,); a pulse that the samples do not hold is a ValueError.
 
     `is_whole` says that the pulse is 0 beyond the samples, as for a template: the samples may then begin and end
     within the pulse. `upsampling` is the number of samples per sample of the record that the curve represents.
-
-    Raises:
-        ValueError: No sample is positive (in `peak_position` and what needs it), or the pulse's peak is cut off.
     """
 
     def __init__(self, samples: np.ndarray, is_whole: bool = False, upsampling: int = 1):
@@ -62,6 +39,8 @@ class PulseCurve:
     @cached_property
     def peak_position(self) -> float:
         """Position of the curve's maximum next to the greatest sample."""
+        from scipy.optimize import brentq, minimize_scalar
+
         top = int(np.argmax(self.samples))
         if self.samples[top] <= 0.0:
             raise ValueError(
@@ -70,37 +49,33 @@ class PulseCurve:
         if top in (0, self.samples.size - 1):
             where = "first" if top == 0 else "last"
             raise ValueError(f"the greatest sample is the record's {where}: record from before the pulse to after it")
-        for start, inner in ((top, -0.5), (top - 1, 0.5)):
-            piece = self._piece(start)
-            slope = [power * factor for power, factor in enumerate(piece)][1:]
-            # The curve rises from the sample into this piece and falls again: the other end is lower.
-            if _horner(inner, slope) * inner < 0.0:
-                place = _root_of(slope, -0.5, 0.5) if _horner(-inner, slope) * inner > 0.0 else _highest(piece)
-                return start + 0.5 + place if _horner(place, piece) > self.samples[top] else float(top)
-        return float(top)
+        slope = self.spline.derivative()
+        low, high = (top, top + 1) if slope(top) > 0.0 else (top - 1, top)
+        if slope(low) > 0.0 > slope(high):
+            place = float(brentq(slope, low, high, xtol=1e-12))
+        else:
+            options = {"bounds": (low, high), "method": "bounded", "options": {"xatol": 1e-10}}
+            place = float(minimize_scalar(lambda position: -self.spline(position), **options).x)
+        return place if self.spline(place) > self.samples[top] else float(top)
 
     @cached_property
     def peak(self) -> float:
         """Greatest value of the curve."""
         return float(self.spline(self.peak_position))
 
-    def _piece(self, start: int) -> list[float]:
-        """Coefficients of the polynomial between two samples, constant first, about the middle between them."""
-        node, to_coefficients = _PIECES[self.spline.k]
-        return (to_coefficients @ self.spline(start + 0.5 + node)).tolist()
-
     def _root(self, level: float, low: float, high: float) -> float:
         """Position at which the curve crosses a level, between two positions on either side of the level."""
-        start = int(0.5 * (low + high))
-        constant, *others = self._piece(start)
-        return start + 0.5 + _root_of([constant - level, *others], low - start - 0.5, high - start - 0.5)
+        from scipy.interpolate import BSpline
+        from scipy.optimize import brentq
+
+        lowered = BSpline(self.spline.t, self.spline.c - level, self.spline.k)
+        below, above = lowered(np.array([low, high]))
+        if below * above >= 0.0:  # a sample at the level, by rounding on the wrong side
+            return float(low if abs(below) < abs(above) else high)
+        return float(brentq(lowered, low, high, xtol=1e-12))
 
     def first_rise(self, level: float) -> float:
-        """Return the first position at which the curve rises through `level`.
-
-        Raises:
-            ValueError: The curve starts above the level, or never reaches it.
-        """
+        """Return the first position at which the curve rises through `level`."""
         if self.samples[0] >= level:
             raise ValueError(
                 f"the record starts at {self.samples[0]:g} V, above the threshold of {level:g} V already: "
@@ -116,16 +91,11 @@ class PulseCurve:
                 f"the signal never crosses the threshold: its peak is {top:g} V, the threshold {level:g} V; "
                 "lower the threshold or raise the gain"
             )
-        return self._root(
-            level, np.ceil(self.peak_position) - 1.0, self.peak_position
-        )  # the peak is between two samples
+        # The peak is between two samples.
+        return self._root(level, np.ceil(self.peak_position) - 1.0, self.peak_position)
 
     def rise_before_peak(self, level: float) -> float:
-        """Return the last position before the peak at which the curve rises through `level` (below the peak).
-
-        Raises:
-            ValueError: The curve is above the level from the record's start.
-        """
+        """Return the last position before the peak at which the curve rises through `level` (below the peak)."""
         before = np.flatnonzero(self.samples[: int(np.ceil(self.peak_position))] < level)
         if before.size == 0:
             raise ValueError(
@@ -144,11 +114,7 @@ class PulseCurve:
 
     @cached_property
     def centroid(self) -> float:
-        """Centroid of the part of the curve above `CENTROID_FLOOR` of the peak.
-
-        Raises:
-            ValueError: The record begins or ends within that part, and is not whole.
-        """
+        """Centroid of the part of the curve above `CENTROID_FLOOR` of the peak."""
         level = CENTROID_FLOOR * self.peak
         low = 0.0 if self.is_whole and self.samples[0] >= level else self.rise_before_peak(level)
         high = self.fall_after_peak(level)
@@ -172,43 +138,8 @@ class PulseCurve:
         return np.asarray(self.spline.derivative()(np.arange(self.samples.size)))
 
 
-def _horner(place: float, coefficients: list[float]) -> float:
-    found = 0.0
-    for factor in reversed(coefficients):
-        found = found * place + factor
-    return found
-
-
-def _root_of(coefficients: list[float], low: float, high: float) -> float:
-    """Root of a polynomial between two positions with values of different sign.
-
-    If rounding gives both values the same sign, the position of the smaller value is returned.
-    """
-    from scipy.optimize import brentq
-
-    ends = _horner(low, coefficients), _horner(high, coefficients)
-    if ends[0] * ends[1] > 0.0:
-        return low if abs(ends[0]) < abs(ends[1]) else high
-    return float(brentq(_horner, low, high, args=(coefficients,), xtol=1e-12))
-
-
-def _highest(coefficients: list[float]) -> float:
-    """Position of the maximum in [-1/2, 1/2] of a polynomial whose slope has the same sign at both ends."""
-    from scipy.optimize import minimize_scalar
-
-    options = {"xatol": 1e-10}
-    found = minimize_scalar(
-        lambda place: -_horner(place, coefficients), bounds=(-0.5, 0.5), method="bounded", options=options
-    )
-    return float(found.x)
-
-
 def peak_height(samples: np.ndarray) -> float:
-    """Return the greatest value of the curve through the samples.
-
-    The greatest sample is returned if the record holds no peak, or if an amplifier or a digitiser has cut the peak off:
-    the curve would overshoot at the edges of such a plateau.
-    """
+    """Return the greatest value of the curve through the samples; the greatest sample if it is at an end or level."""
     top = int(np.argmax(samples))
     cut_off = bool((samples[top : top + PLATEAU] == samples[top]).all()) and top + PLATEAU <= samples.size
     if samples[top] <= 0.0 or top in (0, samples.size - 1) or cut_off:
@@ -216,8 +147,6 @@ def peak_height(samples: np.ndarray) -> float:
     return PulseCurve(samples).peak
 
 
-# Samples across the pulse from which the spline through them is accurate to 1e-6 of the peak.
-ENOUGH_SAMPLES = 16
 ROUNDING = 1e-13
 # Positions at which a match is evaluated in one call, and the tolerated relative error of the polynomial through them.
 POINTS, SAME = 12, 1e-12
@@ -226,13 +155,7 @@ Shape = Callable[[np.ndarray], np.ndarray]
 
 
 def shaped_curve(volts: np.ndarray, shape: Shape | None, period: float) -> PulseCurve:
-    """Return the curve of a pulse, with more points than samples if there are few samples across the pulse.
-
-    Args:
-        volts: Samples, shape (n,).
-        shape: The pulse as a function of time [s], of any amplitude and time zero; None: not known.
-        period: Sample period [s].
-    """
+    """Return the curve of samples (n,) of a `shape` of any amplitude and time zero, denser where samples are few."""
     factor = _upsampling_factor(volts)
     if shape is None or factor == 1:
         return PulseCurve(volts)
@@ -252,37 +175,19 @@ def _upsampling_factor(volts: np.ndarray) -> int:
     below = np.flatnonzero(volts < 0.5 * volts[top])
     first = int(below[below < top].max(initial=-1))
     last = int(below[below > top].min(initial=volts.size))
-    return min(32, math.ceil(ENOUGH_SAMPLES / max(last - first - 1, 1)))
+    # With 16 samples across the pulse the spline through them is accurate to 1e-6 of the peak.
+    return min(32, math.ceil(16 / max(last - first - 1, 1)))
 
 
 def best_match(volts: np.ndarray, curve: Shape, period: float) -> tuple[float, float]:
-    """Return the delay at which a pulse correlates best with the samples, and its amplitude there.
-
-    Returns:
-        Position of the pulse's time zero [samples], and the factor by which the pulse fits best.
-
-    Raises:
-        ValueError: As for `best_delay`, which has the same arguments.
-    """
+    """Return the delay [samples] at which a pulse correlates best with the samples, and its amplitude there."""
     start, offset = _best_delay(volts, curve, period)
     expected = curve((np.arange(volts.size) - start - offset) * period)
     return start + offset, float(volts @ expected) / (float(expected @ expected) or 1.0)
 
 
 def best_delay(volts: np.ndarray, curve: Shape, period: float) -> float:
-    """Return the delay at which a pulse correlates best with the samples.
-
-    Args:
-        volts: Samples, shape (n,).
-        curve: The pulse as a function of time [s].
-        period: Sample period [s].
-
-    Returns:
-        Position of the pulse's time zero [samples].
-
-    Raises:
-        ValueError: A pulse that is not finite, or no positive correlation anywhere.
-    """
+    """Return the position [samples] of the time zero of a pulse, a function of time [s], that correlates best."""
     return sum(_best_delay(volts, curve, period))
 
 
@@ -321,31 +226,26 @@ def greatest_within(values: Callable[[np.ndarray], np.ndarray], low: float, high
 
     The function is evaluated at all points in one call. If the polynomial does not reproduce the function at the
     maximum, as for a pulse of about one sample, the function itself is searched.
-
-    Args:
-        values: The function of positions, shape (n,) for (n,).
-        low: Lower end.
-        high: Upper end.
     """
     from numpy.polynomial import chebyshev
 
     angle = np.pi * (np.arange(POINTS) + 0.5) / POINTS
     middle, half = 0.5 * (low + high), 0.5 * (high - low)
-    found = values(middle + half * np.cos(angle))
+    heights = values(middle + half * np.cos(angle))
     order = np.arange(POINTS)
-    coefficients = 2.0 / POINTS * np.cos(order[:, None] * angle) @ found
+    coefficients = 2.0 / POINTS * np.cos(order[:, None] * angle) @ heights
     coefficients[0] *= 0.5
-    size = float(np.abs(found).max())
+    size = float(np.abs(heights).max())
     # Leave out negligible orders, so that rounding makes no roots.
     trimmed = chebyshev.chebtrim(coefficients, ROUNDING * size)
     if len(trimmed) < POINTS - 1 and np.isfinite(trimmed).all():
         roots = chebyshev.chebroots(chebyshev.chebder(trimmed)) if len(trimmed) > 2 else np.zeros(0)
         inner = roots.real[(np.abs(roots.imag) < 1e-6) & (np.abs(roots.real) < 1.0)]
         candidates = np.concatenate([inner, [-1.0, 1.0]])
-        heights = chebyshev.chebval(candidates, trimmed)
-        best = int(np.argmax(heights))
+        curve = chebyshev.chebval(candidates, trimmed)
+        best = int(np.argmax(curve))
         position = middle + half * float(candidates[best])
-        if abs(float(values(np.array([position]))[0]) - heights[best]) <= SAME * size:
+        if abs(float(values(np.array([position]))[0]) - curve[best]) <= SAME * size:
             return position
     from scipy.optimize import minimize_scalar
 

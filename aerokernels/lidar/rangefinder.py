@@ -1,24 +1,18 @@
 """Compute the echo in vacuum, and read ranges by the four methods, each calibrated on that echo.
 
 No ray is traced for it. A setup whose echo cannot be computed raises ValueError here.
-
-A body that cuts the beam, or another loss of rays, makes the integrand of the sum over the beam's points jump, and
-Gauss points no longer converge fast. `cut_beam` doubles the points along each side until the share of the beam that is
-lost is known well enough. Its error is the change from the same sum over half as many points a side and a third of that
-from a quarter as many, as independent errors: an error falls about threefold from one rule to the next, but two may
-agree by chance.
 """
 
 import math
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property, partial
+from typing import NamedTuple
 
 import numpy as np
 
 from aerokernels.inputs.checks import Waveform, as_waveform
-from aerokernels.lidar.detector import sample_times
 from aerokernels.lidar.parts import RANGING_METHODS, Detector, Setup
 from aerokernels.lidar.paths import (
     TargetPoints,
@@ -30,24 +24,16 @@ from aerokernels.lidar.paths import (
 )
 from aerokernels.lidar.pulse_curve import PulseCurve, Shape, peak_height, shaped_curve
 from aerokernels.lidar.pulses import SPEED_OF_LIGHT, sum_of_pulses
-from aerokernels.lidar.range_error import RangeStatistics, RangeWalk, chain_range_statistics, range_walk
+from aerokernels.lidar.range_error import RangeStatistics, summarise_ranges
 from aerokernels.lidar.ranging import Reading, template_curve
 from aerokernels.lidar.return_paths import check_ahead
 from aerokernels.medium import IndexField
 from aerokernels.scene import Scene
 
-GREATEST_SAMPLE_COUNT = 1 << 22
-
 
 @dataclass(frozen=True, eq=False)
 class VacuumEcho:
-    """The echo in vacuum.
-
-    Attributes:
-        setup: Laser, target, receiver and detector.
-        points: The points of the beam over which the echo is summed.
-        paths: The straight paths to the target.
-    """
+    """The echo in vacuum: the points of the beam over which it is summed, and the straight paths to the target."""
 
     setup: Setup
     points: TargetPoints
@@ -72,14 +58,9 @@ class VacuumEcho:
     def times(self, path: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray, int]:
         """Return sample times [s], times at which power is computed [s], and the number of these per sample period.
 
-        They follow from the paths in vacuum alone, unless air over kilometres, or glass, delays the light noticeably:
-        by more than a tenth of the pulse's timescale. So setups that differ only in their flow share sample times.
-
-        Args:
-            path: Group path of each ray to the target [m], shape (m,), NaN for one that does not arrive; None: vacuum.
-
-        Raises:
-            ValueError: A record of millions of samples.
+        They follow from the paths in vacuum alone, unless the group `path` [m], shape (m,), through air over kilometres
+        delays the light by more than a tenth of the pulse's timescale: setups that differ only in their flow share
+        sample times.
         """
         vacuum, pulse, bandwidth = self.paths.path, self.setup.laser.shape, self.setup.detector.chain.bandwidth
         delay = 2.0 * vacuum / SPEED_OF_LIGHT
@@ -94,33 +75,31 @@ class VacuumEcho:
         # aliased, and all noise that sampling aliases is computed.
         stride = max(1, math.ceil(8.0 * max(1.0 / pulse.timescale, bandwidth or 0.0) / rate))
         length = max(stop - start, 1.0 / rate)
-        if length * rate * stride > GREATEST_SAMPLE_COUNT:
+        if length * rate * stride > 1 << 22:
             raise ValueError(
                 f"the record would take {length * rate * stride:.1e} samples to compute, {length:.3g} s at "
                 f"{rate * stride:.3g} Hz: beam.pulse_tau, detector.bandwidth and detector.sample_rate do not go "
                 "together"
             )
-        time = sample_times(start, stop, rate)
+        time = np.arange(math.floor(start * rate), math.ceil(stop * rate) + 1) / rate
         fine = time[0] + np.arange((time.size - 1) * stride + 1) / (rate * stride)
         return time, fine, stride
 
 
 def vacuum_echo(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
-    """Compute the echo of a scene in vacuum, without noise or digitiser, on which its rangefinder is calibrated.
-
-    Returns:
-        Sample times after the pulse's peak left [s], and voltage [V], each of shape (n,).
-
-    Raises:
-        ValueError: The target reaches back to the aperture, or a record of millions of samples.
-    """
+    """Return times [s] and voltage [V], (n,) each, of a scene's echo in vacuum, without noise or digitiser."""
     vacuum = VacuumEcho.of(Setup.of_scene(scene))
     time, fine, stride = vacuum.times()
     return time, vacuum.setup.detector.chain.voltage(fine, vacuum.power(fine))[::stride]
 
 
 def cut_beam(vacuum: VacuumEcho, field: IndexField) -> tuple[VacuumEcho, TransmitPaths, float]:
-    """Return the echo in vacuum over enough points, their paths through a field, and the error of the lost share."""
+    """Return the echo in vacuum over enough points, their paths through a field, and the error of the lost share.
+
+    A body that cuts the beam makes the sum over the beam's points jump, and Gauss points no longer converge fast: they
+    are doubled until the lost share is known. Its error is the change from half as many points a side and a third of
+    that from a quarter as many: an error falls about threefold from one to the next, but two may agree by chance.
+    """
     known: dict[float, tuple[VacuumEcho, TransmitPaths, float]] = {}
 
     def lost(finer: float) -> tuple[VacuumEcho, TransmitPaths, float]:
@@ -152,144 +131,81 @@ class Rangefinder:
             matched filter, and the interpolant of all methods if there are few samples.
         calibration: Offset that is subtracted from each method's reading [m]; methods that cannot read the reference
             are absent.
-        walk: The curve that corrects the leading edge, or None.
         unreadable: For each method that cannot read the reference, the reason.
+        name: What cannot be ranged, in reasons.
     """
 
     detector: Detector
     distance: float
     shape: Shape
     calibration: Mapping[str, float]
-    walk: RangeWalk | None = None
-    unreadable: Mapping[str, str] = field(default_factory=dict)
+    unreadable: Mapping[str, str]
+    name: str = "the echo"
 
     @classmethod
-    def calibrated(
-        cls,
-        setup: Setup,
-        time: np.ndarray,
-        reference: np.ndarray,
-        fine: tuple[np.ndarray, np.ndarray] | None = None,
-    ) -> "Rangefinder":
-        """Calibrate on the echo in vacuum.
-
-        Args:
-            setup: The target and the detector.
-            time: Sample times [s], shape (n,).
-            reference: Samples [V], shape (n,).
-            fine: Times [s] and voltage [V] at which the same echo was computed, fine enough to resolve the pulse
-                whatever the digitiser's sample rate; None: the samples.
-        """
-        detector, distance = setup.detector, setup.target.distance
-        known = (time, reference) if fine is None else fine
-        walk, unreadable = None, {}
-        methods = dict.fromkeys(RANGING_METHODS, 0.0)
+    def calibrated(cls, setup: Setup, fine: np.ndarray, voltage: np.ndarray, stride: int) -> "Rangefinder":
+        """Calibrate on the voltage [V] of the echo in vacuum at times `fine` [s]; every `stride`-th is sampled."""
+        detector, distance, name = setup.detector, setup.target.distance, "the echo in vacuum, without flow,"
         try:
-            shape = template_curve(known[1], as_waveform(*known)[2])
+            shape = template_curve(voltage, as_waveform(fine, voltage)[2])
         except ValueError as fault:
-            reason = f"the echo in vacuum, without flow, cannot be ranged: {fault}"
-            return cls(detector, distance, np.zeros_like, {}, None, dict.fromkeys(methods, reason))
-        if detector.walk_correction:
-            try:
-                walk = range_walk(*known, detector.threshold)
-            except ValueError as fault:
-                unreadable["leading-edge"] = f"the echo in vacuum gives no range walk curve: {fault}"
-                del methods["leading-edge"]
-        readings, faults = cls(detector, distance, shape, methods, walk)._readings(time, reference, tuple(methods))
-        offsets = {method: reading - distance for method, reading in readings.items()}
-        for method, reason in faults.items():
-            unreadable[method] = f"the echo in vacuum, without flow, cannot be ranged: {reason}"
-        return cls(detector, distance, shape, offsets, walk, unreadable)
+            reason = f"{name} cannot be ranged: {fault}"
+            return cls(detector, distance, np.zeros_like, {}, dict.fromkeys(RANGING_METHODS, reason))
+        bare = cls(detector, distance, shape, dict.fromkeys(RANGING_METHODS, 0.0), {}, name)
+        readings, reasons = bare.ranges(fine[::stride], voltage[::stride])
+        offsets = {method: reading - distance for method, reading in readings.items() if method not in reasons}
+        return cls(detector, distance, shape, offsets, reasons)
 
     def range(self, time: np.ndarray, voltage: np.ndarray, method: str) -> float:
-        """Return the range by one method [m].
-
-        Raises:
-            ValueError: The method finds no echo.
-        """
+        """Return the range by one method [m]; a method that finds no echo raises ValueError."""
         return self._range(as_waveform(time, voltage), method)
 
     def _range(self, waveform: Waveform, method: str, curve: PulseCurve | None = None) -> float:
         template = self.shape if method == "matched-filter" else None
         reading = Reading(method, self.detector.threshold, template, self.detector.fraction, self.shape)
-        distance = reading.range_of(waveform, curve)
-        if method == "leading-edge" and self.walk is not None:
-            times, volts, period = waveform
-            curve = curve or shaped_curve(volts, self.shape, period)
-            distance = self.walk.correct(times, volts, distance, peak=curve.peak if curve.upsampling > 1 else None)
-        return distance - self.calibration[method]
+        return reading.range_of(waveform, curve) - self.calibration[method]
 
     def ranges(
         self, time: np.ndarray, voltage: np.ndarray, methods: Sequence[str] = RANGING_METHODS
     ) -> tuple[dict[str, float], dict[str, str]]:
-        """Return ranges by method [m], NaN for methods without a range, and for each of these the reason.
-
-        A method has no range if it finds no echo or is not calibrated.
-        """
-        readable = [method for method in methods if method not in self.unreadable]
-        readings, faults = self._readings(time, voltage, readable)
-        # Flow or noise left too weak an echo for the methods in `faults`.
-        known = {**self.unreadable, **{one: f"the echo cannot be ranged: {fault}" for one, fault in faults.items()}}
-        reasons = {method: known[method] for method in methods if method in known}
-        return {method: readings.get(method, math.nan) for method in methods}, reasons
-
-    def _readings(
-        self, time: np.ndarray, voltage: np.ndarray, methods: Sequence[str]
-    ) -> tuple[dict[str, float], dict[str, str]]:
-        """Return the ranges [m] by method, and the reason for each method that cannot read the record."""
-        try:
-            waveform = as_waveform(time, voltage)
-        except ValueError as fault:
-            return {}, dict.fromkeys(methods, str(fault))
-        curve = None
+        """Return ranges by method [m], NaN for those that find no echo or are not calibrated; for these the reason."""
+        ranges, reasons, waveform, curve = dict.fromkeys(methods, math.nan), {}, None, None
         with suppress(ValueError):  # a record without a curve: each method reports the reason
+            waveform = as_waveform(time, voltage)
             curve = shaped_curve(waveform[1], self.shape, waveform[2])
-        readings, faults = {}, {}
         for method in methods:
+            if method in self.unreadable:
+                reasons[method] = self.unreadable[method]
+                continue
             try:
-                readings[method] = self._range(waveform, method, curve)
+                ranges[method] = self._range(waveform or as_waveform(time, voltage), method, curve)
             except ValueError as fault:
-                faults[method] = str(fault)
-        return readings, faults
+                reasons[method] = f"{self.name} cannot be ranged: {fault}"
+        return ranges, reasons
 
     def statistics(
         self, time: np.ndarray, power: np.ndarray, stride: int, trial_count: int
     ) -> dict[str, RangeStatistics]:
-        """Return the errors over noisy records of each calibrated method that reads at least two of the records.
-
-        Args:
-            time: Times at which power is computed [s], shape (n,).
-            power: Received power [W], shape (n,).
-            stride: Number of these times per sample period.
-            trial_count: Number of records; 0 for none.
-        """
-        statistics = {}
+        """Return the errors over noisy records of each calibrated method that reads at least two of the records."""
+        statistics, chain = {}, self.detector.chain
         for method in self.calibration if trial_count else ():
+            generator = np.random.default_rng(self.detector.seed)
             with suppress(ValueError):  # fewer than two trials gave a range
-                statistics[method] = chain_range_statistics(
-                    self.detector.chain,
-                    time,
-                    power,
-                    partial(self.range, method=method),
-                    true_range=self.distance,
-                    stride=stride,
-                    trial_count=trial_count,
-                    seed=self.detector.seed,
+                statistics[method] = summarise_ranges(
+                    partial(chain.record, time, power, generator, stride),
+                    partial(self.range, time[::stride], method=method),
+                    trial_count,
+                    self.distance,
+                    chain.cramer_rao_range(time, power),
                 )
         return statistics
 
 
-@dataclass(frozen=True)
-class EchoPrediction:
-    """A scene's echo in vacuum.
+class EchoPrediction(NamedTuple):
+    """Peaks [W] and [V] of a scene's echo in vacuum, reasons of methods that cannot read it, the least return factor.
 
-    Attributes:
-        peak_power: Its peak power [W].
-        peak_voltage: Its peak voltage [V].
-        reasons: For each ranging method that cannot read this echo, the reason. The scene's echo through the flow has
-            no range by that method either.
-        least_factor: Least return factor, 0 to 1, with which the scene's own method still finds the echo; NaN if that
-            method does not depend on the amplitude, or finds no echo even in vacuum.
+    That is the least one with which the scene's own method still finds the echo; NaN if the method does not depend on
+    the amplitude, or finds no echo even in vacuum.
     """
 
     peak_power: float
@@ -299,36 +215,26 @@ class EchoPrediction:
 
 
 def predict_echo(scene: Scene, field: IndexField | None = None) -> EchoPrediction:
-    """Compute the echo of a scene in vacuum, without tracing rays, and whether each method can read a range from it.
+    """Compute the echo of a scene in vacuum, and whether each method can read a range from it.
 
-    Args:
-        scene: The scene.
-        field: The refractive index, to check that the target is ahead of it; None: not checked.
-
-    Raises:
-        ValueError: A scene whose echo cannot be computed: a target that reaches back to the aperture or into the flow's
-            box, one too deep for its pulse, or a record of millions of samples.
+    A scene whose echo cannot be computed is a ValueError, also one whose target is not ahead of `field`.
     """
     vacuum = check_echo(Setup.of_scene(scene), field)
     detector = vacuum.setup.detector
-    time, fine, stride = vacuum.times()
+    _, fine, stride = vacuum.times()
     power = vacuum.power(fine)
     fine_voltage = detector.chain.voltage(fine, power)
-    voltage = fine_voltage[::stride]
-    rangefinder = Rangefinder.calibrated(vacuum.setup, time, voltage, (fine, fine_voltage))
+    rangefinder = Rangefinder.calibrated(vacuum.setup, fine, fine_voltage, stride)
     own, least_factor = detector.ranging, math.nan
     if own == "leading-edge" and own not in rangefinder.unreadable:
         # The voltage without saturation, because it is proportional to the light.
         least_factor = detector.threshold / peak_height(detector.chain.linear_voltage(fine, power)[::stride])
-    return EchoPrediction(peak_height(power[::stride]), peak_height(voltage), rangefinder.unreadable, least_factor)
+    peak_voltage = peak_height(fine_voltage[::stride])
+    return EchoPrediction(peak_height(power[::stride]), peak_voltage, rangefinder.unreadable, least_factor)
 
 
 def check_echo(setup: Setup, field: IndexField | None = None) -> VacuumEcho:
-    """Return the echo of a setup in vacuum, after checking that its echo can be computed.
-
-    Raises:
-        ValueError: As for `predict_echo`.
-    """
+    """Return the echo of a setup in vacuum, after checking that its echo can be computed."""
     vacuum = VacuumEcho.of(setup)
     vacuum.times()  # raises for a record of too many samples
     _ = vacuum.point_power  # raises for a receiver wider than its distance

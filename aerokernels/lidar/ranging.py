@@ -1,36 +1,42 @@
-"""Convert the waveform of an echo to a range, by one of four definitions of its arrival time.
+"""Convert the waveform of an echo to a range = c t / 2 after the pulse's peak left, by one of four arrival times t.
 
-t = 0 is the moment at which the pulse's peak leaves, and range = c t / 2.
-
-| method              | arrival time                                                       | depends on the amplitude |
-|---------------------|--------------------------------------------------------------------|--------------------------|
-| "leading-edge"      | first rise through a fixed threshold                               | yes: range walk          |
-| "constant-fraction" | last rise, before the peak, through `fraction` of the peak         | if the peak is cut off   |
-| "centroid"          | centroid of the part above a tenth of the peak                     | if the peak is cut off   |
-| "matched-filter"    | greatest correlation with a template: least variance in white noise | if the peak is cut off  |
-
-A Gaussian pulse of peak V and 1/e half-width tau, arriving at t0, crosses a threshold T at t0 - tau sqrt(ln(V / T)).
-All four interpolate between the samples: with the spline through them (`pulse_curve.py`) or, if the pulse's shape is
-given as a function, with that shape (`shaped_curve`), which is accurate however few samples there are. If there are
-too few samples and no shape, a warning states the size of the error (`doubtful_records.py`). No offset is removed from
-the voltage: subtract the baseline first.
+| method              | arrival time                                                        | depends on the amplitude |
+|---------------------|---------------------------------------------------------------------|--------------------------|
+| "leading-edge"      | first rise through a fixed threshold                                | yes: range walk          |
+| "constant-fraction" | last rise, before the peak, through `fraction` of the peak          | if the peak is cut off   |
+| "centroid"          | centroid of the part above a tenth of the peak                      | if the peak is cut off   |
+| "matched-filter"    | greatest correlation with a template: least variance in white noise | if the peak is cut off   |
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+import math
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from aerokernels.inputs.arguments import Numbers, checked
-from aerokernels.inputs.checks import Waveform, as_finite_array, as_waveform, check_choice, check_positive
-from aerokernels.lidar.doubtful_records import sampling_error, warn_of_sampling, warn_of_saturation
+from aerokernels.inputs.checks import (
+    Waveform,
+    as_finite_array,
+    as_waveform,
+    check_choice,
+    check_positive,
+    warn_caller,
+)
 from aerokernels.lidar.parts import RANGING_METHODS
-from aerokernels.lidar.pulse_curve import CENTROID_FLOOR, PulseCurve, Shape, best_delay, shaped_curve
+from aerokernels.lidar.pulse_curve import CENTROID_FLOOR, PLATEAU, PulseCurve, Shape, best_delay, shaped_curve
 from aerokernels.lidar.pulses import SPEED_OF_LIGHT
 
-AMPLITUDE_METHODS = ("leading-edge",)  # methods whose reading depends on the amplitude
-
 Template = Shape | np.ndarray
+
+
+class CoarseSamplingWarning(UserWarning):
+    """A record has too few samples across its pulse for the ranging method."""
+
+
+class SaturatedRecordWarning(UserWarning):
+    """A record's peak is cut off, and the ranging method depends on the peak."""
 
 
 @checked
@@ -63,7 +69,7 @@ def estimate_range(
         Range [m].
 
     Warns:
-        CoarseSamplingWarning: Too few samples across the pulse for the method; states the resulting error.
+        CoarseSamplingWarning: Fewer than five samples across the pulse, and no function as template.
         SaturatedRecordWarning: A peak that is cut off, with any method but "leading-edge".
 
     Raises:
@@ -87,19 +93,9 @@ def estimate_range(
 
 @dataclass(frozen=True, eq=False)
 class Reading:
-    """How ranges are read from records of one kind.
+    """How ranges are read from records of one kind, by the arguments of `estimate_range`.
 
-    Attributes:
-        method: As for `estimate_range`.
-        threshold: As for `estimate_range` [V].
-        template: As for `estimate_range`.
-        fraction: As for `estimate_range`.
-        shape: The pulse as a function of time [s], used to interpolate the samples; None: the template, if it is a
-            function.
-
-    Raises:
-        ValueError: An unknown method.
-        TypeError: A template that is a class.
+    `shape`, the pulse as a function of time [s], interpolates the samples; None: the template, if it is a function.
     """
 
     method: str
@@ -124,28 +120,31 @@ class Reading:
         times, volts, period = waveform
         return 0.5 * SPEED_OF_LIGHT * (float(times[0]) + self._arrival(volts, period, curve) * period)
 
-    def sampling_error(self, volts: np.ndarray, period: float) -> float:
-        """Greatest error [m] due to the position of a record's pulse between its samples: see doubtful_records.py."""
-        template = self.template
-        if template is not None and not callable(template):
-            template = _checked_samples(template)
-
-        def read(samples: np.ndarray, known: Template | None) -> float:
-            return replace(self, template=known, shape=None)._arrival(samples, period)
-
-        return sampling_error(volts, period, read, template, self.method != "leading-edge")
-
-    def warn(self, volts: np.ndarray, period: float) -> float:
-        """Warn of a sampling error above the tolerated one or of a peak that is cut off; return the former [m]."""
-        error = self.sampling_error(volts, period)
-        if self.method not in AMPLITUDE_METHODS:
-            shape = self.shape
-            if shape is None and self.template is not None:
-                shape = template_curve(self.template, period)
-            if warn_of_saturation(volts, period, self.method, shape):
-                return error
-        warn_of_sampling(volts, period, self.method, error, self.template is not None)
-        return error
+    def warn(self, volts: np.ndarray, period: float) -> None:
+        """Warn of a peak that is cut off, or of too few samples across the pulse."""
+        template, method = self.template, self.method
+        if method != "leading-edge":
+            cut = _cut_samples(volts, None if template is None else template_curve(template, period), period)
+            if cut.stop > cut.start:
+                warn_caller(
+                    f"the {cut.stop - cut.start} samples at the record's peak are equal or level, as if an amplifier "
+                    f"or digitiser saturated at {float(np.median(volts[cut])):.4g} V: if the pulse goes on above them, "
+                    f"method {method!r} misreads it; attenuate the signal, raise the digitiser's range, or take "
+                    "'leading-edge'",
+                    SaturatedRecordWarning,
+                )
+                return
+        if callable(template):
+            return
+        curve, across = PulseCurve(volts), math.inf
+        with suppress(ValueError):  # a record that cuts the pulse
+            across = curve.fall_after_peak(0.5 * curve.peak) - curve.rise_before_peak(0.5 * curve.peak)
+        if across < 5.0:  # the spline is off by up to 3e-4 of a Gaussian's width
+            warn_caller(
+                f"the record has {across:.2g} samples across its pulse, too few for method {method!r}: sample faster, "
+                "or give the pulse's shape as template (a function of time)",
+                CoarseSamplingWarning,
+            )
 
     def _arrival(self, volts: np.ndarray, period: float, curve: PulseCurve | None = None) -> float:
         """Position of arrival [samples]."""
@@ -187,39 +186,16 @@ def _check_whole(template: Shape, delay: float, count: int, period: float) -> No
             raise ValueError(f"the record {when} within the pulse that matches best: let it {remedy}")
 
 
-@dataclass(frozen=True, eq=False)
-class SampledTemplate:
-    """A template's samples as a function of time [s], zero at the greatest sample; 0 outside the samples.
-
-    Attributes:
-        samples: The samples, shape (k,).
-        period: Sample period [s].
-        curve: The curve through the samples.
-    """
-
-    samples: np.ndarray
-    period: float
-    curve: PulseCurve
-
-    def __call__(self, time: np.ndarray) -> np.ndarray:
-        """Return the template at times [s]."""
-        return self.curve.at(np.asarray(time) / self.period + int(np.argmax(self.samples)))
-
-
-def template_curve(template: Template, period: float) -> Callable[[np.ndarray], np.ndarray]:
-    """Return the template as a function of time [s], zero at its peak; 0 outside given samples.
-
-    Args:
-        template: A function, returned unchanged, or samples, shape (k,), at the period given.
-        period: Sample period [s].
-
-    Raises:
-        ValueError: Samples that are not finite, not a list, fewer than four, or without a positive value.
-    """
+def template_curve(template: Template, period: float) -> Shape:
+    """Return the template as a function of time [s], zero at its greatest sample; 0 outside samples at `period` [s]."""
     if callable(template):
         return template
     samples = _checked_samples(template)
-    return SampledTemplate(samples, period, PulseCurve(samples))
+    return partial(_at_time, PulseCurve(samples), int(np.argmax(samples)), period)
+
+
+def _at_time(curve: PulseCurve, zero: int, period: float, time: np.ndarray) -> np.ndarray:
+    return curve.at(np.asarray(time) / period + zero)
 
 
 def _checked_samples(template) -> np.ndarray:
@@ -239,3 +215,53 @@ def _template_samples(template: Template, count: int, period: float, upsampling:
         return _checked_samples(template(times)), reach, upsampling
     samples = _checked_samples(template)
     return samples, int(np.argmax(samples)), 1
+
+
+def _cut_samples(volts: np.ndarray, shape: Shape | None, period: float) -> slice:
+    """Return the samples of a record's peak that an amplifier or a digitiser has cut off; none for a whole peak.
+
+    They are equal, or level within the noise beside the pulse over more of its width than a rounded pulse's are. The
+    pulse's `shape`, if it is known, may have a flat top of its own.
+    """
+    top = int(np.argmax(volts))
+    level = float(volts[top])
+    if not level > 0.0:
+        return slice(0, 0)
+    equal, above = _run(volts == level, top), _run(volts >= 0.5 * level, top)
+    if _length(equal) >= PLATEAU:
+        return equal if _length(equal) > _rounded(0.0, above, shape, period) + 1.0 else slice(0, 0)
+    width = max(1, _length(above) // 6)  # of the running mean which reduces the noise
+    smooth = np.convolve(volts, np.full(width, 1.0 / width), "same")
+    top = above.start + int(np.argmax(smooth[above]))
+    # A plateau lies within six standard deviations of the noise and is 1.6 times as wide as a rounded pulse there.
+    depth = max(1e-3 * level, 6.0 * _noise(smooth, above))
+    flat = _run(smooth >= smooth[top] - depth, top)
+    wide = 1.6 * _rounded(depth / level, above, shape, period) + 2.0
+    return flat if depth < 0.25 * level and _length(flat) > max(wide, PLATEAU) else slice(0, 0)
+
+
+def _run(these: np.ndarray, place: int) -> slice:
+    """Return the neighbours of a sample for which a condition holds without a gap."""
+    others = np.flatnonzero(~these)
+    before, after = others[others < place], others[others > place]
+    return slice(int(before[-1]) + 1 if before.size else 0, int(after[0]) if after.size else these.size)
+
+
+def _length(part: slice) -> int:
+    return int(part.stop - part.start)
+
+
+def _rounded(depth: float, above: slice, shape: Shape | None, period: float) -> float:
+    """Return how many samples of a pulse lie within a share of its peak; it is Gaussian if its shape is not known."""
+    if shape is None:
+        return _length(above) * math.sqrt(depth / math.log(2.0))
+    reach = 2 * _length(above)
+    own = np.asarray(shape(np.arange(-reach, reach + 1) * period), dtype=np.float64)
+    return float(np.count_nonzero(own >= own.max() * (1.0 - max(depth, 1e-12))))
+
+
+def _noise(volts: np.ndarray, above: slice) -> float:
+    """Return the standard deviation beside the pulse, by the median of deviations; 0 if few samples are beside it."""
+    place, reach = np.arange(volts.size), 2 * _length(above)
+    beside = volts[(place < above.start - reach) | (place >= above.stop + reach)]
+    return 1.4826 * float(np.median(np.abs(beside - np.median(beside)))) if beside.size >= 8 else 0.0

@@ -1,27 +1,13 @@
 """Compute the return factor of every target point: the fraction of its light that the flow transmits to the receiver.
 
-"strehl"  the fraction of the receiver's pupil that the point's rays reach, times the Strehl ratio over that part, tilt
-          kept, piston removed (the paper's factor; a Strehl ratio is a peak intensity, not a power)
-"bucket"  that fraction alone: all light that reaches the pupil falls on a detector larger than the spot. Refraction
-          moves light into the pupil or out of it only by focusing, some 1e-4 here, which is neglected
-"none"    1, and no ray is traced
-
-By reciprocity the rays are launched from the pupil toward the target point and traced to a plane just ahead of the
-flow; from there to the point the path is a straight line in air at rest. The optical path difference of such a ray is
-
-    OPD = opd at the plane + n_ambient (|T - r| - |T - r0|)
-
-where r and r0 are the points at which the disturbed and the undisturbed ray cross the plane, and T is the target point.
-The second term removes the effect of the angle between plane and ray: 0.1 wave at 2 degrees off the axis. The
-deflected ray misses T; this effect is of second order in the deflection (Fermat), 3e-4 wave at 100 urad.
-
-Fraction and Strehl ratio vary smoothly over the target. They are computed at Chebyshev-Lobatto points on the target and
-interpolated by the polynomial through them. If field, pupil and target are symmetric about the axis, both depend on the
-distance from the axis alone: the points are then on one radius, and half of the pupil represents all of it.
+By reciprocity rays are launched from the pupil toward the target point T and traced to a plane just ahead of the flow;
+from there on the path is straight: OPD = opd at the plane + n_ambient (|T - r| - |T - r0|), where the disturbed and the
+undisturbed ray cross the plane at r and r0. The deflected ray misses T, an effect of second order (Fermat), 3e-4 wave
+at 100 urad. The factor is computed at Chebyshev-Lobatto points on the target and interpolated between them.
 """
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -29,12 +15,10 @@ from aerokernels.lidar.parts import EVERY, Setup
 from aerokernels.medium import IndexField
 from aerokernels.pupils.base import lengths
 from aerokernels.rays import Pupil, RayBundle
-from aerokernels.tracing import Plane, RayStatus, TraceResult, trace
+from aerokernels.tracing import Plane, TraceResult, trace
 
-# Distance of the stop plane ahead of the flow's box, clear of rounding at the box's face.
-CLEARANCE = 1e-6  # [m]
-# Rays per chunk: enough for every core or a GPU, and at most 100 MB including the tracer's arrays.
-CHUNK_RAYS = 1 << 18  # speed only
+CLEARANCE = 1e-6  # [m] of the stop plane ahead of the flow's box, clear of rounding at the box's face
+CHUNK_RAYS = 1 << 18  # at most 100 MB with the tracer's arrays: speed only
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,15 +31,13 @@ class PupilSums:
         ray_count: Rays traced.
         evaluation_count: Field evaluations.
         seconds: Time in kernels [s].
-        statuses: Number of rays by status name; whether they leave by a cut is not examined.
     """
 
     open_share: np.ndarray
     phasor: np.ndarray
-    ray_count: int
-    evaluation_count: int
-    seconds: float
-    statuses: dict[str, int] = field(default_factory=dict)
+    ray_count: int = 0
+    evaluation_count: int = 0
+    seconds: float = 0.0
 
     @property
     def strehl(self) -> np.ndarray:
@@ -73,34 +55,30 @@ class ReturnPaths:
         strehl: Strehl ratio of the open part of the pupil, shape (m,).
         open_share: Fraction of the pupil that the point's rays reach, shape (m,).
         pair_count: Pairs of target point and pupil point that the sums represent.
-        sums: The sums over the rays; None for factor "none".
+        sums: The sums over the rays.
     """
 
     factor: np.ndarray
     strehl: np.ndarray
     open_share: np.ndarray
-    pair_count: int = 0
-    sums: PupilSums | None = None
+    pair_count: int
+    sums: PupilSums
 
 
 def return_paths(setup: Setup, field: IndexField, intersection: np.ndarray, symmetry: bool = True) -> ReturnPaths:
-    """Return the return factor at the intersections of rays with the target.
+    """Return the return factor at the intersections [m], (m, 3), of rays with the target; NaN for rays without one.
 
-    Args:
-        setup: The target and the receiver.
-        field: The refractive index.
-        intersection: Where rays meet the target [m], shape (m, 3); NaN for rays that do not.
-        symmetry: Whether to use the symmetry about the axis if there is one.
-
-    Raises:
-        ValueError: As `reduce_pupils`.
+    "strehl" is the fraction of the receiver's pupil that the point's rays reach, times the Strehl ratio over that part,
+    tilt kept, piston removed (the paper's factor); "bucket" that fraction alone, for a detector larger than the spot;
+    "none" 1. With symmetry about the axis the points are on one radius, and half of the pupil represents all of it.
     """
     receiver, plane = setup.receiver, setup.plane
     kind, node_count = receiver.return_factor, receiver.strehl_node_count
     arrived = np.isfinite(intersection).all(axis=1)
     unknown = np.full(len(intersection), np.nan)
     if kind == "none":
-        return ReturnPaths(np.where(arrived, 1.0, np.nan), unknown, unknown.copy())
+        nothing = PupilSums(np.zeros(0), np.zeros(0))
+        return ReturnPaths(np.where(arrived, 1.0, np.nan), unknown, unknown.copy(), 0, nothing)
     pupil = receiver.pupil.sample(receiver.ray_count, "gauss")
     place = intersection[arrived]
     if node_count == EVERY:
@@ -168,16 +146,7 @@ def _lobatto(count: int) -> np.ndarray:
 
 
 def interpolate_polynomial(table: np.ndarray, node: np.ndarray, place: np.ndarray) -> np.ndarray:
-    """Evaluate the polynomial through a table at nodes in [-1, 1].
-
-    Args:
-        table: Values, shape (k,) or (k, k).
-        node: Nodes along each axis, shape (k,).
-        place: Where to evaluate, shape (m, axes of the table).
-
-    Returns:
-        Values, shape (m,).
-    """
+    """Evaluate the polynomial through a table, (k,) or (k, k), at nodes (k,) in [-1, 1], at places (m, its axes)."""
     from numpy.polynomial.chebyshev import chebvander
 
     degree = len(node) - 1
@@ -191,26 +160,15 @@ def interpolate_polynomial(table: np.ndarray, node: np.ndarray, place: np.ndarra
 def reduce_pupils(
     setup: Setup, index: IndexField, target: np.ndarray, start: np.ndarray, weight: np.ndarray
 ) -> PupilSums:
-    """Trace rays between target points and the pupil, and sum them over the pupil for each target point.
+    """Trace rays between target points [m], (k, 3), and pupil points [m], (n, 3), and sum them over the pupil.
 
-    Millions of pairs of target point and pupil point would not fit in memory as rays. They are traced in chunks, and
-    only two sums per target point are kept.
-
-    Args:
-        setup: Wavelength, place of the pupil, and options of the trace.
-        index: The refractive index.
-        target: Target points [m], shape (k, 3).
-        start: Points of the pupil [m], shape (n, 3).
-        weight: Fractions of the pupil that these points represent, shape (n,).
-
-    Raises:
-        ValueError: The target is not ahead of the flow, or no ray gets out toward any of the points.
+    Millions of pairs would not fit in memory as rays: they are traced in chunks, and two sums per target point are
+    kept. A target that is not ahead of the flow, or no ray that gets out, is a ValueError.
     """
     check_ahead(index, target)
     wave_number = 2.0 * np.pi / setup.laser.wavelength
     open_share, phasor = np.zeros(len(target)), np.zeros(len(target), dtype=np.complex128)
     evaluation_count, seconds = 0, 0.0
-    statuses: dict[str, int] = {}
     ray_count = len(target) * len(start)
     for first in range(0, ray_count, CHUNK_RAYS):
         # Ray r connects target point r // n with pupil point r % n; a chunk may begin or end within a pupil.
@@ -222,25 +180,19 @@ def reduce_pupils(
         open_share[begin:end] += np.bincount(of_target - begin, share)
         phasor[begin:end] += np.bincount(of_target - begin, light.real)
         phasor[begin:end] += 1j * np.bincount(of_target - begin, light.imag)
-        evaluation_count += 0 if result.evaluation_count is None else int(result.evaluation_count.sum())
+        assert result.evaluation_count is not None  # a requested output
+        evaluation_count += int(result.evaluation_count.sum())
         seconds += result.seconds["kernel"]
-        for code, count in zip(*np.unique(result.traced_status, return_counts=True), strict=True):
-            name = RayStatus(int(code)).name
-            statuses[name] = statuses.get(name, 0) + int(count)
     if not open_share.any():
         raise ValueError(
-            f"no ray of the receiver's pupil gets out toward the target ({statuses}): "
+            f"no ray of the receiver's pupil gets out toward the target ({result.status_summary()}): "
             "check receiver.aperture_z and receiver.diameter against the body"
         )
-    return PupilSums(open_share, phasor, ray_count, evaluation_count, seconds, statuses)
+    return PupilSums(open_share, phasor, ray_count, evaluation_count, seconds)
 
 
 def check_ahead(index: IndexField, target: np.ndarray) -> None:
-    """Check that target points [m], shape (k, 3), are ahead of the field's box.
-
-    Raises:
-        ValueError: One of them is not.
-    """
+    """Check that target points [m], shape (k, 3), are ahead of the field's box."""
     front = float(index.box[1][2])
     if target[:, 2].min() <= front + CLEARANCE:
         raise ValueError(

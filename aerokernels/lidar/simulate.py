@@ -2,19 +2,8 @@
 
     P(t) = sum over the rays i of  w_i P0 f_r cos(phi_i) (pi D^2 / 4) / R_i^2 eta_a^2 eta_s F_i s(t - 2 G_i / c)
 
-w_i is the fraction of the beam's power in ray i, R_i its optical path to the tilted target and G_i the group path along
-the same ray, by which the pulse travels (the paper has R_i for both), phi_i its incidence there,
-f_r the reflectance toward the receiver (parts.py), s the pulse's shape (pulses.py), and F_i the return factor of
-the point where the ray meets the target: the Strehl ratio of its return path, as in the paper, or another
-(return_paths.py). The return path has the same lengths as the outward path. R_i in R_i^2 is an optical path too,
-as in eq 10: 5e-4 of the power at sea level. Path, incidence and return factor are those of the point where the
-refracted ray meets the target. Which rays meet the reflector is decided without the flow: the flow displaces rays by
-0.1 mm, which matters at the edges only. Where rays are lost, as behind a body, the beam has more points.
-
-Like a real rangefinder, each method is calibrated on a known echo, the same scene's echo in vacuum: the error of the
-reading of this echo is subtracted. The remaining error is due to air and flow: mainly the range walk of a fixed
-threshold with the amplitude, and the group path of the air at rest between aperture and target (0.4 mm over 1.5 m at
-sea level), which is no effect of the flow.
+w_i is the ray's fraction of the beam's power, R_i its optical path to the tilted target, G_i the group path (the paper
+has R_i for both), phi_i its incidence, f_r the reflectance, s the pulse's shape and F_i the return factor of the point.
 """
 
 from dataclasses import replace
@@ -28,12 +17,12 @@ from aerokernels.focus import StrehlEstimate
 from aerokernels.inputs.arguments import checked
 from aerokernels.lidar.echo_errors import EchoProbe, echo_errors
 from aerokernels.lidar.parts import Detector, Laser, Receiver, Setup, Target
-from aerokernels.lidar.paths import TransmitPaths, air_error, point_power, still_air
+from aerokernels.lidar.paths import air_error, point_power, still_air
 from aerokernels.lidar.pulse_curve import peak_height
 from aerokernels.lidar.pulses import SPEED_OF_LIGHT, sum_of_pulses
 from aerokernels.lidar.rangefinder import Rangefinder, VacuumEcho, cut_beam
 from aerokernels.lidar.result import EchoResult
-from aerokernels.lidar.return_paths import ReturnPaths, return_paths
+from aerokernels.lidar.return_paths import return_paths
 from aerokernels.medium import IndexField
 from aerokernels.prepare import prepare_field
 from aerokernels.scene import Scene
@@ -99,31 +88,25 @@ def simulate_echo(
     setup = Setup(laser, target, receiver, detector, {"wavelength": laser.wavelength} | options)
     if field is not None:
         return echo_through(field, VacuumEcho.of(setup))
-    seen = echo_through(_vacuum_ahead(receiver), VacuumEcho.of(setup))
-    return replace(seen, still_air=Quantity(0.0, 0.0, "m"))
-
-
-def _vacuum_ahead(receiver: Receiver) -> IndexField:
-    """Return a field without contrast just ahead of a receiver."""
     reach = 2.0 * receiver.pupil.reach
     origin, spacing = (0.0, receiver.aperture_z), (reach / 7.0, reach / 7.0)
-    return IndexField.from_samples(np.zeros((8, 8)), origin=origin, spacing=spacing, geometry="axisymmetric")
+    nothing = IndexField.from_samples(np.zeros((8, 8)), origin=origin, spacing=spacing, geometry="axisymmetric")
+    return replace(echo_through(nothing, VacuumEcho.of(setup)), still_air=Quantity(0.0, 0.0, "m"))
 
 
 def echo_through(flow: IndexField, vacuum: VacuumEcho, estimate: StrehlEstimate | None = None) -> EchoResult:
-    """Simulate the echo through a field from the echo in vacuum.
+    """Simulate the echo through a field from the echo in vacuum; `estimate` is one of the receiver's pupil.
 
-    Args:
-        flow: The refractive index.
-        vacuum: The echo in vacuum.
-        estimate: A Strehl estimate through this field, of the receiver's pupil.
+    Like a real rangefinder, each method is calibrated on the same scene's echo in vacuum. The remaining error is due to
+    air and flow: mainly the range walk of a fixed threshold, and the group path of the air at rest.
     """
     setup, chain = vacuum.setup, vacuum.setup.detector.chain
     vacuum, out, lost_error = cut_beam(vacuum, flow)
-    points = vacuum.points
+    points, outward = vacuum.points, out.trace
+    assert outward is not None and outward.evaluation_count is not None  # the flow was traced
     if not out.arrived.any():
         raise ValueError(
-            f"no ray of the beam reaches the target ({out.trace.status_summary() if out.trace else 'none traced'}): "
+            f"no ray of the beam reaches the target ({outward.status_summary()}): "
             "check receiver.aperture_z and beam.exit_radius against the body"
         )
     back = return_paths(setup, flow, out.intersection)
@@ -138,7 +121,7 @@ def echo_through(flow: IndexField, vacuum: VacuumEcho, estimate: StrehlEstimate 
     noisy, distance = setup.detector.noise, setup.target.distance
     voltage = chain.record(fine, power, setup.detector.seed, stride) if noisy else chain.digitise(clean)
 
-    rangefinder = Rangefinder.calibrated(setup, time, fine_voltage[::stride], (fine, fine_voltage))
+    rangefinder = Rangefinder.calibrated(setup, fine, fine_voltage, stride)
     ranges, reasons = rangefinder.ranges(time, voltage)
     share = np.where(out.arrived, points.weight, 0.0)
     probe = EchoProbe(flow, estimate, vacuum, time, fine, stride, power, clean, rangefinder)
@@ -166,21 +149,14 @@ def echo_through(flow: IndexField, vacuum: VacuumEcho, estimate: StrehlEstimate 
         statistics=rangefinder.statistics(fine, power, stride, setup.detector.trial_count),
         vacuum_peak_power=peak_height(reference[::stride]),
         vacuum_peak_voltage=peak_height(fine_voltage[::stride]),
-        information=_information(points.weight, share, out, back) | {"lost_share_error": lost_error},
+        information={
+            "beam_share": float(share.sum()),
+            "lost_share": float(points.weight.sum() - share.sum()),
+            "lost_share_error": lost_error,
+            "pair_count": back.pair_count,
+            "ray_count": outward.ray_count + back.sums.ray_count,
+            "evaluation_count": int(outward.evaluation_count.sum()) + back.sums.evaluation_count,
+            "trace_seconds": outward.seconds["kernel"] + back.sums.seconds,
+        },
         budget=partial(echo_errors, probe=probe),
     )
-
-
-def _information(weight: np.ndarray, share: np.ndarray, out: TransmitPaths, back: ReturnPaths) -> dict[str, float]:
-    """Return numbers about the computation."""
-    outward = out.trace
-    assert outward is not None  # the flow was traced
-    evaluations = 0 if outward.evaluation_count is None else int(np.sum(outward.evaluation_count))
-    return {
-        "beam_share": float(share.sum()),
-        "lost_share": float(weight.sum() - share.sum()),
-        "pair_count": back.pair_count,
-        "ray_count": outward.ray_count + (back.sums.ray_count if back.sums else 0),
-        "evaluation_count": evaluations + (back.sums.evaluation_count if back.sums else 0),
-        "trace_seconds": outward.seconds["kernel"] + (back.sums.seconds if back.sums else 0.0),
-    }

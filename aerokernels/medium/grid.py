@@ -48,7 +48,7 @@ def as_points(points, dimension: int) -> np.ndarray:
     """Return points as a float64 array, shape (n, dimension)."""
     points = np.asarray(points, dtype=np.float64)
     if points.ndim != 2 or points.shape[1] != dimension:
-        raise ValueError(f"points need shape (n, {dimension}), got {points.shape}")
+        raise ValueError(f"points must have shape (n, {dimension}), got {points.shape}")
     return points
 
 
@@ -134,25 +134,15 @@ def warn_of_index(least: float, greatest: float) -> None:
 @shown
 @dataclass(frozen=True, eq=False)
 class UniformGrid(Derived):
-    """Samples on a uniform grid of two or three local axes.
+    """Samples on a uniform grid of two or three local axes."""
 
-    Attributes:
-        samples: Contrast at the nodes, float64, or float32 if it was given so, one axis per coordinate.
-        origin: Coordinates of the first node [m], shape (d,).
-        spacing: Node spacing [m], shape (d,).
-        interpolation: "cubic", "linear" or "monotone".
-        even_first_axis: Mirror symmetry at the first node of axis 0.
-        ambient_index: Index where the contrast is zero.
-        keeps_averages: Whether the samples were made so that the interpolant has given averages of cells.
-    """
-
-    samples: np.ndarray
-    origin: np.ndarray
-    spacing: np.ndarray
+    samples: np.ndarray  # contrast at the nodes, float64, or float32 if it was given so
+    origin: np.ndarray  # first node [m], shape (d,)
+    spacing: np.ndarray  # [m], shape (d,)
     interpolation: str
-    even_first_axis: bool
-    ambient_index: float
-    keeps_averages: bool = False
+    even_first_axis: bool  # mirror symmetry at the first node of axis 0
+    ambient_index: float  # index where the contrast is zero
+    keeps_averages: bool = False  # whether the samples were made so that the interpolant has averages of cells
 
     def __post_init__(self):
         """Check shapes and numbers."""

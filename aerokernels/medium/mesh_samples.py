@@ -27,20 +27,12 @@ PLACES = (0.0, 0.5, 1.0)
 @shown
 @dataclass(frozen=True, eq=False)
 class MeshSamples(Derived):
-    """Vertex values on a mesh.
-
-    Attributes:
-        mesh: The mesh.
-        values: Contrast at the vertices, float64, shape (vertex_count,).
-        interpolation: One of MESH_INTERPOLATIONS.
-        averages: Averages over the cells from which the values were computed, shape (cell_count,); None for values
-            that were given at the vertices.
-    """
+    """Vertex values on a mesh."""
 
     mesh: QuadMesh
-    values: np.ndarray
-    interpolation: str
-    averages: np.ndarray | None = None
+    values: np.ndarray  # contrast at the vertices, float64, shape (vertex_count,)
+    interpolation: str  # one of MESH_INTERPOLATIONS
+    averages: np.ndarray | None = None  # over the cells, from which the values were computed, shape (cell_count,)
 
     def __post_init__(self):
         """Check the choice of interpolation."""

@@ -1,23 +1,38 @@
-"""The tables of a scene that describe the laser's path: beam, target, receiver, the air between. See tables.py."""
+"""The tables of a scene that describe the laser's path: beam, target, receiver, the air between, detector."""
 
 import math
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BeforeValidator, model_validator
+from pydantic import BeforeValidator, Field, StrictBool, model_validator
 
 from aerokernels.pupils import Annulus, Disc, Pupil, Rectangle
 from aerokernels.scene.values import (
     Coordinate,
+    Count,
+    Current,
+    DiodeResponsivity,
     Fraction,
+    Frequency,
+    Gain,
     Length,
+    Level,
+    LightLevel,
+    NoiseCurrent,
     Number,
+    OpenShare,
     PointCount,
     Power,
+    Resistance,
+    Responsivity,
     Share,
     Table,
+    Temperature,
     Tilt,
     Time,
+    Voltage,
+    Whole,
+    absent,
     key,
 )
 
@@ -59,18 +74,27 @@ def _node_count(value: Any) -> Any:
     return int(value)
 
 
-def orientation(tilt: float, tilt_axis: tuple[float, float, float]) -> np.ndarray:
-    """Return the axes x, y, z turned by `tilt` [rad] about an axis of any length, as columns, shape (3, 3)."""
-    axis = np.array(tilt_axis) / np.abs(tilt_axis).max()
-    x, y, z = axis / np.linalg.norm(axis)
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.eye(3) + math.sin(tilt) * cross + (1.0 - math.cos(tilt)) * cross @ cross
+class TiltedRectangle:
+    """Geometry of a rectangle of `width` and `height` [m], turned by `tilt` [rad] about `tilt_axis`, of any length."""
 
+    @property
+    def orientation(self: Any) -> np.ndarray:
+        """Unit vectors as columns: along its width, along its height, its normal; shape (3, 3)."""
+        axis = np.array(self.tilt_axis) / np.abs(self.tilt_axis).max()
+        x, y, z = axis / np.linalg.norm(axis)
+        cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+        return np.eye(3) + math.sin(self.tilt) * cross + (1.0 - math.cos(self.tilt)) * cross @ cross
 
-def rectangle_corners(width: float, height: float, orientation: np.ndarray) -> np.ndarray:
-    """Return the corners of a rectangle in cyclic order, relative to its centre [m], shape (4, 3)."""
-    side = 0.5 * np.array([[-width, -height, 0.0], [width, -height, 0.0]])
-    return np.concatenate([side, -side]) @ orientation.T
+    @property
+    def normal(self) -> np.ndarray:
+        """Its normal, a unit vector, shape (3,)."""
+        return self.orientation[:, 2]
+
+    @property
+    def corners(self: Any) -> np.ndarray:
+        """Its corners in cyclic order, relative to its centre [m], shape (4, 3)."""
+        side = 0.5 * np.array([[-self.width, -self.height, 0.0], [self.width, -self.height, 0.0]])
+        return np.concatenate([side, -side]) @ self.orientation.T
 
 
 class BeamTable(Table):
@@ -125,7 +149,7 @@ class BeamTable(Table):
         return self
 
 
-class TargetTable(Table):
+class TargetTable(Table, TiltedRectangle):
     """[target]: a flat rectangular reflector."""
 
     distance: Length = key(
@@ -162,16 +186,6 @@ class TargetTable(Table):
         'Area of the sum of eq 10. "beam": the part of the beam that hits the reflector; "paper": eq 11, the beam '
         "within one beam radius on either side in y, independent of the reflector's size.",
     )
-
-    @property
-    def orientation(self) -> np.ndarray:
-        """Unit vectors of the reflector as columns: along its width, along its height, its normal; shape (3, 3)."""
-        return orientation(self.tilt, self.tilt_axis)
-
-    @property
-    def corners(self) -> np.ndarray:
-        """The reflector's corners in cyclic order, relative to its centre [m], shape (4, 3)."""
-        return rectangle_corners(self.width, self.height, self.orientation)
 
 
 class ReceiverTable(Table):
@@ -242,3 +256,99 @@ class AtmosphereTable(Table):
     """[atmosphere]: the air between model and target, apart from its index."""
 
     transmission: Share = key(1.0, "One-way transmission. Over 1.5 m of clear air nothing is lost.")
+
+
+# Detector voltage per watt at the pupil [V/W]. Chosen once, so that the simulated echo of the static scene peaks near
+# 1.994 V, the peak that the paper's Tables 3 and 4 imply for its simulation without flow: 1.994 V divided by the static
+# scene's simulated peak of 3.58715e-4 W. It is never tuned to a flow.
+STATIC_CALIBRATION = 5558.7
+
+
+class DetectorTable(Table):
+    """[detector]: light to volts to range."""
+
+    volts_per_watt: Responsivity = key(
+        STATIC_CALIBRATION,
+        "Detector voltage per watt at the pupil, 'V/W'. Not in the paper: chosen once so that the static scene's echo "
+        "peaks near 1.994 V, the peak that the paper's tables imply for its simulation without flow.",
+    )
+    bandwidth: Annotated[Frequency | None, absent("unlimited")] = key(
+        None,
+        '-3 dB bandwidth of the detector and amplifier, or "unlimited" (default): beam.pulse_tau is then that of the '
+        "recorded pulse, already broadened by detector and amplifier.",
+    )
+    response: Literal["bessel", "butterworth", "first-order", "gaussian"] = key(
+        "bessel",
+        "Low-pass filter of that bandwidth: Bessel (flat delay), Butterworth (flat gain), a single pole, or a Gaussian "
+        "without delay.",
+    )
+    order: Annotated[Count, Field(le=10)] = key(4, "Poles of the Bessel or Butterworth low-pass, 1 to 10.")
+    responsivity: DiodeResponsivity = key(
+        "0.5 A/W",
+        "Primary photocurrent per watt, before multiplication: silicon at 905 nm. Responsivity and gain affect only "
+        "the noise; volts_per_watt already contains both and the transimpedance.",
+    )
+    gain: Gain = key(
+        10.0,
+        "Multiplication M of the avalanche photodiode, 1 for a PIN diode. The default is low because the echo at 1.5 m "
+        "is strong, 0.4 mW.",
+    )
+    ionisation_ratio: Fraction = key(
+        0.02, "k of the excess noise factor F = k M + (1 - k)(2 - 1 / M): electrons in silicon."
+    )
+    background_power: LightLevel = key(
+        "10 nW", "Steady background light on the detector: a lit room through a narrow filter."
+    )
+    dark_current: Current = key(
+        "0.1 nA", "Dark current before multiplication: a small silicon diode at room temperature."
+    )
+    temperature: Temperature = key("293 K", "Temperature of the transimpedance resistor, for its thermal noise.")
+    load_resistance: Resistance | None = key(
+        None, "Resistor of the thermal noise; absent: the transimpedance, volts_per_watt / (responsivity x gain)."
+    )
+    amplifier_noise: NoiseCurrent = key(
+        "2 pA/rtHz", "Input noise current density of the amplifier: a typical 100 MHz transimpedance amplifier."
+    )
+    noise: StrictBool = key(
+        False,
+        "Whether the recorded voltage has noise. If the bandwidth is unlimited, the noise has a bandwidth of half the "
+        "sample rate.",
+    )
+    seed: Annotated[Whole, Field(ge=0, le=2**63 - 1)] = key(
+        0, "Seed of the noise: the same seed gives the same record."
+    )
+    saturation: Annotated[Voltage | None, absent("unlimited")] = key(
+        None, 'Greatest voltage of the amplifier, or "unlimited" (default).'
+    )
+    sample_rate: Frequency = key(
+        "10 GHz", "Sample rate: 100 ps, 60 samples per tau; a threshold crossing between two samples is interpolated."
+    )
+    bit_count: Annotated[Annotated[Count, Field(le=24)] | None, absent("unlimited")] = key(
+        None, 'Bits of the digitiser, 1 to 24, or "unlimited" (default): neither quantised nor clipped.'
+    )
+    adc_low: Level = key("-0.5 V", "Voltage of the digitiser's lowest code; lower voltages are clipped.")
+    adc_high: Level = key("4.5 V", "Voltage of the digitiser's highest code: about twice the static peak.")
+    ranging: Literal["leading-edge", "constant-fraction", "centroid", "matched-filter"] = key(
+        "leading-edge",
+        'How the arrival time is read. "leading-edge": at a fixed level, so that it shifts with the amplitude, as in '
+        'the paper\'s results; "constant-fraction": at a fraction of the peak; "centroid": at the centroid; '
+        '"matched-filter": at the best fit of the echo without flow. The last three do not shift with the amplitude.',
+    )
+    threshold: Voltage = key(
+        "1 V", "Level of the leading-edge discriminator. Not in the paper: half of the paper's static peak."
+    )
+    fraction: OpenShare = key(0.5, "Fraction of the peak for constant-fraction ranging.")
+    trial_count: Annotated[Whole, Field(ge=0, le=10**6)] = key(
+        0, "Number of noisy records that are ranged to find the random error, at least 2; 0: none."
+    )
+
+    @model_validator(mode="after")
+    def _consistent(self) -> "DetectorTable":
+        if not self.adc_low < self.adc_high:
+            raise ValueError(
+                f"detector.adc_low {self.adc_low:g} V must be below detector.adc_high {self.adc_high:g} V: "
+                "swap them, or widen the range"
+            )
+        if self.trial_count == 1:
+            raise ValueError("detector.trial_count 1 gives no random error: write 0 for none, or at least 2")
+        return self

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..tracing.variants.causes import FACTOR, Variants, errors, of_a_ray
 from ..tracing.variants.paths import Cause, Rays
-from .pixels import derivatives, three_in_a_row
+from .pixels import PARTS, repeated, three_in_a_row, values_of_parts
 from .terms import PupilNumbers, remove_named, weighted_mean
 
 # Pixels whose changes are drawn where no rays are known; number of draws, cosines in each, and their wavelengths over
@@ -30,8 +30,7 @@ class Changes:
     """Some places of a wavefront's pupil, and how the OPD there changes by cause."""
 
     points: np.ndarray  # the places [m], shape (k, 2)
-    weight: np.ndarray  # their shares, shape (k,); they sum to 1
-    found: Variants  # their changes
+    found: Variants  # their changes and their shares, which sum to 1
     nearest: np.ndarray  # the place nearest to each pixel inside the pupil, shape (lit count,)
     counting: Variants  # the changes without those by causes that do not count in a sum of squares
 
@@ -39,7 +38,7 @@ class Changes:
         """Return the wavefront with the OPD changed as that of the places, without the terms removed from it."""
         opd = np.array(wave.opd)
         opd[wave.lit] += (rays.opd - self.found.base.opd)[self.nearest]
-        return removed_again(replace(wave, opd=opd))
+        return without_named(replace(wave, opd=opd), wave.removed)
 
 
 def changes_of(wave: Any) -> Changes | None:
@@ -68,7 +67,7 @@ def changes_of(wave: Any) -> Changes | None:
     least = LEAST * max(size.values(), default=0.0)
     causes = {name: cause for name, cause in found.causes.items() if not size[name] <= least}
     nearest = cKDTree(points).query(wave.points)[1]
-    return Changes(points, found.weight, found, nearest, replace(found, causes=causes))
+    return Changes(points, found, nearest, replace(found, causes=causes))
 
 
 def smooth_draws(points: np.ndarray, radius: float, rms: float) -> tuple[Rays, ...]:
@@ -115,10 +114,10 @@ def of_samples(wave: Any) -> np.ndarray:
     changes = wave.changes
     if changes is None:
         return np.full(4, np.nan)
-    numbers = PupilNumbers(changes.points, changes.weight, wave.wavelength)
+    numbers = PupilNumbers(changes.points, changes.found.weight, wave.wavelength)
 
     def number(rays: Rays) -> np.ndarray:
-        flat = remove_named(rays.opd, changes.weight, changes.points, wave.removed, wave.radius)
+        flat = remove_named(rays.opd, changes.found.weight, changes.points, wave.removed, wave.radius)
         return numbers(replace(rays, opd=flat))[[0, 2, 3, 4]]
 
     pixels = of_pixels(wave, lambda one: np.array([one.strehl(), one.rms, *one.tilt]))
@@ -132,8 +131,8 @@ def of_opd(wave: Any):
     changes = wave.changes
 
     def flat(change: Rays) -> np.ndarray:
-        left = remove_named(change.opd, changes.weight, changes.points, wave.removed, wave.radius)
-        return left - weighted_mean(changes.weight, left)
+        left = remove_named(change.opd, changes.found.weight, changes.points, wave.removed, wave.radius)
+        return left - weighted_mean(changes.found.weight, left)
 
     return of_a_ray(flat, changes.found, "m")
 
@@ -153,47 +152,31 @@ def of_extremes(wave: Any) -> float:
     return float(np.hypot(2.0 * wave.opd_error, steps))
 
 
-# Parts of a pixel's side, and their middles from its own [pixels].
-PARTS, STEPS = 3, (-1.0 / 3.0, 0.0, 1.0 / 3.0)
-
-
 def finer(wave: Any) -> Any:
     """Return a wavefront on pixels of a third of the side, with the removed terms fitted and removed again."""
-    lit = wave.lit
-    parts = [np.where(lit, wave.opd, 0.0)]
-    for axis in (0, 1):
-        parts = [
-            one + step * slope + 0.5 * step**2 * bend
-            for one in parts
-            for slope, bend in [derivatives(one, lit, axis)]
-            for step in STEPS
-        ]
-    found = np.stack(parts).reshape(PARTS, PARTS, *lit.shape).transpose(2, 0, 3, 1).reshape(_repeated(lit).shape)
+    found = values_of_parts(np.where(wave.lit, wave.opd, 0.0), wave.lit)
     weight, intensity = _divided(wave, wave.weight, 1), _divided(wave, wave.intensity, 2)
     intensity = np.maximum(intensity, weight**2)
-    return removed_again(replace(wave, opd=found, weight=weight, intensity=intensity, pixel=wave.pixel / PARTS))
+    fine = replace(wave, opd=found, weight=weight, intensity=intensity, pixel=wave.pixel / PARTS)
+    return without_named(fine, wave.removed)
 
 
-def removed_again(wave: Any) -> Any:
-    """Return a wavefront with the terms fitted and removed again that were removed from it."""
-    if not wave.removed:
+def without_named(wave: Any, names: tuple[str, ...]) -> Any:
+    """Return a wavefront without terms of `remove_terms` and Zernike polynomials "Z4", ..., fitted to its samples."""
+    if not names:
         return wave
     opd = np.full(wave.opd.shape, np.nan)
     path, weight = wave.samples
-    opd[wave.lit] = remove_named(path, weight, wave.points, wave.removed, wave.radius)
-    return replace(wave, opd=opd)
+    opd[wave.lit] = remove_named(path, weight, wave.points, names, wave.radius)
+    return replace(wave, opd=opd, removed=tuple(dict.fromkeys((*wave.removed, *names))))
 
 
 def _divided(wave: Any, values: np.ndarray, power: int) -> np.ndarray:
     """Return mean amplitudes or intensities (power 2) of the parts of pixels; their mean is the pixel's own."""
-    whole, count = _repeated(values), len(values)
+    whole, count = repeated(values), len(values)
     if wave.aperture is None:
         return whole
     edges = wave.pixel / PARTS * (np.arange(PARTS * count + 1) - 0.5 * PARTS * count)
     share = wave.aperture.coverage(edges, edges, power)
-    mean = _repeated(share.reshape(count, PARTS, count, PARTS).mean(axis=(1, 3)))
+    mean = repeated(share.reshape(count, PARTS, count, PARTS).mean(axis=(1, 3)))
     return np.where(mean > 0.0, whole * share / np.where(mean > 0.0, mean, 1.0), whole)
-
-
-def _repeated(values: np.ndarray) -> np.ndarray:
-    return np.repeat(np.repeat(values, PARTS, axis=0), PARTS, axis=1)

@@ -8,21 +8,16 @@ from dataclasses import fields
 from functools import partial
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, cast
 
 import numpy as np
 
 from ..display.quantities import ErrorBudget
 from ..files.writing import replacing
-from ..inputs.arguments import Numbers, checked
+from ..inputs.arguments import checked
 from ..inputs.checks import check_choice
-from ..inputs.wavelength import check_spectrum
 from ..pupils import Annulus, Disc, Mask, Polygon, Pupil, Rectangle
-from .image import mixed_weights
 from .point_spread import complex_amplitude
-
-if TYPE_CHECKING:
-    import xarray
 
 
 @checked
@@ -38,19 +33,17 @@ def to_fits(wavefront: Any, path: str | Path) -> tuple[Path, Path]:
     fits = package("astropy.io.fits")
     amplitude = path.with_name(f"{path.stem}_amplitude{path.suffix}")
     with replacing(path, amplitude) as drafts:
-        for name, array, unit, kind in (
-            (drafts[0], poppy_opd(wavefront), "meter", "OPD"),
-            (drafts[1], np.array(wavefront.weight), "", "AMPLITUD"),
-        ):
+        maps = ("OPD", poppy_opd(wavefront)), ("AMPLITUD", np.array(wavefront.weight))
+        for draft, (kind, array) in zip(drafts, maps, strict=True):
             header = fits.Header()
             header["PIXELSCL"] = (wavefront.pixel, "[m/pixel]")
             header["PUPLSCAL"] = (wavefront.pixel, "[m/pixel]")
-            if unit:
-                header["BUNIT"] = unit
+            if kind == "OPD":
+                header["BUNIT"] = "meter"
             header["CONTENT"] = (kind, "what the pixels hold")
             header["WAVELEN"] = (wavefront.wavelength, "[m] vacuum wavelength")
             header["OPDSIGN"] = ("NEGATIVE", "where light is delayed (poppy's sign)")
-            fits.PrimaryHDU(array, header).writeto(name, overwrite=True)
+            fits.PrimaryHDU(array, header).writeto(draft, overwrite=True)
     return path, amplitude
 
 
@@ -148,8 +141,6 @@ def to_xarray(wavefront: Any):
     """Return an xarray.Dataset of "opd", "weight" and "intensity" over (y, x); computes the OPD's error budget."""
     import xarray
 
-    coordinate = wavefront.coordinate
-    opd = {"units": "m", "long_name": "optical path difference", "sign_convention": SIGN_CONVENTION}
     attributes: dict[str, Any] = {
         "Conventions": "CF-1.8",
         "title": "wavefront over a pupil",
@@ -163,25 +154,20 @@ def to_xarray(wavefront: Any):
     }
     if wavefront.direction is not None:
         attributes["direction"] = np.asarray(wavefront.direction)
-    shape, numbers = _pupil_numbers(wavefront.pupil)
-    attributes.update(numbers)
-    return xarray.Dataset(
-        {
-            **shape,
-            "opd": (("y", "x"), wavefront.opd, opd),
-            "weight": (
-                ("y", "x"),
-                wavefront.weight,
-                {"units": "1", "long_name": "transmission of the amplitude, mean over the pixel"},
-            ),
-            "intensity": (("y", "x"), wavefront.intensity, {"units": "1", "long_name": "mean intensity in the pixel"}),
-        },
-        coords={
-            name: (name, coordinate, {"units": "m", "long_name": f"{name} in the pupil, from its centre"})
-            for name in ("x", "y")
-        },
-        attrs=attributes,
-    )
+    maps = {
+        "opd": ("m", "optical path difference"),
+        "weight": ("1", "transmission of the amplitude, mean over the pixel"),
+        "intensity": ("1", "mean intensity in the pixel"),
+    }
+    variables, numbers = _pupil_numbers(wavefront.pupil)
+    for name, (unit, words) in maps.items():
+        variables[name] = (("y", "x"), getattr(wavefront, name), {"units": unit, "long_name": words})
+    variables["opd"][2]["sign_convention"] = SIGN_CONVENTION
+    coordinates = {
+        name: (name, wavefront.coordinate, {"units": "m", "long_name": f"{name} in the pupil, from its centre"})
+        for name in ("x", "y")
+    }
+    return xarray.Dataset(variables, coordinates, {**attributes, **numbers})
 
 
 def from_xarray(dataset) -> dict[str, Any]:
@@ -199,17 +185,14 @@ def from_xarray(dataset) -> dict[str, Any]:
     unit = str(dataset["opd"].attrs.get("units", "m"))
     if unit != "m":
         raise ValueError(f"the dataset's opd is in {unit!r}: convert it to metres, and set its units to 'm'")
-    error = _number(attributes, "opd_error", np.nan)
-    opd = _map(dataset, "opd")
-    _check_coordinates(dataset, opd.shape, _number(attributes, "pixel"))
+    names = ("pixel", "wavelength", "radius", "blocked", "opd_error")
+    numbers = {name: float(_numbers(attributes, name, ())) for name in names if name in attributes}
+    error = numbers.pop("opd_error", np.nan)
+    maps = {name: _map(dataset, name) for name in ("opd", "weight", "intensity") if name in dataset}
+    _check_coordinates(dataset, maps["opd"].shape, numbers["pixel"])
     return {
-        "opd": opd,
-        "weight": _map(dataset, "weight"),
-        "pixel": _number(attributes, "pixel"),
-        "wavelength": _number(attributes, "wavelength"),
-        "intensity": _map(dataset, "intensity") if "intensity" in dataset else None,
-        "radius": _number(attributes, "radius") if "radius" in attributes else None,
-        "blocked": _number(attributes, "blocked", 0.0),
+        **maps,
+        **numbers,
         "removed": tuple(str(attributes.get("removed", "")).split()),
         "direction": _numbers(attributes, "direction", (3,)) if "direction" in attributes else None,
         "pupil": _pupil(dataset),
@@ -281,60 +264,3 @@ def _numbers(attributes, name: str, shape: tuple[int, ...]) -> np.ndarray:
             f"got {str(attributes[name])[:60]!r}"
         )
     return value.astype(np.float64).reshape(shape)
-
-
-def _number(attributes, name: str, otherwise: float | None = None) -> float:
-    if name not in attributes and otherwise is not None:
-        return otherwise
-    return float(_numbers(attributes, name, ()))
-
-
-@checked
-def over_wavelengths(
-    wavefront: Any, wavelengths: Numbers, angle: Numbers | None = None, weights: Numbers | None = None
-) -> "xarray.Dataset":
-    """Return image quantities at several wavelengths [m] as an xarray.Dataset with a wavelength axis.
-
-    The OPD is the same at all wavelengths: dispersion of air is ignored, see `at_wavelength`. The dataset holds
-    `strehl`, `strehl_error`, `fwhm` [rad] and `psf` over (wavelength, y, x). `angle` are the angles of the rows and
-    columns of `psf` [rad], shape (m,); None takes 33 up to four times the longest wavelength over the pupil's
-    width. `weights` are the shares of the light at the wavelengths, equal if None; `polychromatic_psf` over (y, x)
-    is the point spread function of all the light, over its peak without aberrations.
-
-    Raises:
-        ValueError: There are no wavelengths, one is outside 0.1 to 20 um, or weights are negative or all zero.
-    """
-    import xarray
-
-    lengths, shares = check_spectrum(wavelengths, weights)
-    if angle is None:
-        reach = 4.0 * float(lengths.max()) / (len(wavefront.opd) * wavefront.pixel)
-        angle = np.linspace(-reach, reach, 33)
-    angle = np.atleast_1d(np.asarray(angle, dtype=np.float64))
-    at = [wavefront.at_wavelength(float(length)) for length in lengths]
-    strehl = [one.quantities["strehl"] for one in at]
-    dims = ("wavelength", "y", "x")
-    intensity = np.stack([one.psf(angle).intensity for one in at])
-    ratio = {"units": "1", "long_name": "Strehl ratio"}
-    width = {"units": "rad", "long_name": "full width at half maximum"}
-    mixed = np.tensordot(mixed_weights(lengths, shares), intensity, 1)
-    return xarray.Dataset(
-        {
-            "strehl": ("wavelength", [one.value for one in strehl], ratio),
-            "strehl_error": ("wavelength", [one.error for one in strehl], {"units": "1"}),
-            "fwhm": ("wavelength", [one.fwhm for one in at], width),
-            "psf": (dims, intensity, {"units": "1", "long_name": "over the perfect peak"}),
-            "polychromatic_psf": (
-                dims[1:],
-                mixed,
-                {"units": "1", "long_name": "of all the light, over its perfect peak"},
-            ),
-            "weight": ("wavelength", shares, {"units": "1", "long_name": "share of the light"}),
-        },
-        {
-            "wavelength": ("wavelength", lengths, {"units": "m", "standard_name": "radiation_wavelength"}),
-            "x": ("x", angle, {"units": "rad"}),
-            "y": ("y", angle, {"units": "rad"}),
-        },
-        {"sign_convention": SIGN_CONVENTION},
-    )

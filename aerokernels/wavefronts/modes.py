@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 
 from ..display.shown import drawn_on, shown
+from ..inputs.arguments import checked
+from ..inputs.checks import check_count
 from ..zernike import zernike_modes
 from .changes import of_changes, of_map
 from .pixels import derivatives
@@ -54,8 +56,17 @@ class StructureFunction:
         return axes
 
 
-def fit_zernike(wavefront: Any, count: int) -> np.ndarray:
-    """Return the least-squares coefficients of the first `count` Zernike polynomials [m], shape (count,)."""
+@checked
+def zernike(wavefront: Any, count: int) -> np.ndarray:
+    """Return the coefficients [m] of the first `count` Zernike polynomials, Noll's index 1 first, shape (count,).
+
+    The polynomials have rms 1 over the disc of `radius` (zernike.py) and are fitted together by weighted least squares:
+    on a pupil that is not a disc they are not orthogonal. `zernike_errors` gives the error of each coefficient.
+
+    Raises:
+        ValueError: A count below 1, or more polynomials than the pupil's samples can distinguish.
+    """
+    count = check_count(count, "count")
     opd, weight = wavefront.samples
     most = len(opd)
     if count <= most:
@@ -69,11 +80,17 @@ def fit_zernike(wavefront: Any, count: int) -> np.ndarray:
     return np.asarray(found)
 
 
+@checked
 def zernike_errors(wavefront: Any, count: int) -> np.ndarray:
     """Return the error of each Zernike coefficient [m], shape (count,).
 
-    Infinite if the pupil's samples cannot distinguish the polynomials.
+    Each is fitted again to maps that changed, and to finer pixels (changes.py). NaN if that is not known; infinite if
+    the pupil's samples cannot distinguish the polynomials.
+
+    Raises:
+        ValueError: A count below 1.
     """
+    count = check_count(count, "count")
     solved: dict[float, np.ndarray] = {}
 
     def number(wave: Any) -> np.ndarray:
@@ -94,16 +111,8 @@ def _weighted_modes(wavefront: Any, count: int) -> np.ndarray:
     return np.asarray(modes.T * np.sqrt(wavefront.samples[1])[:, None])
 
 
-def zernike_surface(wavefront: Any, coefficients: np.ndarray) -> np.ndarray:
-    """Return the sum of Zernike polynomials with these coefficients [m], shape (n, n); NaN outside the pupil."""
-    surface = np.full(wavefront.opd.shape, np.nan)
-    modes = zernike_modes(len(coefficients), *(wavefront.points.T / wavefront.radius))
-    surface[wavefront.lit] = coefficients @ modes
-    return surface
-
-
 def structure_function(wavefront: Any) -> StructureFunction:
-    """Return the structure function over rings one pixel wide, by correlation: every pair of pixels counts.
+    """Return the mean square OPD difference of pairs of points by their distance: every pair of pixels counts.
 
     D(r) = sum w w' (W - W')^2 / sum w w'. A ring has few distances and directions. The error due to them is the
     standard error of D / r^2 over four parts of the ring, by the sum of a shift's rows and columns, which are alike

@@ -17,11 +17,10 @@ from ..inputs.wavelength import check_wavelength
 from ..process.clock import clocked, stage
 from ..pupils import Projected, Pupil, seen_along
 from ..tracing.variants.causes import Variants
-from .changes import Changes, changes_of, of_extremes, of_opd, of_samples
+from .changes import Changes, changes_of, of_extremes, of_opd, of_samples, without_named
 from .exports import (
     SIGN_CONVENTION,
     from_xarray,
-    over_wavelengths,
     to_fits,
     to_hcipy,
     to_poppy,
@@ -29,20 +28,23 @@ from .exports import (
     to_xarray,
     to_zemax,
 )
-from .image import (
+from .modes import centroid, structure_function, zernike, zernike_errors
+from .point_spread import PointSpread, point_spread_function
+from .scattered import from_scattered
+from .terms import check_metres, check_terms, fit_tilt, mean_phasor, weighted_mean
+from .transfer import (
+    EncircledEnergy,
+    Transfer,
     encircled_errors,
+    encircler,
+    fwhm,
     image_quantities,
     intensities,
     polychromatic_psf,
-    spot_width,
     spread_errors,
     transfer_errors,
+    transfer_function,
 )
-from .modes import StructureFunction, centroid, fit_zernike, structure_function, zernike_errors, zernike_surface
-from .point_spread import PointSpread, point_spread_function
-from .scattered import from_scattered
-from .terms import check_metres, fit_tilt, mean_phasor, remove_terms, weighted_mean
-from .transfer import EncircledEnergy, Transfer, encircler, transfer_function
 
 
 @shown
@@ -127,11 +129,8 @@ class Wavefront:
         intensity = weight**2 if self.intensity is None else np.array(self.intensity, dtype=np.float64)
         if intensity.shape == weight.shape:
             intensity[~lit] = 0.0
-        if (
-            intensity.shape != weight.shape
-            or not np.isfinite(intensity).all()
-            or not (intensity >= weight**2 * (1.0 - 1e-9)).all()
-        ):
+        least = weight**2 * (1.0 - 1e-9)
+        if intensity.shape != weight.shape or not (np.isfinite(intensity) & (intensity >= least)).all():
             raise ValueError("the intensity must be finite, have the weights' shape and be nowhere below their square")
         check_share(self.blocked, "blocked")
         if self.direction is not None and not (np.shape(self.direction) == (3,) and np.isfinite(self.direction).all()):
@@ -186,10 +185,9 @@ class Wavefront:
 
     @cached_property
     def error(self) -> ErrorBudget:
-        """Error of the OPD of a pixel from the mean [m], by cause and in "total"; empty if it is not known.
+        """Error of the OPD of a pixel from the mean [m], by cause and in "total", which covers 95 pixels in 100.
 
-        It is the root mean square over some of the rays, and covers that of 95 pixels in 100. Some rays are traced
-        again when it is first read; seconds["error"] is the time spent on that.
+        Empty if it is not known. Some rays are traced again when it is first read.
         """
         with clocked() as spent, stage("error"):
             if self.varied is None:
@@ -220,7 +218,7 @@ class Wavefront:
 
         Args:
             points: Positions of the samples: x and y in the pupil's plane from its centre [m], shape (n, 2), or points
-                in space, shape (n, 3), such as the starts of traced rays.
+                in space, shape (n, 3).
             opd: Their optical path differences [m], positive where light is delayed, shape (n,).
             pupil: The pupil, whose transmission weights the map.
             wavelength: Vacuum wavelength [m].
@@ -240,10 +238,7 @@ class Wavefront:
         Raises:
             ValueError: An unknown term.
         """
-        opd, weight = self.samples
-        flat = np.full(self.opd.shape, np.nan)
-        flat[self.lit] = remove_terms(opd, terms, self.points, weight)
-        return replace(self, opd=flat, removed=tuple(dict.fromkeys((*self.removed, *terms))))
+        return without_named(self, check_terms(terms))
 
     def without_zernike(self, *indices: int) -> "Wavefront":
         """Return the wavefront without Zernike polynomials of these Noll indices, fitted with all up to the greatest.
@@ -254,12 +249,8 @@ class Wavefront:
         if not indices:
             return self
         indices = tuple(check_count(index, "a Noll index") for index in indices)
-        coefficients = self.zernike(max(indices))
-        kept = np.zeros(len(coefficients))
-        for index in indices:
-            kept[index - 1] = coefficients[index - 1]
-        names = (*self.removed, *(f"Z{index}" for index in indices))
-        return replace(self, opd=self.opd - zernike_surface(self, kept), removed=names)
+        self.zernike(max(indices))  # refuses more than the samples can distinguish
+        return without_named(self, tuple(f"Z{index}" for index in indices))
 
     def at_wavelength(self, wavelength: float) -> "Wavefront":
         """Return the same OPD at another wavelength [m].
@@ -291,30 +282,8 @@ class Wavefront:
         opd, weight = self.samples
         return np.asarray(fit_tilt(opd, self.points, weight).tilt)
 
-    @checked
-    def zernike(self, count: int) -> np.ndarray:
-        """Return the coefficients [m] of the first `count` Zernike polynomials, Noll's index 1 first, shape (count,).
-
-        The polynomials have rms 1 over the disc of `radius` (zernike.py) and are fitted together by weighted least
-        squares: on a pupil that is not a disc they are not orthogonal. `zernike_errors` gives the error of each
-        coefficient.
-
-        Raises:
-            ValueError: A count below 1, or more polynomials than the pupil's samples can distinguish.
-        """
-        return fit_zernike(self, check_count(count, "count"))
-
-    @checked
-    def zernike_errors(self, count: int) -> np.ndarray:
-        """Return the error of each Zernike coefficient [m], shape (count,).
-
-        Each is fitted again to maps that changed, and to finer pixels (changes.py). NaN if that is not
-        known; infinite if the pupil's samples cannot distinguish the polynomials.
-
-        Raises:
-            ValueError: A count below 1.
-        """
-        return zernike_errors(self, check_count(count, "count"))
+    zernike = zernike
+    zernike_errors = zernike_errors
 
     @checked
     def psf(
@@ -329,7 +298,7 @@ class Wavefront:
         """Return the point spread function over the peak of the perfect one; arguments as in `point_spread_function`.
 
         With `wavelengths` [m], shape (n,), it is the one of polychromatic light with this OPD at all wavelengths.
-        `weights` are the shares of the light at the wavelengths, equal if None: see `over_wavelengths`.
+        `weights` are the shares of the light at the wavelengths, equal if None.
         """
         if wavelengths is not None or weights is not None:
             return polychromatic_psf(self, wavelengths, weights, angle, half_width, padding)
@@ -373,22 +342,10 @@ class Wavefront:
         shares = encircler(self.otf().frequency, angle)(self.otf().value, point)
         return EncircledEnergy(angle, shares, point, errors)
 
-    @property
-    def centroid(self) -> np.ndarray:
-        """Centroid of the point spread function, along x and y [rad], shape (2,): the mean slope of the OPD."""
-        return centroid(self)
-
-    @cached_property
-    def fwhm(self) -> float:
-        """Full width at half maximum of the point spread function [rad]: see `PointSpread.fwhm`.
-
-        It counts all area above half of the peak, including spots apart from the one that holds the peak.
-        """
-        return spot_width(self)[0]
-
-    def structure_function(self) -> StructureFunction:
-        """Return the mean square OPD difference of pairs of points by their distance."""
-        return structure_function(self)
+    centroid = property(centroid)
+    fwhm = cached_property(fwhm)
+    structure_function = structure_function
+    image_quantities = image_quantities
 
     @cached_property
     def quantities(self) -> dict[str, Quantity]:
@@ -406,22 +363,14 @@ class Wavefront:
             "tilt_y": Quantity(float(tilt[1]), float(slopes[1]), "rad"),
         }
 
-    def image_quantities(self) -> dict[str, Quantity]:
-        """Return "centroid_x", "centroid_y" and "fwhm" [rad] of the image with errors as in `quantities`."""
-        return image_quantities(self)
-
     def __repr__(self) -> str:
         """The quantities with their errors. Some rays are retraced for them when they are first read."""
         found = self.quantities
         count, removed = len(self.opd), ", ".join(self.removed) or "nothing"
-        nanometres = f"{self.wavelength * 1e9:.6g} nm"
-        return "\n".join(
-            [
-                f"Wavefront of {count} x {count} pixels of {self.pixel:.4g} m at {nanometres}: Strehl ratio "
-                f"{found['strehl']}",
-                f"  OPD rms {found['opd_rms'].scaled(1e9, 'nm')}, peak to valley "
-                f"{found['peak_to_valley'].scaled(1e9, 'nm')}; removed: {removed}",
-            ]
+        rms, valley = (found[name].scaled(1e9, "nm") for name in ("opd_rms", "peak_to_valley"))
+        return (
+            f"Wavefront of {count} x {count} pixels of {self.pixel:.4g} m at {self.wavelength * 1e9:.6g} nm: Strehl "
+            f"ratio {found['strehl']}\n  OPD rms {rms}, peak to valley {valley}; removed: {removed}"
         )
 
     @classmethod
@@ -430,7 +379,6 @@ class Wavefront:
         return cls(**from_xarray(dataset))
 
     to_xarray = to_xarray
-    over_wavelengths = over_wavelengths
     to_poppy = to_poppy
     to_hcipy = to_hcipy
     to_prysm = to_prysm

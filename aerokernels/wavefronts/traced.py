@@ -31,8 +31,8 @@ def wavefront(
     """Trace the optical path difference over a pupil, as a map.
 
     Rays leave the pupil along its normal (or `direction`) and stop on a plane across that line, beyond the field's box:
-    by reciprocity this is the wavefront that arrives from a distant point on the line. The map is across the line: of a
-    pupil seen askew it is the projection. A pixel on the pupil's edge counts by its share in the pupil.
+    by reciprocity this is the wavefront from a distant point on the line. The map is across the line: of a pupil seen
+    askew it is the projection.
 
     Args:
         field: The refractive index.

@@ -5,11 +5,7 @@ and half a step of free space (J. A. Fleck, J. R. Morris, M. D. Feit, Appl. Phys
 of second order in the step. Layers are sampled once: half as many steps cost only their transforms.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
-from importlib import import_module
-from typing import Any
 
 import numpy as np
 
@@ -40,7 +36,6 @@ def split_step(
     tolerance: float = 1e-3,
     step_count: int | None = None,
     paraxial: bool = False,
-    device: str | None = None,
     precision: str = "float64",
 ) -> Wave:
     """Propagate a wave through a field: its Strehl ratio, focus and shadow without the approximation of rays.
@@ -56,7 +51,6 @@ def split_step(
         tolerance: Requested error of the amplitude due to the steps, rms over the rms amplitude.
         step_count: Number of steps; None takes as many as the tolerance needs.
         paraxial: Whether to use the paraxial equation for free space.
-        device: "cpu" (None) by SciPy, or "gpu" by CuPy or PyTorch, whichever is installed.
         precision: "float64" or "float32" for the transforms. In both cases the plane wave's phase is removed and the
             phase of a step is computed in float64.
 
@@ -87,35 +81,28 @@ def split_step(
     if step_count is not None:
         check_count(step_count, "step_count")
     check_choice(precision, "precision", PRECISIONS)
-    library = fourier_library(device)
     with clocked() as seconds:
         with stage("plan"):
             begin, end = path_range(field, wave)
             count = layer_count(field, end - begin, step_count)
             check_memory(count, wave.amplitude.size)
             sampled = mean_layers(field, wave, begin, end, count)
-        warn_of_wrapping(wave.amplitude, wave.pixel, wave.wavelength, end, wave.ambient_index)
-        with stage("upload"):
-            layers = library.array(sampled[0])
-            opaque = None if sampled[1] is None else library.array(sampled[1])
+        warn_of_wrapping(wave, end)
         with stage("kernel"):
+            layers = Layers(*sampled, end - begin, paraxial, PRECISIONS[precision])
             start = propagated(wave, begin, paraxial)
-            propagate = partial(
-                through_layers, length=end - begin, paraxial=paraxial, library=library, precision=precision
-            )
-            size = float(np.linalg.norm(start.amplitude))
-            found, coarse, steps, error = _refined(
-                partial(propagate, start, layers, opaque), size, len(layers), tolerance, step_count
-            )
+            found, coarse, steps, error = _refined(layers, start, tolerance, step_count)
             sparse = every_second_pixel(light, wave, window)
             strehl_error, path = float("nan"), sampled[0].sum(axis=0)
             if coarse is not None and sparse is not None:
                 rough = propagated(sparse, begin, paraxial)
-                kept = every_second(wave.amplitude.shape)
-                behind = propagate(rough, layers[:, *kept], None if opaque is None else opaque[:, *kept], steps)
                 fine, fewer, larger = (
                     replace(one, amplitude=amplitude).strehl()
-                    for one, amplitude in ((start, found), (start, coarse), (rough, behind))
+                    for one, amplitude in (
+                        (start, found),
+                        (start, coarse),
+                        (rough, layers.every_second().through(rough, steps)),
+                    )
                 )
                 # The error due to the steps is estimated as in `_refined`. The order in the pixels is not known at an
                 # edge: the whole difference counts. It may vanish by chance.
@@ -169,24 +156,22 @@ def every_second_pixel(light: Pupil | Wave, wave: Wave, window: float) -> Wave |
 
 
 def _refined(
-    propagate: Callable[[int], np.ndarray], size: float, most: int, tolerance: float, step_count: int | None
+    layers: "Layers", start: Wave, tolerance: float, step_count: int | None
 ) -> tuple[np.ndarray, np.ndarray | None, int, float]:
     """Double the steps until the error is within the tolerance, or there is one per layer.
 
     Return the amplitude, that of half as many steps (None if their number is odd), the number of steps, and the error.
     """
-    if step_count is not None:
-        found = propagate(step_count)
-        if step_count % 2:
-            return found, None, step_count, float("nan")
-        coarse = propagate(step_count // 2)
-        return found, coarse, step_count, float(np.linalg.norm(found - coarse)) / _gain(step_count) / size
-    steps = FEWEST_STEPS
-    coarse, fine = propagate(steps // 2), propagate(steps)
-    while (error := float(np.linalg.norm(fine - coarse)) / _gain(steps) / size) > tolerance and steps < most:
+    steps = step_count or FEWEST_STEPS
+    coarse = None if steps % 2 else layers.through(start, steps // 2)
+    fine = layers.through(start, steps)
+    while coarse is not None:
+        error = float(np.linalg.norm(fine - coarse)) / _gain(steps) / float(np.linalg.norm(start.amplitude))
+        if step_count is not None or not error > tolerance or steps >= len(layers.paths):
+            return fine, coarse, steps, error
         steps *= 2
-        coarse, fine = fine, propagate(steps)
-    return fine, coarse, steps, error
+        coarse, fine = fine, layers.through(start, steps)
+    return fine, None, steps, float("nan")
 
 
 def _gain(steps: int) -> float:
@@ -219,86 +204,48 @@ def _changes(light: Wave, path: np.ndarray, other: np.ndarray) -> tuple[float, f
     return of_amplitude, abs(replace(light, amplitude=one).strehl() - replace(light, amplitude=two).strehl())
 
 
-@dataclass(frozen=True)
-class ArrayLibrary:
-    """NumPy, CuPy or PyTorch: layers are copied to the device once, and every step stays there."""
+@dataclass(frozen=True, eq=False)
+class Layers:
+    """Layers of a field with free space between them."""
 
-    module: Any  # the library
-    fft: Any  # its module of Fourier transforms; SciPy's for NumPy
-    array: Callable[[np.ndarray], Any]  # converts a NumPy array to the library's array
-    numpy: Callable[[Any], np.ndarray]  # converts the library's array to a NumPy array
+    paths: np.ndarray  # optical paths [m], shape (count, rows, columns)
+    opaque: np.ndarray | None  # where light ends, of the same shape; None for nowhere
+    length: float  # of all layers [m]
+    paraxial: bool
+    kind: type = np.complex64  # of the amplitude
 
-    def phase_factor(self, layers: Any, wave_number: float, kind: type) -> Any:
-        """Return exp(i k p) of the sum p of layers (count, rows, columns) [m] for a wave number k [1/m]."""
-        own, single = self.module, kind is np.complex64
-        phase = wave_number * layers.sum(0, dtype=own.float64)
+    def every_second(self) -> "Layers":
+        """Return the layers at every second pixel."""
+        kept = every_second(self.paths.shape[1:])
+        opaque = None if self.opaque is None else self.opaque[:, *kept]
+        return replace(self, paths=self.paths[:, *kept], opaque=opaque)
+
+    def through(self, wave: Wave, steps: int) -> np.ndarray:
+        """Return the amplitude after all layers in so many steps; adjacent half steps of free space are merged."""
+        from scipy.fft import fft2, ifft2
+
+        step, each = self.length / steps, len(self.paths) // steps
+        shape = wave.amplitude.shape
+        exponent = transfer_exponent(shape, wave.pixel, wave.wavelength, wave.ambient_index, self.paraxial)
+        half: np.ndarray = np.exp(0.5 * step * exponent).astype(self.kind)
+        whole: np.ndarray = np.exp(step * exponent).astype(self.kind)
+        spectrum = fft2(wave.amplitude.astype(self.kind))
+        spectrum *= half
+        for number in range(steps):
+            part = slice(number * each, (number + 1) * each)
+            amplitude = ifft2(spectrum)
+            amplitude *= self._phase_factor(part, 2.0 * np.pi / wave.wavelength)
+            if self.opaque is not None:
+                amplitude[self.opaque[part].any(axis=0)] = 0.0
+            spectrum = fft2(amplitude)
+            spectrum *= half if number == steps - 1 else whole
+        return np.asarray(ifft2(spectrum)).astype(np.complex128)
+
+    def _phase_factor(self, part: slice, wave_number: float) -> np.ndarray:
+        """Return exp(i k p) of the summed path p of some layers for a wave number k [1/m]."""
+        single = self.kind is np.complex64
+        phase = wave_number * self.paths[part].sum(axis=0, dtype=np.float64)
         # In single precision sine and cosine are ten times as fast, once whole turns are removed in double precision.
-        phase -= 2.0 * np.pi * own.round(phase / (2.0 * np.pi))
-        phase = own.asarray(phase, dtype=own.float32 if single else own.float64)
-        return own.cos(phase) + own.asarray(1j, dtype=own.complex64 if single else own.complex128) * own.sin(phase)
-
-
-def fourier_library(device: str | None = None) -> ArrayLibrary:
-    """Return the library for a device: SciPy for "cpu" (None), CuPy or PyTorch for "gpu", whichever is installed."""
-    if device not in (None, "cpu", "gpu"):
-        raise ValueError(f"device {device!r} is not known: choose one of cpu, gpu")
-    if device != "gpu":
-        from scipy import fft
-
-        return ArrayLibrary(np, fft, np.asarray, np.asarray)
-    try:
-        cupy: Any = import_module("cupy")
-        if cupy.cuda.runtime.getDeviceCount() > 0:
-            return ArrayLibrary(cupy, cupy.fft, cupy.asarray, cupy.asnumpy)
-    except Exception:  # not installed, or no driver: each version raises its own error
-        pass
-    try:
-        torch: Any = import_module("torch")
-        if torch.cuda.is_available():
-            return torch_library(torch, "cuda")
-    except Exception:
-        pass
-    raise ValueError("device 'gpu': install CuPy (cupy-cuda12x) or PyTorch for your GPU, or take device='cpu'")
-
-
-def torch_library(torch: Any, device: str) -> ArrayLibrary:
-    """Return PyTorch on one of its devices."""
-    return ArrayLibrary(
-        torch,
-        torch.fft,
-        lambda array: torch.as_tensor(array, device=device),
-        lambda tensor: np.asarray(tensor.cpu().numpy()),
-    )
-
-
-def through_layers(
-    wave: Wave,
-    layers: Any,
-    opaque: Any,
-    steps: int,
-    *,
-    length: float,
-    paraxial: bool,
-    library: ArrayLibrary,
-    precision: str,
-) -> np.ndarray:
-    """Return the amplitude after all layers in so many steps; adjacent half steps of free space are merged.
-
-    Light ends where `opaque`, of the shape of the layers, is true. Both are the library's arrays.
-    """
-    kind, wave_number = PRECISIONS[precision], 2.0 * np.pi / wave.wavelength
-    step = length / steps
-    each = len(layers) // steps
-    exponent = transfer_exponent(wave.amplitude.shape, wave.pixel, wave.wavelength, wave.ambient_index, paraxial)
-    half, whole = (library.array(np.exp(part * step * exponent).astype(kind)) for part in (0.5, 1.0))
-    spectrum = library.fft.fft2(library.array(wave.amplitude.astype(kind)))
-    spectrum *= half
-    for number in range(steps):
-        part = slice(number * each, (number + 1) * each)
-        amplitude = library.fft.ifft2(spectrum)
-        amplitude *= library.phase_factor(layers[part], wave_number, kind)
-        if opaque is not None:
-            amplitude[opaque[part].any(0)] = 0.0
-        spectrum = library.fft.fft2(amplitude)
-        spectrum *= half if number == steps - 1 else whole
-    return library.numpy(library.fft.ifft2(spectrum)).astype(np.complex128)
+        phase -= 2.0 * np.pi * np.round(phase / (2.0 * np.pi))
+        phase = np.asarray(phase, dtype=np.float32 if single else np.float64)
+        return np.asarray(np.cos(phase) + np.asarray(1j, dtype=self.kind) * np.sin(phase))

@@ -86,9 +86,7 @@ class WrappedWaveWarning(UserWarning):
     """Light leaves the window of a wave, and comes back on its other side."""
 
 
-def wrapped_share(
-    amplitude: np.ndarray, pixel: float, wavelength: float, distance: float, ambient_index: float
-) -> float:
+def wrapped_share(wave: "Wave", distance: float) -> float:
     """Return the share of the light that certainly leaves the periodic window over a distance [m], by either axis.
 
     A component of the angular spectrum with the slope t moves by the distance times t. All light starts within the lit
@@ -96,32 +94,29 @@ def wrapped_share(
     """
     from scipy.fft import fft2, fftfreq
 
-    light, spectrum = np.abs(amplitude) ** 2, np.abs(fft2(amplitude)) ** 2
+    light, spectrum = np.abs(wave.amplitude) ** 2, np.abs(fft2(wave.amplitude)) ** 2
     worst = 0.0
     for axis in (0, 1):
         begun = np.cumsum(light.sum(axis=1 - axis))
         first, last = np.searchsorted(begun, np.array([1e-4, 1.0 - 1e-4]) * begun[-1])
         count = begun.size
-        sine = fftfreq(count, pixel) * wavelength / ambient_index
+        sine = fftfreq(count, wave.pixel) * wave.wavelength / wave.ambient_index
         slope = sine / np.sqrt(np.maximum(1.0 - sine**2, np.finfo(np.float64).tiny))
-        moved = np.where(np.abs(sine) < 1.0, slope * distance / pixel, 0.0)  # the others are evanescent
+        moved = np.where(np.abs(sine) < 1.0, slope * distance / wave.pixel, 0.0)  # the others are evanescent
         left = (first + moved > count - 0.5) | (last + moved < -0.5)
         by_component = spectrum.sum(axis=1 - axis)
         worst = max(worst, float(by_component[left].sum() / by_component.sum()))
     return worst
 
 
-def warn_of_wrapping(
-    amplitude: np.ndarray, pixel: float, wavelength: float, distance: float, ambient_index: float
-) -> None:
-    """Warn if more than a thousandth of the light leaves the window; the arguments are those of `wrapped_share`."""
-    share = wrapped_share(amplitude, pixel, wavelength, distance, ambient_index)
+def warn_of_wrapping(wave: "Wave", distance: float) -> None:
+    """Warn if more than a thousandth of the light leaves the window over a distance [m]."""
+    share, (rows, columns) = wrapped_share(wave, distance), wave.amplitude.shape
     if share > 1e-3:
-        rows, columns = amplitude.shape
         warn_caller(
             f"over {distance:.4g} m at least {100.0 * share:.2g} % of the light leaves the window of "
-            f"{columns * pixel:.4g} m x {rows * pixel:.4g} m, which is periodic, and comes back on its other side: "
-            "the amplitude is not that of free space; take a wider window, or a Wave with a margin of zeros",
+            f"{columns * wave.pixel:.4g} m x {rows * wave.pixel:.4g} m, which is periodic, and comes back on its other "
+            "side: the amplitude is not that of free space; take a wider window, or a Wave with a margin of zeros",
             WrappedWaveWarning,
         )
 
@@ -214,7 +209,7 @@ class Wave:
             ValueError: The distance is not finite.
         """
         moved = propagated(self, distance, paraxial)
-        warn_of_wrapping(self.amplitude, self.pixel, self.wavelength, distance, self.ambient_index)
+        warn_of_wrapping(self, distance)
         return moved
 
     def strehl(self) -> float:

@@ -6,36 +6,36 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy import signal
+from scipy import constants, signal
 
 from aerokernels import estimate_range
 from aerokernels.lidar import (
     DetectorChain,
     Digitiser,
+    GaussianPulse,
     NoiseSources,
-    chain_range_statistics,
-    gaussian_pulse,
 )
-from aerokernels.lidar.chain import BOLTZMANN_CONSTANT, ELEMENTARY_CHARGE, noise_bandwidth
+from aerokernels.lidar.chain import noise_bandwidth
 from aerokernels.lidar.detector import low_pass_gain, memory_time
+from aerokernels.lidar.range_error import summarise_ranges
 
 PERIOD = 0.5e-9
 TIME = np.arange(2000) * PERIOD
-PULSE = 3.6e-4 * gaussian_pulse(TIME - 500e-9, 6e-9)
+PULSE = 3.6e-4 * GaussianPulse(6e-9)(TIME - 500e-9)
 QUIET = {"background_power": 0.0, "dark_current": 0.0, "amplifier_noise": 0.0}
 
 
 def test_each_source_adds_its_density():
     """In numbers: 1 mA of primary current at M = 10, k = 0; 4 k T / R of 1 kOhm at 300 K; 2 pA of amplifier."""
     quiet = NoiseSources(1.0, 10.0, 0.0, temperature=1e-9, **QUIET)
-    shot = 2.0 * ELEMENTARY_CHARGE * 100.0 * 1.9 * 1e-3
+    shot = 2.0 * constants.elementary_charge * 100.0 * 1.9 * 1e-3
     assert float(quiet.density(1e-3)) == pytest.approx(shot, rel=1e-9)
     light = NoiseSources(1.0, 10.0, 0.0, temperature=1e-9, **{**QUIET, "background_power": 4e-4, "dark_current": 6e-4})
     assert float(light.density(0.0)) == pytest.approx(shot, rel=1e-9)
     thermal = NoiseSources(
         1.0, 10.0, 0.0, temperature=300.0, load_resistance=1e3, **{**QUIET, "amplifier_noise": 2e-12}
     )
-    assert float(thermal.density(0.0)) == pytest.approx(4.0 * BOLTZMANN_CONSTANT * 0.3 + 4e-24, rel=1e-12)
+    assert float(thermal.density(0.0)) == pytest.approx(4.0 * constants.Boltzmann * 0.3 + 4e-24, rel=1e-12)
 
 
 @pytest.mark.parametrize("order", [1, 2, 5])
@@ -109,23 +109,22 @@ def thermal_chain(bandwidth=None, response="gaussian"):
 
 
 def test_matched_filter_of_a_whole_chain_reaches_the_bound():
-    """Set-up: 1500 records; the pulse's band, 1 / (2 pi tau) = 30 MHz, lies well inside the amplifier's.
+    """Set-up: 200 records; the pulse's band, 1 / (2 pi tau) = 30 MHz, lies well inside the amplifier's.
 
-    Expected: deviation over bound 1 within 5 %. Sampling error 1.8 %; shot noise that the filter does not weigh, 1 %.
+    Expected: deviation over bound 1 within 15 %. Sampling error 5 %; shot noise that the filter does not weigh, 1 %.
     """
     chain, near = thermal_chain(400e6), slice(900, 1100)
     time, power = TIME[near], PULSE[near]
     reference = chain.voltage(time, power)
-    found = chain_range_statistics(
-        chain,
-        time,
-        power,
-        lambda clock, samples: estimate_range(clock, samples, "matched-filter", template=reference),
-        true_range=estimate_range(time, reference, "matched-filter", template=reference),
-        trial_count=500,
-        seed=5,
+    generator = np.random.default_rng(5)
+    found = summarise_ranges(
+        lambda: chain.record(time, power, generator),
+        lambda samples: estimate_range(time, samples, "matched-filter", template=reference),
+        200,
+        estimate_range(time, reference, "matched-filter", template=reference),
+        chain.cramer_rao_range(time, power),
     )
-    assert abs(found.random_error / found.cramer_rao_bound - 1.0) < 0.1
+    assert abs(found.random_error / found.cramer_rao_bound - 1.0) < 0.15
     assert found.random_interval[0] < found.cramer_rao_bound < found.random_interval[1]
     assert found.systematic_interval[0] < 0.0 < found.systematic_interval[1]
 

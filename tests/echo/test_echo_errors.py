@@ -99,10 +99,10 @@ def test_few_samples_a_pulse_are_in_the_errors(rate):
 
 
 def test_noise_is_the_random_part():
-    """Set-up: white noise, no trials asked for. Expected: twice the spread of 32 records, that of 300 within half."""
+    """Set-up: white noise, no trials asked for. Expected: twice the spread of 32 records, that of 100 within half."""
     noisy = {"detector.noise": True, "detector.bandwidth": "200 MHz", "detector.sample_rate": "2 GHz"}
     found = echo(scene(**noisy), field=lump(0.0))
-    many = echo(scene(**noisy, **{"detector.trial_count": 300}), field=lump(0.0))
+    many = echo(scene(**noisy, **{"detector.trial_count": 100}), field=lump(0.0))
     for method in RANGING_METHODS:
         spread = many.statistics[method].random_error
         assert found.error[method]["sampling"] == pytest.approx(2.0 * spread, rel=0.5), method

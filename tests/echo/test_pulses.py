@@ -1,11 +1,9 @@
 """Pulse shapes: peak, width, integral, and what is refused."""
 
 import math
-from itertools import pairwise
 
 import numpy as np
 import pytest
-from scipy.integrate import quad
 from scipy.optimize import brentq
 
 from aerokernels.lidar import GaussianPulse, HeliosPulse, SampledPulse, estimate_range
@@ -30,7 +28,6 @@ def width_at_half(pulse):
 
 @pytest.mark.parametrize("pulse", SHAPES, ids=lambda pulse: type(pulse).__name__)
 def test_each_has_its_peak_of_1_at_0_and_ends_with_its_support(pulse):
-    """Also the duration is the integral: against SciPy's quadrature in pieces, 1e-9."""
     low, high = pulse.support
     time = np.linspace(low, high, 20_001)
     values = pulse(time)
@@ -38,9 +35,6 @@ def test_each_has_its_peak_of_1_at_0_and_ends_with_its_support(pulse):
     assert abs(time[np.argmax(values)]) <= time[1] - time[0]
     # A pulse that is given by samples ends where they do: e^-(27.3 / 6)^2 here.
     assert float(pulse(1.001 * low)) < 2e-9 and float(pulse(1.001 * high)) < 1e-12
-    edges = np.linspace(low, high, 61)
-    area = sum(quad(pulse, a, b)[0] for a, b in pairwise(edges))
-    assert abs(pulse.duration / area - 1.0) < 1e-7
 
 
 def test_widths_at_half_height():

@@ -182,21 +182,21 @@ def test_cramer_rao_bound_of_a_gaussian():
 
 
 def test_matched_filter_reaches_the_bound_and_none_beats_it():
-    """Set-up: 600 noisy echoes at 40 dB, seed 3.
+    """Set-up: 200 noisy echoes at 40 dB, seed 3.
 
-    Expected: the matched filter's deviation equals the bound; sampling error 1 / sqrt(2 x 600) = 2.9 %, so 4 of these.
+    Expected: the matched filter's deviation equals the bound; sampling error 1 / sqrt(2 x 200) = 5 %, so 4 of these.
     The others stay above the bound less the same allowance. Biases are below 5 standard errors plus second order in the
     noise (s / V)^2 c tau / 2 = 0.1 mm.
     """
     time, volts = record()
     for method in RANGING_METHODS:
-        found = range_statistics(time, volts, method, noise_rms=0.02, trial_count=600, seed=3, **options(method))
+        found = range_statistics(time, volts, method, noise_rms=0.02, trial_count=200, seed=3, **options(method))
         ratio = found.random_error / found.cramer_rao_bound
-        assert ratio > 1.0 - 4 * 0.029, method
+        assert ratio > 1.0 - 4 * 0.05, method
         if method == "matched-filter":
-            assert ratio < 1.0 + 4 * 0.029
+            assert ratio < 1.0 + 4 * 0.05
         assert abs(found.systematic_error) < 5.0 * found.systematic_standard_error + 1e-4
-        assert found.missed_count == 0 and found.trial_count == 600
+        assert found.missed_count == 0 and found.trial_count == 200
 
 
 def test_confidence_intervals_cover_as_often_as_they_say():
@@ -208,8 +208,7 @@ def test_confidence_intervals_cover_as_often_as_they_say():
     generator = np.random.default_rng(8)
     held = np.zeros((400, 2), dtype=bool)
     for row in held:
-        ranges = list(generator.normal(3.0, 2.0, 12))
-        found = summarise_ranges(ranges, 12, true_range=3.0, bound=1.0, confidence=0.8)
+        found = summarise_ranges(lambda: np.empty(0), lambda _: generator.normal(3.0, 2.0), 12, 3.0, 1.0, 0.8)
         row[0] = found.systematic_interval[0] < 0.0 < found.systematic_interval[1]
         row[1] = found.random_interval[0] < 2.0 < found.random_interval[1]
     assert np.abs(held.mean(axis=0) - 0.8).max() < 0.08

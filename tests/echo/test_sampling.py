@@ -59,28 +59,15 @@ def test_a_known_shape_makes_every_method_right_however_few_samples(method, name
 
 
 @pytest.mark.parametrize("method", BARE)
-def test_without_the_shape_the_error_is_told(method):
-    """Set-up: Gaussian pulses at 1.2 samples a tau, nothing known of them. Readings are 4 to 38 mm off.
-
-    Expected: a warning each time, whose error covers the true one at every phase and is less than three times the
-    greatest; `sampling_error` of the statistics is the same.
-    """
-    period = TAU / 1.2
-    shape, truth = SHAPES["gaussian"], exact(SHAPES["gaussian"], method)
-    off, reported = [], []
+def test_few_samples_without_the_shape_are_told_of(method):
+    """Set-up: Gaussian pulses at 1.2 samples a tau, nothing known of them. Readings are 4 to 38 mm off."""
+    truth, off = exact(SHAPES["gaussian"], method), []
     for phase in PHASES:
-        time, volts, arrival = record(shape, period, phase)
-        with pytest.warns(
-            CoarseSamplingWarning, match=r"2\.?\d? samples across .*too few for method .* by up to .* mm"
-        ):
+        time, volts, arrival = record(SHAPES["gaussian"], TAU / 1.2, phase)
+        with pytest.warns(CoarseSamplingWarning, match=r"2\.?\d? samples across .*too few for method"):
             reading = estimate_range(time, volts, method, threshold=1.0)
         off.append(abs(reading - HALF_C * (arrival + truth)))
-        reported.append(Reading(method, 1.0).sampling_error(volts, period))
-    assert (np.array(off) <= reported).all()
-    assert 3e-3 < max(off) < 40e-3 and max(reported) < 3.0 * max(off)
-    with pytest.warns(CoarseSamplingWarning):
-        found = range_statistics(time, volts, method, noise_rms=1e-3, trial_count=2, threshold=1.0)
-    assert found.sampling_error == reported[-1]
+    assert 3e-3 < max(off) < 40e-3
 
 
 def test_the_warning_is_the_callers():
@@ -93,28 +80,27 @@ def test_the_warning_is_the_callers():
 
 @pytest.mark.parametrize("method", RANGING_METHODS)
 def test_enough_samples_are_not_warned_of(method):
-    """Twelve samples a tau, with noise: no warning, and no error is measured at all."""
+    """Twelve samples a tau, with noise: no warning."""
     shape = SHAPES["gaussian"]
     time, volts, _ = record(shape, TAU / 12.0, 0.3, noise=0.02)
     template = shape if method == "matched-filter" else None
     with warnings.catch_warnings():
         warnings.simplefilter("error", CoarseSamplingWarning)
         estimate_range(time, volts, method, threshold=1.0, template=template)
-        found = range_statistics(time, volts, method, noise_rms=0.02, trial_count=2, threshold=1.0, template=template)
-    assert found.sampling_error == 0.0
+        range_statistics(time, volts, method, noise_rms=0.02, trial_count=2, threshold=1.0, template=template)
 
 
 @pytest.mark.parametrize("method", RANGING_METHODS)
 def test_noise_at_few_samples_costs_no_more_than_the_bound_allows(method):
-    """Set-up: 1.5 samples a tau, 10 mV on 2 V, shape known. Expected: the mean of 200 readings is the exact one.
+    """Set-up: 1.5 samples a tau, 10 mV on 2 V, shape known. Expected: the mean of 100 readings is the exact one.
 
     Tolerance: four standard errors of the mean, and 1 mm for the greatest sample's bias at the constant fraction.
     """
     shape, period = SHAPES["gaussian"], 4e-9
     truth = exact(shape, method) if method == "leading-edge" else 0.0
     readings = []
-    for seed in range(200):
-        time, volts, arrival = record(shape, period, seed / 200.0, noise=0.01, seed=seed)
+    for seed in range(100):
+        time, volts, arrival = record(shape, period, seed / 100.0, noise=0.01, seed=seed)
         reading = Reading(method, 1.0, shape).range(time, volts)
         readings.append(reading - HALF_C * (arrival + truth))
     error = np.std(readings) / np.sqrt(len(readings))
@@ -123,13 +109,12 @@ def test_noise_at_few_samples_costs_no_more_than_the_bound_allows(method):
 
 
 def test_a_scenes_rangefinder_reads_alike_whatever_its_digitiser():
-    """Set-up: the Mach 3 scene with 10 GHz and with 160 MHz, one sample a tau, walk correction on, small.
+    """Set-up: the Mach 3 scene with 10 GHz and with 160 MHz, one sample a tau, small.
 
     Expected: the same ranges by all four methods; the pulse's shape is that of the echo in vacuum, which the scene
     computes finely. Tolerance: 0.02 mm (40 to 60 um before, for the leading edge and the constant fraction).
     """
     small = {"beam.ray_count": 8, "receiver.ray_count": 16, "receiver.strehl_node_count": 3, "grid.spacing": "0.5 mm"}
-    small["detector.walk_correction"] = True
     fine, coarse = (
         echo(Scene.load("wind-tunnel-mach3", {**small, "detector.sample_rate": rate})) for rate in ("10 GHz", "160 MHz")
     )

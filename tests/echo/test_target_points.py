@@ -49,44 +49,13 @@ def test_rays_start_at_homologous_points():
     assert np.unique(points.aim[:, 2]) == pytest.approx([1.492])
 
 
-def test_mean_squares_are_those_of_the_beam():
-    """For intensity exp(-2 r^2 / w^2) the means of x^2 and y^2 are w^2 / 4. Cut at 3 radii: 7e-8 short."""
-    points = target_points(scene(**WIDE))
-    assert points.weight @ points.aim[:, :2] ** 2 == pytest.approx(np.full(2, 0.03**2 / 4.0), rel=1e-6)
-
-
-@pytest.mark.parametrize("tilt", [0.9, -0.9])
-def test_edges_of_a_tilted_reflector_in_a_diverging_beam(tilt):
-    """Set-up: reflector 100 x 160 mm, tilted by 52 deg, 0.25 m away, beam from 2 mm to 40 mm: near and far edge differ.
-
-    Formula: the share of 400 000 Gaussian rays, straight from their homologous points, that land on it; plus that
-    all quadrature rays land on it and nearly reach its edges. Error: Monte Carlo, 4 x sqrt(p (1 - p) / n) = 0.003.
-    An edge without divergence would be off by 0.02, one without the cosine by 0.05.
-    """
-    setting = scene(target__tilt=tilt, target__distance=0.25, target__width=0.1, target__height=0.16, beam__radius=0.04)
-    points = target_points(setting)
-    intersection = vacuum_paths(setting, points).intersection
-    along = intersection[:, 1] / math.cos(tilt)
-    assert intersection[:, 2] == pytest.approx(0.242 + intersection[:, 1] * math.tan(tilt), abs=1e-12)
-    for reach, edge in ((np.abs(intersection[:, 0]).max(), 0.05), (along.max(), 0.08), (-along.min(), 0.08)):
-        assert 0.98 * edge < reach < edge
-
-    aim = np.random.default_rng(5).normal(scale=0.02, size=(400_000, 2))
-    start = aim * 0.002 / 0.04
-    slope = (aim - start) / 0.25
-    depth = (0.25 + math.tan(tilt) * start[:, 1]) / (1.0 - math.tan(tilt) * slope[:, 1])
-    x, y = (start + slope * depth[:, None]).T
-    caught = (np.abs(x) < 0.05) & (np.abs(y) < 0.08 * math.cos(tilt)) & (depth > 0.0)
-    assert abs(points.weight.sum() - caught.mean()) < 0.003
-
-
-@pytest.mark.parametrize("axis", [(1, 1, 0), (0, 1, 0), (0, 0, 1), (0.5, -0.3, 0.8)])
+@pytest.mark.parametrize("axis", [(1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (0.5, -0.3, 0.8)])
 def test_edges_of_a_reflector_tilted_about_any_axis(axis):
     """Set-up: reflector 100 x 60 mm turned by 0.8 rad about an axis, 0.25 m away, in a beam from 2 mm to 40 mm.
 
-    Formula: as above, the share of 400 000 Gaussian rays that land on it, found by the reflector's own coordinates.
-    All quadrature rays land on it, and nearly reach its edges. Error: Monte Carlo, 0.003. Without the turn of the edges
-    it would be off by 0.03 or more.
+    Formula: the share of 400 000 Gaussian rays, straight from their homologous points, that land on it, found by the
+    reflector's own coordinates. All quadrature rays land on it, and nearly reach its edges. Error: Monte Carlo, 0.003.
+    Without the turn of the edges it would be off by 0.03 or more.
     """
     setting = scene(
         target__tilt=0.8,
@@ -116,19 +85,18 @@ def test_a_target_that_reaches_the_aperture_is_refused():
         target_points(scene(target__tilt=1.5, target__height=4.0))
 
 
-@pytest.mark.parametrize(("pulse_tau", "tilt", "pulse"), [(1e-9, 70.0, "gaussian"), (1e-9, 60.0, "helios")])
 @pytest.mark.parametrize("axis", [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
-def test_an_echo_spread_over_many_pulses_is_smooth(pulse_tau, tilt, pulse, axis):
-    """Set-up: a parallel beam of 0.3 m on a wide plane 5 km away, tilted until its depth is 11 or 7 pulses.
+def test_an_echo_spread_over_many_pulses_is_smooth(axis):
+    """Set-up: a parallel beam of 0.3 m on a wide plane 5 km away, tilted until its depth is 11 pulses.
 
-    Expected: eq 8 about x, and the same about y. Error: 1 / R^2 over the depth, 1e-4; the start of the second pulse is
-    met by a few points, 3e-4. Separate pulses, from 23 points across, are 0.3 off.
+    Expected: eq 8 about x, and the same about y. Error: 1 / R^2 over the depth, 1e-4. Separate pulses, from 23 points
+    across, are 0.3 off.
     """
+    pulse_tau, tilt = 1e-9, 70.0
     setting = scene(
         beam__radius=0.3,
         beam__exit_radius=0.3,
         beam__pulse_tau=pulse_tau,
-        beam__pulse=pulse,
         target__width=50.0,
         target__height=50.0,
         target__distance=5000.0,
@@ -146,7 +114,7 @@ def test_an_echo_spread_over_many_pulses_is_smooth(pulse_tau, tilt, pulse, axis)
         beam_radius=0.3,
         distance=5000.0,
         tilt=math.radians(tilt),
-        pulse_tau=setting.laser.shape,
+        pulse_tau=pulse_tau,
         reflectivity=1.0,
     )
     assert np.abs(found - exact).max() < 1e-3 * exact.max()

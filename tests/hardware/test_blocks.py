@@ -77,14 +77,3 @@ def test_noise_in_any_chunks_gives_one_outcome(parts: list[bytes], data: st.Data
     edges = [0, *cuts, len(stream)]
     chunks = [stream[a:b] for a, b in itertools.pairwise(edges)]
     assert decoded(*chunks, greatest=50) == decoded(stream, greatest=50)
-
-
-@given(st.binary(max_size=300), st.lists(noise, max_size=4))
-def test_after_silence_a_block_comes_through(payload: bytes, before: list[bytes]):
-    """What the recorder relies on: noise, `finish`, and the next block is exact."""
-    decoder = BlockDecoder()
-    for part in before:
-        decoder.feed(part)
-    decoder.finish()
-    raw = b":CURVE #3%03d" % len(payload) + payload
-    assert decoder.feed(raw + b"\n") == [Block(payload, raw)]

@@ -120,24 +120,6 @@ def test_each_kind_of_damage_has_its_reason(raw: bytes, reason: str):
         decode(raw)
 
 
-def test_split_at_every_byte_position(frames: list[EchoFrame]):
-    """One stream with garbage in it, cut in two at every position, and fed byte by byte: one and the same outcome."""
-    wire = [encode(frame) for frame in frames]
-    stream = b"".join([b"\x00\x00", *wire[:5], b"garbage\x00", wire[5][:40], *wire[5:], b"\x03left"])
-    whole = FrameDecoder()
-    expected = seen(whole.feed(stream)) + seen(whole.finish())
-    # The piece cut from frame 5 has no delimiter and takes frame 5 itself with it; all others arrive.
-    assert [one[0] for one in expected if len(one) > 2] == [0, 1, 2, 3, 4, 6, 7, 8, 9, 10, 11]
-    assert [one[0] for one in expected if len(one) == 2] == [b"garbage", wire[5][:40] + wire[5][:-1], b"\x03left"]
-    for cut in range(len(stream) + 1):
-        decoder = FrameDecoder()
-        found = decoder.feed(stream[:cut]) + decoder.feed(stream[cut:]) + decoder.finish()
-        assert seen(found) == expected, f"cut at {cut}"
-    decoder = FrameDecoder()
-    found = [one for k in range(len(stream)) for one in decoder.feed(stream[k : k + 1])] + decoder.finish()
-    assert seen(found) == expected
-
-
 def test_every_flipped_byte_is_noticed_and_costs_no_more_than_its_neighbour(frames: list[EchoFrame]):
     """Each byte of the middle frame in turn is changed in five ways, 0x00 and a flipped bit among them.
 

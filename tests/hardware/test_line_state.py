@@ -11,8 +11,8 @@ import pytest
 
 from aerokernels.hardware import recorder as module
 from aerokernels.hardware.frames import EchoFrame, encode
-from aerokernels.hardware.pseudo_terminal import PseudoTerminal
 from aerokernels.hardware.recorder import NO_GOOD_FRAME, Recorder, RecordingStatus
+from aerokernels.hardware.simulator import PseudoTerminal
 from aerokernels.hardware.store import EchoStore, StoreError
 
 from .line import frames_from, needs_pseudo_terminals, sequences, started
@@ -93,7 +93,7 @@ def test_a_full_disk_leaves_what_was_committed(tmp_path: Path, run_code):
         "import numpy as np\n"
         "from aerokernels.hardware.frames import EchoFrame, encode\n"
         "from aerokernels.hardware.port import open_port\n"
-        "from aerokernels.hardware.pseudo_terminal import PseudoTerminal\n"
+        "from aerokernels.hardware.simulator import PseudoTerminal\n"
         "from aerokernels.hardware.recorder import Recorder\n"
         "from aerokernels.hardware.sources import FrameStream\n"
         "from aerokernels.hardware.store import EchoStore\n"

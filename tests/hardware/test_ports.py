@@ -17,8 +17,8 @@ import serial.rfc2217
 
 from aerokernels.hardware.frames import EchoFrame, encode
 from aerokernels.hardware.port import open_port
-from aerokernels.hardware.pseudo_terminal import PseudoTerminal
 from aerokernels.hardware.recorder import Recorder, RecordingStatus
+from aerokernels.hardware.simulator import PseudoTerminal
 from aerokernels.hardware.sources import FrameStream
 from aerokernels.hardware.store import EchoStore
 

@@ -18,9 +18,8 @@ import pytest
 from aerokernels import Scene, compare_waveforms, estimate_range
 from aerokernels.hardware.frames import EchoFrame, encode
 from aerokernels.hardware.port import PortError, open_port
-from aerokernels.hardware.pseudo_terminal import PseudoTerminal
 from aerokernels.hardware.recorder import Recorder, RecordingStatus
-from aerokernels.hardware.simulator import EchoSource
+from aerokernels.hardware.simulator import EchoSource, PseudoTerminal
 from aerokernels.hardware.store import EchoStore
 from aerokernels.lidar import fwhm_from_pulse_tau
 from aerokernels.lidar.parts import Setup
@@ -177,35 +176,6 @@ def test_a_port_unplugged_and_back(tmp_path: Path):
         ((reason, raw),) = connection.execute("SELECT reason, raw FROM damaged ORDER BY id LIMIT 1").fetchall()
     assert "port was lost" in reason and raw == encode(frames[30])[:40]
     assert integrity(path) == "ok"
-
-
-def test_damage_on_the_line_is_kept_apart(tmp_path: Path):
-    """Every fourth of 40 frames has one flipped bit: 30 rows with the right samples, 10 damaged pieces, gaps listed."""
-    link, path = tmp_path / "port", tmp_path / "echoes.sqlite"
-    frames = [EchoFrame(k, 1000 * k, 1000, 0.001, 0.0, np.arange(k, k + 20)) for k in range(41)]
-    stream = b""
-    for frame in frames:
-        wire = bytearray(encode(frame))
-        if frame.sequence % 4 == 1:
-            wire[5 + frame.sequence] ^= 0x40 if wire[5 + frame.sequence] != 0x40 else 0x20
-        stream += bytes(wire)
-    with PseudoTerminal(link) as terminal, EchoStore(path) as store:
-        store.begin_recording(str(link), "frames", {})
-        connect = partial(frames_from, link)
-        port = connect()
-        writer = threading.Thread(target=terminal.write, args=(stream,))
-        writer.start()
-        status = Recorder(port, store, connect, count=31).run()
-        writer.join(30)
-        assert (status.stored_count, status.damaged_count, status.missing_count) == (31, 10, 10)
-        for echo in store.echoes():
-            k = echo.frame.sequence
-            assert k % 4 != 1
-            np.testing.assert_array_equal(echo.frame.samples, np.arange(k, k + 20))
-        assert (store.echo_count, store.damaged_count) == (31, 10)
-    with closing(sqlite3.connect(path)) as connection:
-        gaps = connection.execute("SELECT after_sequence, missing_count FROM gaps").fetchall()
-    assert gaps == [(k - 1, 1) for k in range(1, 41, 4)]
 
 
 def test_a_port_in_use_is_refused(tmp_path: Path, aerokernels):

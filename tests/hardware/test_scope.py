@@ -10,8 +10,7 @@ import pytest
 from aerokernels.hardware.frames import DamagedPiece
 from aerokernels.hardware.port import PortError, open_port
 from aerokernels.hardware.preamble import ScopeCurve
-from aerokernels.hardware.pseudo_terminal import PseudoTerminal
-from aerokernels.hardware.simulator import EchoSource, SimulatedScope, run_scope
+from aerokernels.hardware.simulator import EchoSource, PseudoTerminal, SimulatedScope, run_scope
 from aerokernels.hardware.sources import CurveStream
 from aerokernels.hardware.store import EchoStore
 

@@ -176,27 +176,6 @@ def test_an_acquisition_that_is_still_on_the_screen_is_no_second_row(tmp_path):
         assert [echo.session for echo in store.echoes()] == [1, 2]
 
 
-def test_two_boards_in_one_store(tmp_path):
-    """Two recorders at once, batches interleaved: sessions and gaps are each board's own, nothing waits for ever."""
-    path = tmp_path / "s.sqlite"
-    with EchoStore(path) as one, EchoStore(path) as other:
-        one.begin_recording("/dev/one", "frames", {"board": "1"})
-        other.begin_recording("/dev/other", "frames", {"board": "2"})
-        for k in range(10):
-            assert one.add(received(k, 10 * k, 1), 0)
-            assert other.add(received(3 * k, 7 * k, 2), 0)
-            if k % 3 == 0:
-                one.commit()
-            if k % 4 == 0:
-                other.commit()
-        one.commit()
-        other.commit()
-        assert [len(list(one.echoes({"board": k}))) for k in "12"] == [10, 10]
-        assert {echo.session for echo in one.echoes()} == {1}
-        assert [gap.missing_count for gap in one.gaps()] == [2] * 9
-        assert (one.missing_count, other.missing_count) == (0, 18)
-
-
 @pytest.mark.parametrize("commit_each", [False, True])
 def test_what_another_recorder_of_the_port_stored_is_not_missing(tmp_path, commit_each: bool):
     """Numbers 0 to 29 over the wrap, 11 and 23 lost: each recorder receives every second or third one."""

@@ -14,10 +14,8 @@ from aerokernels.lidar import (
     NoiseSources,
     Reflector,
     SampledPulse,
-    chain_range_statistics,
     cramer_rao_range,
     detect,
-    range_walk,
 )
 
 # They hand their options on, to functions that check them.
@@ -44,13 +42,11 @@ def test_public_functions_check_their_arguments(module):
     ("name", "call"),
     [
         ("power", lambda wrong: detect(TIME, wrong, volts_per_watt=2.0)),
-        ("voltage", lambda wrong: range_walk(TIME, wrong, 0.25)),
         ("voltage", lambda wrong: cramer_rao_range(TIME, wrong, 0.1)),
         ("samples", lambda wrong: SampledPulse(wrong, 1e-9)),
         ("voltage", lambda wrong: Digitiser(8).record(wrong)),
         ("power", lambda wrong: CHAIN.record(TIME, wrong)),
         ("power", lambda wrong: NoiseSources().density(wrong)),
-        ("power", lambda wrong: chain_range_statistics(CHAIN, TIME, wrong, min, true_range=7.0)),
         ("lobe_cosine", lambda wrong: Reflector(0.5).reflectance(wrong)),
         ("first", lambda wrong: compare.pearson_correlation(wrong, PULSE)),
         ("polar_angle", lambda wrong: flow.cone_shock(3.0, 0.3).density_ratio_at(wrong)),
@@ -68,16 +64,7 @@ def test_masked_readings_are_refused(name, call):
     [
         (lambda: flow.mach_after_turn("0.5"), "angle must be a number, got '0.5'"),
         (lambda: compare.correlation_degree("abc"), "correlation must be a number, got 'abc'"),
-        (
-            lambda: range_walk(TIME, PULSE, 0.25).correct(TIME, PULSE, "7 m"),
-            "reading must be a number of metres, got '7 m': give 7",
-        ),
         (lambda: CHAIN.record(TIME, PULSE, seed=-1), "seed must be a whole number that is not negative, got -1"),
-        (
-            lambda: chain_range_statistics(CHAIN, TIME, PULSE, "centroid", true_range=7.0),
-            "read must be a function, got 'centroid'",
-        ),
-        (lambda: chain_range_statistics("chain", TIME, PULSE, min, true_range=7.0), "chain must be a DetectorChain"),
         (lambda: echo("wind-tunnel-mach3"), "scene must be a Scene, got 'wind-tunnel-mach3'"),
         (lambda: simulate("wind-tunnel-static", progress=3), "progress must be a function or None, got 3"),
         (lambda: measure_shock_angle("picture.png", (0.0, 1.0)), "picture must be a PictureView, got 'picture.png'"),

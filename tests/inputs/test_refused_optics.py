@@ -5,14 +5,13 @@ import math
 import numpy as np
 import pytest
 
-from aerokernels import Disc, IndexField, Wavefront
+from aerokernels import Disc, IndexField, Wavefront, background_displacement
 from aerokernels.benches import Bench
 from aerokernels.files.writing import write_grey
 from aerokernels.fldi import FLDI, fldi_response
 from aerokernels.fldi.response import FLDIResponse
 from aerokernels.imaging.bos import Background, DotPattern
 from aerokernels.imaging.camera import Camera
-from aerokernels.imaging.shift import check_view
 from aerokernels.sensor import Sensor
 from aerokernels.wavefronts import point_spread_function
 from aerokernels.waves import Wave, angular_spectrum
@@ -45,7 +44,10 @@ FIELD = IndexField.from_samples(np.zeros((3, 3)), origin=(0.0, 0.0), spacing=(0.
         (lambda tmp: angular_spectrum(np.ones((4, 4)), 1e-3, 1e-6, math.nan), "distance must be finite"),
         (lambda tmp: Wave(np.ones((4, 4)), 1e-3, 1e-6, ambient_index=math.nan), "ambient_index must be positive"),
         (lambda tmp: Wave(np.ones((4, 4)), 1e-3, 1e-6).psf([math.nan]), "angle must be finite angles [rad]"),
-        (lambda tmp: check_view(FIELD, CAMERA, {"tolerance": -1.0}), "tolerance must be positive and finite [waves]"),
+        (
+            lambda tmp: background_displacement(FIELD, CAMERA, shape=(4, 4), tolerance=-1.0),
+            "tolerance must be positive and finite [waves]",
+        ),
     ],
 )
 def test_values(made, told, tmp_path):
@@ -58,7 +60,7 @@ def test_values(made, told, tmp_path):
     ("made", "told"),
     [
         (lambda: Camera(3, 0.1, 5e-6), "pupil must be a Disc"),
-        (lambda: check_view(3, CAMERA, {}), "field must be an IndexField, got int"),
+        (lambda: background_displacement(3, CAMERA), "field must be an IndexField, got int"),
         (lambda: Camera(Disc(0.01), "100 mm", 5e-6), "focal_length must be a number of metres, got '100 mm': give 0.1"),
         (lambda: FLDI("120 um", 1e-5), "separation must be a number of metres, got '120 um': give 0.00012"),
         (lambda: Bench("2 mm", 1.0), "source_size must be a number of metres or None, got '2 mm': give 0.002"),

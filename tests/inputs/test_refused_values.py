@@ -158,7 +158,7 @@ def test_a_picture_is_a_plane_of_brightness(picture):
 def test_paths_are_texts_or_path_like(given):
     """Expected of every way in: the argument's name, in words; bytes, numbers and zero characters ended in Python's."""
     from aerokernels import flow, sweep
-    from aerokernels.benches.picture_file import read_picture
+    from aerokernels.benches.picture import read_picture
     from aerokernels.hardware.simulator import EchoSource
     from aerokernels.hardware.store import EchoStore
 

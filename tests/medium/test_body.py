@@ -23,7 +23,7 @@ def half_disc(count: int = 360, radius: float = 1.0) -> np.ndarray:
 
 def distance_by_brute_force(body: Body, points: np.ndarray) -> np.ndarray:
     best = np.full(len(points), np.inf)
-    for a, b in zip(*body.walls, strict=True):
+    for a, b in zip(*body.surface, strict=True):
         along = np.clip((points - a) @ (b - a) / ((b - a) @ (b - a)), 0.0, 1.0)
         best = np.minimum(best, np.linalg.norm(points - a - along[:, None] * (b - a), axis=1))
     return best
@@ -52,7 +52,7 @@ def test_the_axis_is_no_wall():
     """Deep inside a sphere the nearest wall is the surface, not the profile's closing line along r = 0."""
     body = Body(half_disc(), "axisymmetric")
     assert body.signed_distance(np.array([[0.01, 0.0], [0.0, 0.5]])) == pytest.approx([-0.99, -0.5], abs=1e-4)
-    start, end = body.walls
+    start, end = body.surface
     assert len(start) == 360 and not ((start[:, 0] == 0.0) & (end[:, 0] == 0.0)).any()
 
 
@@ -96,8 +96,8 @@ def test_the_shipped_model():
         ([[0.0, 0.0], [1.0, np.nan], [0.0, 1.0]], "planar", r"1 of 6 samples of the body profile.*index \(1, 1\)"),
         ([[0.0, 0.0], [-1.0, 0.5], [0.0, 1.0]], "axisymmetric", "negative radius"),
         (polygon(), "volume", "'planar' or 'axisymmetric', got 'volume'"),
-        ([[0.0, 0.0], [0.0, 1.0], [0.0, 2.0]], "axisymmetric", "no wall"),
-        ([[1.0, 1.0]] * 3, "planar", "no wall"),
+        ([[0.0, 0.0], [0.0, 1.0], [0.0, 2.0]], "axisymmetric", "encloses nothing"),
+        ([[1.0, 1.0]] * 3, "planar", "encloses nothing"),
     ],
 )
 def test_what_is_refused(profile, geometry, message):

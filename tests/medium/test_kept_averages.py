@@ -179,24 +179,3 @@ def test_any_averages_stay_within_bounds(seed, noise):
 def bent(ni: int = 4, nj: int = 5, geometry: str = "planar") -> QuadMesh:
     y, z = np.meshgrid(np.linspace(0.5, 2.0, ni), np.linspace(0.0, 2.0, nj), indexing="ij")
     return QuadMesh.structured(y + 0.1 * np.sin(3.0 * z), z + 0.1 * y**2, geometry)
-
-
-@pytest.mark.parametrize("size", [1e-4, 1e3])
-@pytest.mark.parametrize("cut", [True, False])
-def test_kept_values_do_not_depend_on_units(cut: bool, size: float):
-    """Of a step askew through a mesh: in other lengths the same values, in other densities the same shares."""
-    mesh = bent(9, 10)
-    average = 1.0 + np.clip(0.5 + (mesh.cell_centroid @ [1.0, 0.6] - 1.9) / 0.1, 0.0, 1.0)
-    kind = "conserving" if cut else "bilinear"
-    values, lacks = [], []
-    for length, density in ((1.0, 1e-4), (size, 1e-4), (1.0, 1e-4 * 0.01)):
-        field = IndexField.from_mesh(
-            QuadMesh(length * mesh.vertices, mesh.cells, "planar"), density * average, interpolation=kind
-        )
-        values.append(field.samples.values / density)
-        lacks.append(field.samples.lacking_by_cell[1] / density)
-    for found in values[1:]:
-        np.testing.assert_allclose(found, values[0], rtol=2e-6)
-    for found in lacks[1:]:
-        np.testing.assert_allclose(found, lacks[0], atol=2e-6)
-    assert np.abs(lacks[0]).max() > 1e-3

@@ -205,13 +205,3 @@ def test_eq_7_is_exact_for_polynomials_of_degree_4_up_to_the_edges():
     gradient = vertex_gradients(mesh, p(y) * q(z))
     assert np.abs(gradient[:, 0] - p.deriv()(y) * q(z)).max() < 1e-11
     assert np.abs(gradient[:, 1] - p(y) * q.deriv()(z)).max() < 1e-11
-
-
-@pytest.mark.parametrize("size", [1e-6, 1e4])
-def test_vertex_values_do_not_depend_on_the_size_of_a_mesh(size):
-    """Of cells without an order, of micrometres or of kilometres: to rounding."""
-    z, y = np.meshgrid([0.0, 1.0, 2.5, 3.0], [0.0, 1.2, 2.0])
-    mesh = QuadMesh.structured(y, z, "planar")
-    average = np.array([1.0, 2.0, 4.0, 1.5, 2.0, 3.0])
-    one, other = (QuadMesh(scale * mesh.vertices, mesh.cells, "planar") for scale in (1.0, size))
-    assert vertex_values(other, average) == pytest.approx(vertex_values(one, average), rel=1e-9)

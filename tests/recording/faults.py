@@ -8,7 +8,7 @@ from random import Random
 import numpy as np
 
 from aerokernels.hardware.frames import encode
-from aerokernels.hardware.pseudo_terminal import PseudoTerminal
+from aerokernels.hardware.simulator import PseudoTerminal
 from tests.draws import input_draws
 
 from .line import Outcome, RecorderProcess, counts, damaged_line, is_whole, made_frames, stored, wait_for_reader

@@ -6,7 +6,7 @@ import time
 from pathlib import Path
 
 from aerokernels.hardware.frames import encode
-from aerokernels.hardware.pseudo_terminal import PseudoTerminal
+from aerokernels.hardware.simulator import PseudoTerminal
 
 from .line import Outcome, RecorderProcess, counts, is_whole, made_frames, wait_for_reader
 

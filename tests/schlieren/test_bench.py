@@ -73,27 +73,6 @@ def test_a_wide_source_blurs_what_is_out_of_focus(focus: float):
     assert np.abs(found.intensity.mean(axis=1) - expected)[middle].max() < 0.03 * np.ptp(expected)
 
 
-def test_a_disc_passes_the_segment_of_a_circle():
-    """Integral of the chord beyond the edge, by 10^5 strips; the edge leaves the share `cut_off` behind."""
-    bench = Bench(2e-3, 1.0, source="disc")
-    t = (np.arange(100_000) + 0.5) / 100_000 * 2e-3 - 1e-3
-    chord = np.sqrt(1e-6 - t**2)
-    for cut_off in (0.2, 0.5, 0.9):
-        assert float(bench.held_back(np.asarray(bench.edge(cut_off)))) == pytest.approx(cut_off, abs=1e-9)
-        for deflection in (-3e-4, 0.0, 5e-4):
-            expected = chord[t + deflection > bench.edge(cut_off)].sum() / chord.sum()
-            found = float(bench.passed(np.zeros(2), np.asarray(deflection), cut_off))
-            assert found == pytest.approx(expected, abs=1e-4)
-            # Parts of the source together let through what it does as a whole.
-            for count in (2, 5):
-                parts = Bench(2e-3, 1.0, source="disc", source_points=count)
-                each = [parts.passed(point, np.asarray(deflection), cut_off) for point in parts.points()[0]]
-                assert float(np.dot(parts.points()[1], each)) == pytest.approx(expected, abs=1e-4)
-    points, shares = Bench(2e-3, 1.0, source="disc", source_points=16).points()
-    assert shares.sum() == pytest.approx(1.0)
-    assert (shares * points[:, 0] ** 2).sum() == pytest.approx(0.25e-6, rel=0.01)  # a quarter of the radius squared
-
-
 def test_an_annulus_passes_its_circles_segments():
     """The outer circle's segment less the inner one's, in closed form; a mask passes the sum of its columns."""
 

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from aerokernels import flow
-from aerokernels.benches import Picture, knife_edge_picture, line_of_sight, measure_shock_angle, shadow_picture
+from aerokernels.benches import Picture, line_of_sight, measure_shock_angle, schlieren, shadowgraph
 from aerokernels.medium import IndexField
 
 LENGTH, PIXELS = 0.05, 120
@@ -40,7 +40,7 @@ def test_shock_angle_is_taylor_maccoll(mach: float, degrees: float):
     exact = flow.cone_shock(mach, math.radians(degrees)).shock_angle
     assert exact == gas.shock.shock_angle
     for knife_edge in ("horizontal", "vertical", math.radians(115.0), math.pi):
-        found = measure_shock_angle(knife_edge_picture(light, knife_edge=knife_edge), WINDOW)
+        found = measure_shock_angle(schlieren(light, knife_edge=knife_edge), WINDOW)
         assert abs(found.angle - exact) < min(math.radians(0.1), 3.0 * found.standard_error), knife_edge
         assert 0.0 < found.standard_error < math.radians(0.15)
         assert len(found.points) >= 60 and found.place == pytest.approx(-0.03, abs=1e-3)
@@ -48,7 +48,7 @@ def test_shock_angle_is_taylor_maccoll(mach: float, degrees: float):
 
 def test_a_shadowgraph_shows_the_same_angle():
     gas, light = sight(3.0, 20.0)
-    found = measure_shock_angle(shadow_picture(light, distance=0.3), WINDOW)
+    found = measure_shock_angle(shadowgraph(light, distance=0.3), WINDOW)
     assert abs(found.angle - gas.shock.shock_angle) < math.radians(0.15)
 
 
@@ -57,7 +57,7 @@ def test_both_halves_take_out_how_much_the_picture_is_turned():
     from scipy.ndimage import rotate
 
     _, light = sight(3.0, 20.0, both_halves=True)
-    plain = knife_edge_picture(light, knife_edge="horizontal")
+    plain = schlieren(light, knife_edge="horizontal")
     tip = int(np.argmin(np.abs(plain.horizontal)))
     part = plain.intensity[:, tip - 110 : tip]  # so that the tip lies at the middle of the turned part's right border
     wide = np.pad(part, ((0, 0), (0, 110)), mode="edge")
@@ -79,7 +79,7 @@ def test_standard_error_tells_the_scatter():
     scatter of its own: told is 0.7 to 3.5 times the scatter.
     """
     _, light = sight(3.0, 20.0)
-    clean = knife_edge_picture(light, knife_edge="horizontal")
+    clean = schlieren(light, knife_edge="horizontal")
     random = np.random.default_rng(5)
     found = []
     for _ in range(40):
@@ -100,6 +100,6 @@ def test_the_outline_of_the_body_is_no_shock():
     reach = 1.15 * LENGTH * math.tan(gas.shock.shock_angle)
     extent = (-LENGTH, 0.004, -reach, reach)
     light = line_of_sight(gas.index_field(spacing=LENGTH / 74), extent=extent, pixel_count=(80, 88))
-    picture = knife_edge_picture(light, knife_edge=math.radians(147.0), cut_off=0.2)
+    picture = schlieren(light, knife_edge=math.radians(147.0), cut_off=0.2)
     found = measure_shock_angle(picture, (-0.042, -0.019), degree=2)
     assert abs(found.angle - gas.shock.shock_angle) < min(math.radians(1.0), 3.0 * found.standard_error)

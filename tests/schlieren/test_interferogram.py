@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from aerokernels import interferogram, schlieren, shadowgraph
-from aerokernels.benches import fringe_picture, knife_edge_picture, line_of_sight
+from aerokernels.benches import line_of_sight
 from aerokernels.medium import IndexField
 
 PEAK, SIZE, WIDTH, WAVELENGTH = 1e-4, 0.004, 0.02, 500e-9
@@ -64,7 +64,7 @@ def test_fringes_narrower_than_two_rays_are_told_of(turned: bool):
 def test_finite_fringes(degrees: float):
     """Straight fringes of 4 mm across the given direction, displaced by OPD / wavelength; visibility and phase."""
     light = line_of_sight(blob(), **OPTIONS)
-    image = fringe_picture(light, fringe_spacing=0.004, fringe_angle=math.radians(degrees), phase=0.25, visibility=0.8)
+    image = interferogram(light, fringe_spacing=0.004, fringe_angle=math.radians(degrees), phase=0.25, visibility=0.8)
     across, along = np.meshgrid(image.horizontal, image.vertical)
     place = across * math.cos(math.radians(degrees)) + along * math.sin(math.radians(degrees))
     waves = image.opd / WAVELENGTH + place / 0.004 + 0.25
@@ -77,7 +77,7 @@ def test_pixels_are_means_over_their_rays():
     coarse = line_of_sight(blob(), **{**OPTIONS, "pixel_count": 20}, rays_per_pixel=3)
     np.testing.assert_allclose(coarse.opd, fine.opd, atol=1e-12)
     sensitivity = 2000.0
-    one, many = (knife_edge_picture(light, sensitivity=sensitivity) for light in (coarse, fine))
+    one, many = (schlieren(light, sensitivity=sensitivity) for light in (coarse, fine))
     assert one.intensity.shape == (20, 20)
     np.testing.assert_allclose(one.intensity, many.intensity.reshape(20, 3, 20, 3).mean(axis=(1, 3)), atol=1e-4)
     assert many.intensity.max() == 1.0
@@ -88,11 +88,11 @@ def test_an_edge_at_any_angle_and_exposure():
     light = line_of_sight(blob(), **OPTIONS)
     for degrees in (30.0, 135.0, 180.0, 270.0):
         angle = math.radians(degrees)
-        image = knife_edge_picture(light, knife_edge=angle, sensitivity=300.0, cut_off=0.6, exposure=1.5)
+        image = schlieren(light, knife_edge=angle, sensitivity=300.0, cut_off=0.6, exposure=1.5)
         cut = image.deflection @ [math.cos(angle), math.sin(angle)]
         expected = np.clip(1.5 * np.clip(0.4 + 300.0 * cut, 0.0, 1.0), 0.0, 1.0)
         np.testing.assert_allclose(image.intensity, expected, atol=1e-12)
-    named, by_angle = (knife_edge_picture(light, knife_edge=edge) for edge in ("vertical", math.pi))
+    named, by_angle = (schlieren(light, knife_edge=edge) for edge in ("vertical", math.pi))
     np.testing.assert_allclose(named.intensity + by_angle.intensity, 1.0, atol=1e-12)
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from aerokernels.benches import line_of_sight, shadow_picture, shadowgraph
+from aerokernels.benches import line_of_sight, shadowgraph
 from aerokernels.medium import Body, IndexField
 
 WIDTH = 0.02
@@ -73,15 +73,15 @@ def test_light_is_conserved_across_a_caustic():
     field = planar(lambda y, z: 1e-6 * np.exp(-(y**2 + z**2) / 0.004**2))
     light = line_of_sight(field, width=WIDTH, pixel_count=80, extent=(-0.018, 0.018, -0.018, 0.018))
     for distance in (0.0, 200.0, 400.0, 1500.0):
-        image = shadow_picture(light, distance=distance)
+        image = shadowgraph(light, distance=distance)
         assert image.irradiance.sum() == pytest.approx(image.irradiance.size, rel=1e-6)
-    assert shadow_picture(light, distance=400.0).irradiance.max() > 3.0
+    assert shadowgraph(light, distance=400.0).irradiance.max() > 3.0
 
 
 def test_a_screen_in_the_focal_plane_shows_nothing():
     """Drawn back to the middle of a flow that is even about it, every ray stands where it would have been."""
     light = line_of_sight(planar(lambda y, z: 1e-5 * np.exp(-(y**2 + z**2) / 0.004**2)), width=WIDTH, pixel_count=40)
-    np.testing.assert_allclose(shadow_picture(light, distance=0.0).irradiance, 1.0, atol=1e-4)
+    np.testing.assert_allclose(shadowgraph(light, distance=0.0).irradiance, 1.0, atol=1e-4)
     assert np.nanmax(np.abs(light.displacement)) < 1e-9
 
 
@@ -98,34 +98,11 @@ def test_the_body_casts_a_shadow_and_a_wide_source_blurs_it():
     )
     light = line_of_sight(field, width=WIDTH, pixel_count=80)
     distance = np.hypot(*np.meshgrid(light.window.horizontal, light.window.vertical))
-    sharp, soft = (shadow_picture(light, distance=1.0, source_angle=a).irradiance for a in (0.0, 2e-3))
+    sharp, soft = (shadowgraph(light, distance=1.0, source_angle=a).irradiance for a in (0.0, 2e-3))
     assert sharp[distance < 0.0042].max() == 0.0 and sharp[distance > 0.0062].min() > 0.99
     assert 0.05 < soft[np.abs(distance - 0.0046) < 1e-4].mean() < 0.5
     assert soft[distance > 0.0075].min() > 0.99
     assert soft.sum() == pytest.approx(sharp.sum(), rel=1e-9)
-
-
-@pytest.mark.parametrize("source", ["disc", "square", "slit"])
-@pytest.mark.parametrize("pixels", [0.3, 1.7, 6.0, 21.0])
-def test_a_source_blurs_by_its_own_shape(source: str, pixels: float):
-    """A sine wave aslant keeps the Fourier transform of the source's image, on pixels twice as high as wide.
-
-    Of a disc of the diameter d 2 J1(K d / 2) / (K d / 2), of a square sinc along both axes, of a slit along one.
-    Error: what a kernel with the shape's own variance leaves, of fourth order in K times the pixel (0.16): 2e-4.
-    """
-    from scipy.special import j1
-
-    from aerokernels.benches.bench import blurred
-
-    pitch = (1e-4, 2e-4)
-    size, wave = pixels * pitch[0], (900.0, 700.0)
-    across, along = np.meshgrid(pitch[0] * np.arange(-120, 121), pitch[1] * np.arange(-90, 91))
-    picture = 1.0 + 0.5 * np.cos(wave[0] * across + wave[1] * along)
-    found = blurred(picture, source, size, pitch)[90, 120] - 1.0
-    sincs = [np.sinc(k * size / (2.0 * np.pi)) for k in wave]
-    bend = 0.5 * size * np.hypot(*wave)
-    expected = {"disc": 2.0 * j1(bend) / bend, "square": sincs[0] * sincs[1], "slit": sincs[0]}[source]
-    assert found / 0.5 == pytest.approx(expected, abs=5e-4)
 
 
 def test_the_bench_says_which_shape_blurs():

@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 
 from aerokernels import flow
-from aerokernels.benches import knife_edge_picture, line_of_sight, measure_shock_angle, measure_stand_off
+from aerokernels.benches import line_of_sight, measure_shock_angle, measure_stand_off, schlieren
+
+pytestmark = pytest.mark.slow
 
 MACH = {"mach2": 2.0, "mach3": 3.0, "mach4": 4.0}
 # Lines drawn by hand: heights [m] of the second shock at z = -50 and -70 mm, of the third at -96 and -108 mm.
@@ -31,7 +33,7 @@ def test_three_shocks_and_their_angles_fall_with_mach(fields):
     for name, field in fields.items():
         light = line_of_sight(field, extent=(-0.115, 0.005, 0.0, 0.1), pixel_count=(240, 200))
         largest = float(np.nanquantile(np.abs(light.deflection[..., 1]), 0.999))
-        picture = knife_edge_picture(light, knife_edge="horizontal", sensitivity=0.5 / largest)
+        picture = schlieren(light, knife_edge="horizontal", sensitivity=0.5 / largest)
         shocks = [measure_shock_angle(picture, (-0.06, -0.03), degree=2)]
         for heights, window in ((SECOND[name], (-0.07, -0.05)), (THIRD[name], (-0.108, -0.096))):
             near = ((window[0], heights[1]), (window[1], heights[0]))
@@ -55,7 +57,7 @@ def test_stand_off_is_where_the_density_jumps():
     for name in MACH:
         field = flow.shipped(name).index_field().resample(5e-5, region=((0.0, -0.003), (0.01, 0.0043)))
         light = line_of_sight(field, extent=(-0.002, 0.0042, -0.003, 0.003), pixel_count=(62, 60), rays_per_pixel=2)
-        picture = knife_edge_picture(light, knife_edge=math.pi)
+        picture = schlieren(light, knife_edge=math.pi)
         stand_off = measure_stand_off(picture, 0.002)
         z = np.linspace(0.0, 0.0043, 431)
         contrast = field.contrast_at(np.stack([0.0 * z, 0.0 * z, z], axis=1))

@@ -123,13 +123,6 @@ def test_width_of_airys_disc():
     assert found == pytest.approx(np.sqrt(2.0 * np.log(2.0)) * WAVELENGTH / (np.pi * waist), rel=1e-3)
 
 
-@pytest.mark.parametrize("index", range(2, 12))
-def test_strehl_ratio_of_a_pure_zernike_aberration(index: int):
-    """exp(-(k a)^2) to second order for rms a: at k a = 0.05 what is left is of third order, below 2e-4."""
-    amplitude = 0.05 * WAVELENGTH / (2.0 * np.pi)
-    assert made(Disc(RADIUS), modes({index: amplitude})).strehl() == pytest.approx(np.exp(-0.0025), abs=2e-4)
-
-
 def test_strehl_ratio_of_pure_focus():
     """W = b r^2: S = (sin(k b / 2) / (k b / 2))^2; midpoints: 2e-4 at N = 128."""
     for waves in (0.25, 0.5, 0.8):
@@ -201,18 +194,6 @@ def test_structure_function_of_a_tilt_and_of_noise():
         assert value == pytest.approx(np.average((opd[:, None] - opd)[chosen] ** 2, weights=pairs[chosen]), abs=1e-24)
 
 
-def test_wavelengths_are_an_axis():
-    """Each wavelength's own Strehl ratio and point spread function; Strehl grows with the wavelength."""
-    wave = made(Disc(RADIUS), modes({4: 5e-8}), count=32, error=1e-9)
-    found = wave.over_wavelengths([500e-9, 1e-6], np.array([0.0, RESOLUTION]))
-    for index, length in enumerate((500e-9, 1e-6)):
-        alone = wave.at_wavelength(length)
-        assert float(found.strehl[index]) == alone.strehl()
-        assert (found.psf.values[index] == alone.psf(np.array([0.0, RESOLUTION])).intensity).all()
-    assert found.psf.dims == ("wavelength", "y", "x") and found.strehl[1] > found.strehl[0]
-    assert found.wavelength.units == "m" and float(found.strehl_error[0]) > 0.0
-
-
 def test_light_of_several_wavelengths():
     """Perfect peaks of a share w of the light go with w / l^2; without aberrations the peak of all the light is 1.
 
@@ -224,9 +205,6 @@ def test_light_of_several_wavelengths():
     each = [wave.at_wavelength(length).psf(angle).intensity for length in lengths]
     part = np.array(shares) / lengths**2
     assert np.abs(found.intensity - (part[0] * each[0] + part[1] * each[1]) / part.sum()).max() < 1e-14
-    held = wave.over_wavelengths(lengths, angle, weights=shares)
-    assert np.abs(held.polychromatic_psf.values - found.intensity).max() < 1e-14
-    assert held.weight.values.tolist() == [0.75, 0.25]
     tilted = made(Disc(RADIUS), lambda x, y: 2.0 * RESOLUTION * x, count=32)
     seen = tilted.psf(wavelengths=lengths, padding=4)
     place = np.unravel_index(int(np.argmax(seen.intensity)), seen.intensity.shape)

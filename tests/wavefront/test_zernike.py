@@ -72,24 +72,3 @@ def test_prysm_has_the_same_polynomials_and_indices():
         assert tuple(polynomials.noll_to_nm(index)) == (n, m)
         theirs = polynomials.zernike_nm(n, m, np.hypot(x, y), np.arctan2(y, x), norm=True)
         assert np.abs(theirs - zernike.zernike_polynomial(n, m, x, y)).max() < 1e-11
-
-
-def test_poppy_has_the_same_polynomials():
-    poppy = pytest.importorskip("poppy")
-    x, y = np.random.default_rng(2).uniform(-0.7, 0.7, (2, 20, 20))
-    ours = zernike.zernike_modes(36, x, y)
-    for index in range(1, 37):
-        assert tuple(poppy.zernike.noll_indices(index)) == zernike.noll_to_nm(index)
-        theirs = poppy.zernike.zernike1(index, rho=np.hypot(x, y), theta=np.arctan2(y, x), outside=0.0)
-        assert np.abs(theirs - ours[index - 1]).max() < 1e-11, index
-
-
-def test_hcipy_has_the_same_polynomials():
-    hcipy = pytest.importorskip("hcipy")
-    grid = hcipy.make_pupil_grid(20, 1.4)
-    ours = zernike.zernike_modes(36, np.asarray(grid.x), np.asarray(grid.y))
-    for index in range(1, 37):
-        n, m = hcipy.noll_to_zernike(index)
-        assert (n, m) == zernike.noll_to_nm(index)
-        theirs = hcipy.zernike(n, m, 2.0, radial_cutoff=False)(grid)
-        assert np.abs(np.asarray(theirs) - ours[index - 1]).max() < 1e-11, index

@@ -30,7 +30,7 @@ def test_the_share_that_leaves_is_that_of_the_components_that_go_far_enough(dist
     moves by that to a pixel, so that only rounding is between.
     """
     wave = beam()
-    found = wrapped_share(wave.amplitude, PIXEL, WAVELENGTH, distance, 1.0)
+    found = wrapped_share(wave, distance)
     far = 0.5 * COUNT * PIXEL - 0.5 * WAIST * ndtri(1e-4)
     component = np.arange(-50, 51) / (COUNT * PIXEL)
     light = np.exp(-2.0 * (np.pi * WAIST * component) ** 2)

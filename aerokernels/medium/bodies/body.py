@@ -65,19 +65,8 @@ class Body(Derived):
         if self.geometry == "axisymmetric" and profile[:, 0].min() < 0.0:
             raise ValueError("an axisymmetric body profile must not have a negative radius")
         self.set_fields(profile=profile)
-        if len(self.walls[0]) == 0:
-            raise ValueError("the body profile has no wall: its points all coincide, or all lie on the axis")
         if len(self.surface[0]) == 0:
             raise ValueError("the body profile encloses nothing: give the points around a body of some thickness")
-
-    @property
-    def walls(self) -> tuple[np.ndarray, np.ndarray]:
-        """Start and end points of the wall segments [m], each (w, 2)."""
-        start, end = self.profile, np.roll(self.profile, -1, axis=0)
-        keep = np.linalg.norm(end - start, axis=1) > 0.0
-        if self.geometry == "axisymmetric":
-            keep &= ~((start[:, 0] == 0.0) & (end[:, 0] == 0.0))
-        return start[keep], end[keep]
 
     @cached_property
     def surface(self) -> tuple[np.ndarray, np.ndarray]:
@@ -161,8 +150,13 @@ class Body(Derived):
             reach = distance.min(axis=1) + 2.0 * radius[part] * (1.0 + 1e-9)
             near = distance <= (reach * (1.0 + 1e-9))[:, None]
             for k, kept in enumerate(near, start=tile):
-                rows, segments = order[first[k] : last[k]], np.flatnonzero(kept)
-                foot[rows] = _nearest_feet(points[rows], start[segments], end[segments])
+                rows = order[first[k] : last[k]]
+                nearest = np.flatnonzero(kept)[_squared_distances(points[rows], start[kept], end[kept]).argmin(axis=1)]
+                step = end[nearest] - start[nearest]
+                length = np.linalg.norm(step, axis=1)
+                along = step / length[:, None]
+                share = np.clip(np.sum((points[rows] - start[nearest]) * along, axis=1), 0.0, length)
+                foot[rows] = start[nearest] + share[:, None] * along
         return foot
 
     @checked
@@ -194,16 +188,6 @@ def _squared_distances(points: np.ndarray, start: np.ndarray, end: np.ndarray) -
     return np.asarray(beyond**2 + beside**2)
 
 
-def _nearest_feet(points: np.ndarray, start: np.ndarray, end: np.ndarray) -> np.ndarray:
-    """Return the point of some segments (w, 2) that is nearest to each point (n, 2), shape (n, 2)."""
-    nearest = np.argmin(_squared_distances(points, start, end), axis=1)
-    start, step = start[nearest], (end - start)[nearest]
-    length = np.linalg.norm(step, axis=1)
-    along = step / length[:, None]
-    share = np.clip(np.sum((points - start) * along, axis=1), 0.0, length)
-    return np.asarray(start + share[:, None] * along)
-
-
 def bounding_walls(profile: np.ndarray, contains) -> tuple[np.ndarray, np.ndarray]:
     """Return start and end points [m] of the segments between air and solid, each (w, 2), with the solid on their left.
 
@@ -211,6 +195,8 @@ def bounding_walls(profile: np.ndarray, contains) -> tuple[np.ndarray, np.ndarra
     """
     start, end = profile, np.roll(profile, -1, axis=0)
     keep = np.any(start != end, axis=1)
+    if not keep.any():  # all points coincide
+        return start[keep], end[keep]
     start, end = _split(start[keep], end[keep])
     step = end - start
     length = np.linalg.norm(step, axis=1)

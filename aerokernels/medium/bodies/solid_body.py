@@ -74,27 +74,16 @@ class SolidBody(Derived):
             raise ValueError(f"a body of revolution needs an axisymmetric profile, got a {body.geometry} one")
         angle = 2.0 * np.pi * np.arange(count) / count
         around = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-        points, number = np.unique(np.concatenate(body.surface), axis=0, return_inverse=True)
-        start, end = number.reshape(2, -1)
-        on_axis = points[:, 0] == 0.0
-        first = np.cumsum(np.where(on_axis, 1, count)) - np.where(on_axis, 1, count)
-        rings = [
-            np.array([[0.0, 0.0, z]]) if r == 0.0 else np.column_stack([r * around, np.full(count, z)])
-            for r, z in points
-        ]
-        step, following = np.arange(count), (np.arange(count) + 1) % count
-
-        def vertex(point: int, place: np.ndarray) -> np.ndarray:
-            return first[point] + (0 if on_axis[point] else 1) * place
-
-        made = []
-        for a, b in zip(start, end, strict=True):
-            corners = vertex(a, step), vertex(b, step), vertex(b, following), vertex(a, following)
-            if not on_axis[b]:
-                made.append(np.stack([corners[0], corners[1], corners[2]], axis=1))
-            if not on_axis[a]:
-                made.append(np.stack([corners[0], corners[2], corners[3]], axis=1))
-        return cls(np.concatenate(rings), np.concatenate(made))
+        ends = np.stack(body.surface)[..., None, :]
+        rings = np.concatenate(
+            [ends[..., :1] * around, np.broadcast_to(ends[..., 1:], (*ends.shape[:2], count, 1))], axis=-1
+        )
+        (a, b), (a_next, b_next) = rings + 0.0, np.roll(rings, -1, axis=2) + 0.0  # no negative zeros
+        corners = np.concatenate([np.stack([a, b, b_next], axis=2), np.stack([a, b_next, a_next], axis=2)])
+        vertices, number = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
+        triangles = number.reshape(-1, 3)
+        whole = (triangles != np.roll(triangles, 1, axis=1)).all(axis=1)  # those at the axis have two corners in one
+        return cls(vertices, triangles[whole])
 
     @cached_property
     def surface(self) -> np.ndarray:

@@ -21,19 +21,14 @@ CORNERS = 1 << 18  # corners of triangles whose neighbours are in memory togethe
 class WallTree:
     """Pieces of a surface and their bounding boxes; corners have d coordinates: (r, z), (y, z) or (x, y, z) [m].
 
-    Attributes:
-        corners: Corners of each piece, shape (w, d, d): segments with the solid on their left, triangles
-            counter-clockwise seen from outside.
-        normals: Outward unit normals at the corners, linear between them, shape (w, d, d): see wall_tree.py.
-        boxes: Lowest and highest corner of each node's box [m], shape (n, 2, d).
-        links: For each node the next node after all its descendants, its first piece and the one after its last, shape
-            (n, 3); only leaves have pieces.
+    Segments have the solid on their left, triangles are counter-clockwise seen from outside. Each node is linked to the
+    next one after all its descendants, and a leaf to its first piece and the one after its last.
     """
 
-    corners: np.ndarray
-    normals: np.ndarray
-    boxes: np.ndarray
-    links: np.ndarray
+    corners: np.ndarray  # of each piece, shape (w, d, d)
+    normals: np.ndarray  # outward unit normals there, linear between them, shape (w, d, d)
+    boxes: np.ndarray  # lowest and highest corner of each node's box [m], shape (n, 2, d)
+    links: np.ndarray  # shape (n, 3)
 
     @property
     def kernel_rows(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -161,19 +156,19 @@ class NearestTriangles:
 
     def __call__(self, points: np.ndarray) -> np.ndarray:
         """Return the nearest points of the surface [m], shape (n, 3)."""
-        parts = [self._nearest(points[first : first + POINTS]) for first in range(0, len(points), POINTS)]
-        return np.concatenate([np.empty((0, 3)), *parts])
-
-    def _nearest(self, points: np.ndarray) -> np.ndarray:
-        # The search begins with the triangles of the nearest centroids.
-        count = min(3, len(self.determinant))
-        near = self.middles.query(points, count)[1].reshape(-1)
-        columns = _columns(points)
-        foot, least = _columns(np.empty_like(points)), np.full(len(points), np.inf)
-        self._replace_farther(columns, foot, least, np.repeat(np.arange(len(points)), count), near)
-        for rows, pieces in self._nearer_boxes(columns, least):
-            self._replace_farther(columns, foot, least, rows, pieces)
-        return np.stack(foot, axis=1)
+        parts = [np.empty((0, 3))]
+        for first in range(0, len(points), POINTS):
+            some = points[first : first + POINTS]
+            # The search begins with the triangles of the nearest centroids.
+            count = min(3, len(self.determinant))
+            near = self.middles.query(some, count)[1].reshape(-1)
+            columns = _columns(some)
+            foot, least = _columns(np.empty_like(some)), np.full(len(some), np.inf)
+            self._replace_farther(columns, foot, least, np.repeat(np.arange(len(some)), count), near)
+            for rows, pieces in self._nearer_boxes(columns, least):
+                self._replace_farther(columns, foot, least, rows, pieces)
+            parts.append(np.stack(foot, axis=1))
+        return np.concatenate(parts)
 
     def _nearer_boxes(self, points, least: np.ndarray):
         """Yield pairs of a point and a triangle whose box is nearer than the squared distance `least`, by levels.
