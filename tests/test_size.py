@@ -18,7 +18,7 @@ LINES = {
     "benches": 2650,
     "benchmark": 980,
     "commands": 1490,
-    "device_arrays": 1280,
+    "device_arrays": 1190,
     "display": 450,
     "files": 470,
     "fldi": 690,
@@ -34,7 +34,7 @@ LINES = {
     "pupils": 1015,
     "scene": 1490,
     "series": 4020,
-    "tracing": 17860,
+    "tracing": 17600,
     "wavefronts": 2390,
     "waves": 1300,
 }
