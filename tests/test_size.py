@@ -32,7 +32,7 @@ LINES = {
     "medium": 4110,
     "process": 1370,
     "pupils": 1050,
-    "scene": 1520,
+    "scene": 1490,
     "series": 4020,
     "tracing": 20240,
     "wavefronts": 2165,

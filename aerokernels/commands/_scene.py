@@ -55,7 +55,7 @@ def parse_vary(options: Sequence[str]) -> dict[str, list]:
     A value may be written as in a scene file ("10 deg", 0.3, '["piston", "tilt"]'). LOW:HIGH:COUNT means COUNT values
     of a quantity, evenly spaced from LOW to HIGH.
     """
-    from aerokernels.scene.changes import key_dimension
+    from aerokernels.scene.scene import key_dimension
 
     found: dict[str, list] = {}
     for option in options:
@@ -95,7 +95,7 @@ def split_at_commas(text: str) -> list[str]:
 
 
 def _spaced(key: str, text: str, low: str, high: str, count: str) -> list[float]:
-    from aerokernels.scene.changes import key_value
+    from aerokernels.scene.scene import key_value
 
     first, last, number = key_value(key, low), key_value(key, high), int(count)
     if not isinstance(first, float) or not isinstance(last, float) or number < 2 or first == last:

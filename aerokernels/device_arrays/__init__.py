@@ -12,7 +12,6 @@ from .array import (
     is_one_row,
     on_host,
     read_on_touch,
-    rows_begun,
     rows_beside,
     rows_where,
 )
@@ -28,7 +27,6 @@ __all__ = [
     "on_host",
     "plain_array",
     "read_on_touch",
-    "rows_begun",
     "rows_beside",
     "rows_where",
 ]

@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from .foreign import plain_array
-from .pinned import Coming, layout_of, to_host
+from .pinned import Lent, layout_of, to_host
 
 
 class DeviceArray:
@@ -21,7 +21,7 @@ class DeviceArray:
         extremes: Result of `extremes_of`, once it has been requested.
     """
 
-    def __init__(self, buffer: Any, coming: Coming | None = None):
+    def __init__(self, buffer: Any, coming: Lent | None = None):
         """Wrap a one-dimensional array, and its copy that is on the way to the host, if any."""
         self.buffer = buffer
         self._coming = coming
@@ -179,19 +179,6 @@ def is_one_row(array: np.ndarray | DeviceArray) -> bool:
 def on_host(arrays: dict[str, Any]) -> dict[str, np.ndarray]:
     """Return arrays by name as NumPy arrays, copied from the device if necessary."""
     return {name: np.asarray(array) for name, array in arrays.items()}
-
-
-def rows_begun(status: np.ndarray | DeviceArray, code: int) -> Callable[[], Any]:
-    """Start to look for the rays with a status; return a function that waits for their numbers, ascending.
-
-    The numbers are where `status` is: in a warp.array or a NumPy array. A device searches as soon as it has done what
-    was launched before.
-    """
-    if isinstance(status, DeviceArray):
-        from .selection import rows_begun as begun_there
-
-        return begun_there(status.buffer, code)
-    return lambda: np.flatnonzero(np.asarray(status) == code)
 
 
 def rows_beside(array: np.ndarray | DeviceArray, rows: np.ndarray) -> Any:

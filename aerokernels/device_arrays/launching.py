@@ -1,8 +1,8 @@
 """Load and launch Warp's kernels from any thread.
 
 Warp does not guard what it does at the first launch of a kernel. Two threads that load one module at once both load it,
-and the copy that is replaced is unloaded while its kernels may run; the table of CUDA functions, and the memory for
-sorting, have no lock either. So one thread at a time does these things. Later launches take no lock.
+and the copy that is replaced is unloaded while its kernels may run; the table of CUDA functions has no lock either. So
+one thread at a time does these things. Later launches take no lock.
 """
 
 import errno
@@ -59,13 +59,6 @@ def launch(kernel: Any, dim: Any, inputs: Sequence[Any], device: Any, block_size
         load_module(kernel.module, str(device), 1 if str(device) == "cpu" else block_size)
         wp.launch(kernel, dim=dim, inputs=inputs, device=device, **options)
     turn.done.add(key)
-
-
-def sort_rows(rows: Any, count: int) -> None:
-    """Start to sort the first `count` numbers of an int32 array, which has room for twice as many."""
-    spare = wp.empty(2 * count, dtype=wp.int32, device=rows.device)
-    with _turn().lock:  # everything that is sorted on a stream uses the same memory
-        wp.utils.radix_sort_pairs(rows, spare, count)
 
 
 def lent_stream(owner: Any, device: Any) -> Any:

@@ -118,6 +118,11 @@ class Lent:
             warp.synchronize_event(self.event)
             self.event = self.source = None
 
+    def arrived(self) -> np.ndarray:
+        """Wait for the copies and return the array."""
+        self.wait()
+        return np.asarray(self)
+
     def __del__(self) -> None:
         """Return the memory to the cache."""
         with suppress(Exception):  # the process may be ending
@@ -274,19 +279,6 @@ def as_kind(taken: Any, kind: Any, count: int) -> Any:
     return warp.array(ptr=taken.ptr, dtype=kind, shape=(count,), device="cpu", pinned=True)
 
 
-class Coming:
-    """An array that is being copied to the host."""
-
-    def __init__(self, lent: Lent):
-        """Store the memory that it is copied to."""
-        self.lent = lent
-
-    def arrived(self) -> np.ndarray:
-        """Wait for the copy and return the array."""
-        self.lent.wait()
-        return np.asarray(self.lent)
-
-
 class Fetching:
     """Copies arrays to the host, rows by rows in the order in which they are finished."""
 
@@ -327,6 +319,6 @@ class Fetching:
         for name, lent in self.memory.items():  # keep both ends of a copy alive until it has ended
             lent.event, lent.source = self.event, self.buffers[name]
 
-    def coming(self) -> dict[str, Coming]:
+    def coming(self) -> dict[str, Lent]:
         """Return the arrays by name; copies of all rows must have been started."""
-        return {name: Coming(lent) for name, lent in self.memory.items()}
+        return self.memory

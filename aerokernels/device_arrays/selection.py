@@ -1,13 +1,12 @@
 """Selection of rays on the device: rays with a status, and rays at the extremes of a bundle."""
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import warp as wp
 
 from .kernels import find_extremes, select
-from .launching import launch, sort_rows
+from .launching import launch
 from .pinned import to_host
 
 # Capacity of the first list of rows, and threads that search for extremes.
@@ -16,46 +15,13 @@ ROOM, THREADS = 1 << 12, 1 << 14
 
 def selected_rows(status: Any, code: int, error: Any, limit: float) -> np.ndarray:
     """Return the rows of `array.rows_where`; `status` and `error` are Warp arrays, `error` may be None."""
-    rows, found = _begun(status, code, error, limit, 1)()
-    return np.sort(to_host(rows[:found])) if found else np.zeros(0, np.int32)
-
-
-def rows_begun(status: Any, code: int) -> Callable[[], Any]:
-    """Start to select the rays with a status; return a function that waits for their numbers, a warp.array."""
-    begun = _begun(status, code, None, 0.0, 2)
-
-    def wait() -> Any:
-        rows, found = begun()
-        if not found:
-            return wp.empty(0, dtype=wp.int32, device=status.device)
-        if found > 1:
-            sort_rows(rows, found)
-        return rows[:found]
-
-    return wait
-
-
-def _begun(status: Any, code: int, error: Any, limit: float, copies: int) -> Callable[[], tuple[Any, int]]:
-    """Start to select rays; return a function that waits for their unordered numbers and their count.
-
-    The array of numbers has room for at least `copies` times as many.
-    """
-    device = status.device
-
-    def launched(room: int) -> tuple[Any, Any]:
+    room, found = 0, ROOM
+    while found > room:
+        room, device = found, status.device
         rows, count = wp.empty(room, dtype=wp.int32, device=device), wp.zeros(1, dtype=wp.int32, device=device)
-        given = [status, code, int(error is not None), error, limit, rows, count]
-        launch(select, len(status), given, device)
-        return rows, count
-
-    def wait() -> tuple[Any, int]:
-        rows, count = first
-        while copies * (found := int(to_host(count)[0])) > len(rows):
-            rows, count = launched(copies * found)
-        return rows, found
-
-    first = launched(ROOM)
-    return wait
+        launch(select, len(status), [status, code, int(error is not None), error, limit, rows, count], device)
+        found = int(to_host(count)[0])
+    return np.sort(to_host(rows[:found])) if found else np.zeros(0, np.int32)
 
 
 def extremes(values: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

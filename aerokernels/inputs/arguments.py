@@ -102,34 +102,29 @@ def _checking(function: Callable, name: str, described: Any, documented: Any) ->
                 raise ValueError(_out_of_range(name, arguments, error)) from error
             raise
 
-    if has_options(function):
+    if _options(function) is not None:
         call.__signature__ = _signature(function)  # type: ignore[attr-defined]
     return call
 
 
-def has_options(function: Callable) -> bool:
-    """Whether a function takes the entries of a TypedDict as keywords."""
-    code = getattr(function, "__code__", None)  # most functions take no further keywords
-    takes_more = code is not None and code.co_flags & inspect.CO_VARKEYWORDS
-    return bool(takes_more) and any(_is_shared(kind) for kind in function.__annotations__.values())
-
-
-def _is_shared(annotation: Any) -> bool:
-    return typing.get_origin(annotation) is typing.Unpack
+def _options(function: Callable) -> Any:
+    """Return the TypedDict whose entries a function takes as keywords, `**options: Unpack[...]`; None without one."""
+    code = getattr(function, "__code__", None)
+    if code is None or not code.co_flags & inspect.CO_VARKEYWORDS:  # as most functions
+        return None
+    kinds: Iterable[Any] = function.__annotations__.values()
+    return next((typing.get_args(kind)[0] for kind in kinds if typing.get_origin(kind) is typing.Unpack), None)
 
 
 def _signature(function: Callable) -> inspect.Signature:
-    """The signature of a function, with the entries of a TypedDict in place of `**options: Unpack[...]`."""
-    signature = inspect.signature(function)
-    parameters: list[inspect.Parameter] = []
-    for one in signature.parameters.values():
-        if not _is_shared(one.annotation):
-            parameters.append(one)
-            continue
-        (options,) = typing.get_args(one.annotation)
-        for name, kind in options.__annotations__.items():
-            new = inspect.Parameter(name, one.KEYWORD_ONLY, default=options.defaults[name], annotation=kind)
-            parameters.append(new)
+    """Return the signature of a function, with the entries of a TypedDict in place of `**options`."""
+    signature, options = inspect.signature(function), _options(function)
+    if options is None:
+        return signature
+    parameters = [one for one in signature.parameters.values() if one.kind is not one.VAR_KEYWORD]
+    for name, kind in options.__annotations__.items():
+        default = options.defaults[name]
+        parameters.append(inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=kind))
     return signature.replace(parameters=parameters)
 
 
@@ -209,9 +204,7 @@ def units_in(text: str) -> dict[str, str]:
 
 def _taken(function: Callable, documented: Any) -> dict[str, Kinds]:
     """Return the kinds that each parameter accepts, if all of them are known."""
-    kinds = function.__annotations__.values() if has_options(function) else ()
-    shared = [typing.get_args(kind)[0] for kind in kinds if _is_shared(kind)]
-    units = units_in("\n".join(filter(None, [one.__doc__ for one in (documented, function, *shared)])))
+    units = units_in("\n".join(one.__doc__ or "" for one in (documented, function, _options(function)) if one))
     found = {}
     for name, annotation in _annotations(function, documented).items():
         members = members_of(annotation)
@@ -225,8 +218,7 @@ def _annotations(function: Callable, documented: Any) -> dict[str, Any]:
     names = getattr(inspect.unwrap(function), "__globals__", {})
     if isinstance(documented, type):  # a dataclass's __init__ does not have its module's globals
         names = vars(inspect.getmodule(documented))
-    if has_options(function):
-        (options,) = typing.get_args(next(filter(_is_shared, found.values())))
+    if (options := _options(function)) is not None:
         found |= options.__annotations__
     for name, annotation in found.items():
         if isinstance(annotation, str):

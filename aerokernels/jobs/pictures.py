@@ -41,8 +41,7 @@ from aerokernels.jobs.store import SUMMARY_FILE, staged_folder, write_result, wr
 from aerokernels.medium import IndexField
 from aerokernels.prepare import flow_index
 from aerokernels.scene import Scene, warn_of_unused
-from aerokernels.scene.errors import SceneError, scene_error
-from aerokernels.scene.loading import override, shipped_scenes
+from aerokernels.scene.loading import SceneError, override, scene_error, shipped_scenes
 
 if TYPE_CHECKING:
     import xarray

@@ -117,7 +117,6 @@ def summarise(scene: Scene, maps: "xarray.Dataset", found: "xarray.Dataset") -> 
             **{name: float(found[name]) for name in names},
             "errors": {name: STANDARD_ERRORS * float(found[f"{name}_error"]) for name in names},
             "independent_count": found.attrs["independent_count"],
-            "drifting": found.attrs["drifting"],
             "skipped": found.attrs["skipped"],
             "snapshot_count": int(maps.sizes["time"]),
             "traced_count": int(np.asarray(maps["traced"].values).sum()),
@@ -146,7 +145,7 @@ def series_report(scene: Scene, maps: "xarray.Dataset", found: "xarray.Dataset",
         f"{summary['traced_count']} traced in full; {summary['provenance']}; aerokernels {summary['version']}"
     )
     notes = [("Warning", text) for text in summary["warnings"]]
-    notes += [(words, summary[key]) for key, words in (("drifting", "Drifts"), ("skipped", "Skipped")) if summary[key]]
+    notes += [("Skipped", summary["skipped"])] if summary["skipped"] else []
     if summary["known_share"] < 1.0 - GREATEST_SHARE:
         lost = f"{100.0 * (1.0 - summary['known_share']):.3g} % of the pupil has no optical path; no number includes it"
         notes.append(("Known air", lost))

@@ -6,7 +6,6 @@ files, because starting it takes as long as reading many files. Its limits of me
 """
 
 import atexit
-import gc
 import math
 import os
 import pickle
@@ -123,7 +122,7 @@ def in_child(path: Path, function: str, *arguments: Any) -> Any:
     for child in (used, None) if used is not None else (None,):
         child = child or _Child()
         try:
-            raised, answer, open_still = child.ask((folder, path, bounds, function, arguments), bounds.time)
+            raised, answer = child.ask((folder, path, bounds, function, arguments), bounds.time)
             break
         except (EOFError, OSError):
             status = child.end()
@@ -137,13 +136,11 @@ def in_child(path: Path, function: str, *arguments: Any) -> Any:
             raise LibraryEndedError(f"{path}: it was not read within {bounds.time:.0f} s: {why}: try again")
         cause = f"signal {-status}" if status < 0 else f"status {status}"
         raise LibraryEndedError(f"{path}: the library that reads it ended with {cause}: {DAMAGED}")
-    if open_still:  # HDF5 keeps a lock on it, so that nobody could write the file again
-        child.end()
-    else:
-        with OPENED.lock:
-            idle.append(child)
     if raised:
+        child.end()  # half-opened objects keep the file open, and HDF5 a lock on it: nobody could write it again
         raise answer
+    with OPENED.lock:
+        idle.append(child)
     return answer
 
 
@@ -187,21 +184,8 @@ def _serve(requests: IO[bytes], answers: IO[bytes]) -> None:
             raised, answer = False, getattr(import_module(module), name)(*arguments)
         except Exception as fault:
             raised, answer = True, _sent(fault)
-        if raised:
-            gc.collect()  # half-opened objects keep their file open until they are collected
-        pickle.dump((raised, answer, _has_open(path)), answers, protocol=5)
+        pickle.dump((raised, answer), answers, protocol=5)
         answers.flush()
-
-
-def _has_open(path: Path) -> bool:
-    """Return whether this process has a file open; False if the system does not tell."""
-    with suppress(OSError):
-        own = os.stat(path)
-        for name in os.listdir("/proc/self/fd"):
-            with suppress(OSError):
-                if os.path.samestat(own, os.stat(f"/proc/self/fd/{name}")):
-                    return True
-    return False
 
 
 def _sent(fault: Exception) -> Any:

@@ -1,4 +1,4 @@
-"""Modes, two-point correlations and spectra of unsteady wavefronts; means in time with standard errors, and drift."""
+"""Modes, two-point correlations and spectra of unsteady wavefronts; means in time with standard errors."""
 
 import math
 from dataclasses import dataclass
@@ -176,7 +176,6 @@ class Mean:
     value: float
     error: float  # its standard error; NaN below four samples
     effective_count: float  # equivalent number of independent samples
-    trend: float  # probability that a series without drift shows at least this trend
 
 
 def standard_errors(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -230,16 +229,16 @@ def mean_of(values: np.ndarray) -> Mean:
     values = np.asarray(values, dtype=np.float64)
     values = values[np.isfinite(values)]
     if not len(values):
-        return Mean(math.nan, math.nan, 0.0, math.nan)
+        return Mean(math.nan, math.nan, 0.0)
     error, independent = standard_errors(values)
-    return Mean(float(values.mean()), float(error), float(independent), trend_of(values))
+    return Mean(float(values.mean()), float(error), float(independent))
 
 
 def about_mean_of(squares: np.ndarray, independent: float) -> Mean:
     """Return the mean of squares about the samples' own mean in time, corrected for it, by its independent samples."""
     found = mean_of(squares)
     value, error = _corrected(found.value, found.error, independent)
-    return Mean(float(value), float(error), found.effective_count, found.trend)
+    return Mean(float(value), float(error), found.effective_count)
 
 
 def deviations_of(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -265,7 +264,7 @@ def root_of(mean_square: Mean) -> Mean:
     """Return the root of a mean square."""
     root = math.sqrt(max(mean_square.value, 0.0))
     error = float(root_errors(max(mean_square.value, 0.0), mean_square.error))
-    return Mean(root, error, mean_square.effective_count, mean_square.trend)
+    return Mean(root, error, mean_square.effective_count)
 
 
 def root_errors(mean_square: Any, error: Any) -> np.ndarray:
@@ -298,23 +297,3 @@ def student_share(count: int) -> float:
     from scipy.special import stdtrit
 
     return 0.5 * float(stdtrit(count - 1, 0.5 * (1.0 + HELD)))
-
-
-def trend_of(values: np.ndarray) -> float:
-    """Return the probability of a Mann-Kendall statistic at least as great as this one in a series without drift.
-
-    Its variance is multiplied by N / n of the series without its linear drift (K. H. Hamed and A. R. Rao, J. Hydrol.
-    204 (1998) 182).
-    """
-    count = len(values)
-    if count < LEAST_SNAPSHOTS or not np.ptp(values) > 0.0:
-        return math.nan
-    from scipy.stats import kendalltau
-
-    place = np.arange(count)
-    statistic = kendalltau(place, values).statistic
-    # The correlation of the samples is that of the residual after a linear drift.
-    slope, start = np.polyfit(place, values, 1)
-    independent = float(standard_errors(values - slope * place - start)[1])
-    spread = math.sqrt(2.0 * (2.0 * count + 5.0) / (9.0 * count * (count - 1.0)) * max(count / independent, 1.0))
-    return math.erfc(abs(statistic) / spread / math.sqrt(2.0))

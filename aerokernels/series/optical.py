@@ -57,10 +57,9 @@ def optical_series(
     """Return maps of the optical path difference of every snapshot of a series over a pupil.
 
     Where the rays are nearly straight, OPD is linear in the density: the lines through the grid are prepared once, and
-    a snapshot costs one pass over its samples. The bending that this leaves out is
-    measured on the first snapshot, and again whenever it has grown; above the tolerance a snapshot is traced in full.
-    Where rays leave the grid by a side, or miss it, all are.
-    The next snapshot is read while one is computed, and no more than these two are in memory, unless the maps are.
+    a snapshot costs one pass over its samples. The bending that this leaves out is measured on the first snapshot, and
+    again whenever it has grown; above the tolerance a snapshot is traced in full. Where rays leave the grid by a side,
+    or miss it, all are. The next snapshot is read while one is computed; no more than these two are in memory.
 
     Args:
         series: The snapshots, as `flow.open_series` opens them.
@@ -149,9 +148,17 @@ def optical_series(
         chosen(slope)
     lit: np.ndarray | None = None
     first = store.count
+    written: Future[None] | None = None
+
+    def finished(count: int) -> None:
+        """Wait until the maps of a snapshot are written, and report the progress."""
+        if written is not None:
+            written.result()
+            if progress is not None:
+                progress(f"{count} of {len(series)} snapshots", count / len(series))
+
     # While a snapshot is computed the next one is read and the maps of the one before are written.
     with store.writing(), ThreadPoolExecutor(1) as writer:
-        written = None
         for number, stamp, stored in _read_ahead(snapshots, first, len(series)):
             found = snapshots(number, stored)
             good = found.valid & np.isfinite(found.opd)
@@ -170,21 +177,24 @@ def optical_series(
                 reader = grid.reader(good, terms, wavelength)
             wrong = snapshots.errors(found) if chosen(found.slope) else dict.fromkeys(WRONG, np.nan)
             entry = _entry(grid, found, good, reader, wrong)
-            _finished(written, number, len(series), progress)
+            finished(number)
             if stamp is not None:
                 entry[1].update(stamp=code_of(stamp), mark=code_of(mark_of(stored)))
             written = writer.submit(store.add, *entry)
-        _finished(written, len(series), len(series), progress)
-    _warn_of_lost(store.column("known"))
+        finished(len(series))
+    known = store.column("known")
+    if (least := float(known.min())) < 1.0 - GREATEST_SHARE:
+        text = (
+            f"{100.0 * (1.0 - least):.3g} % of the pupil is in no number of snapshot {int(known.argmin())}: its rays "
+            "leave the grid sideways, miss it or end on a body (see `valid` and `known`); take a smaller pupil, a "
+            "larger grid or another direction, or method='auto' where the air beside the grid is at rest"
+        )
+        warn_caller(text, TruncationWarning)
     return store.finish()
 
 
 def _warn_of_air(air: PupilAir) -> str:
-    """Warn if the pupil looks past the box, and return the warning; an empty text if it does not.
-
-    Raises:
-        ValueError: Most of the pupil does.
-    """
+    """Warn if the pupil looks past the box, and return the warning or an empty text; refuse it if most of it does."""
     if not air.looks_past:
         return ""
     text = f"{air.past_described}: move the pupil, take a smaller one, or give a larger grid"
@@ -192,27 +202,6 @@ def _warn_of_air(air: PupilAir) -> str:
         raise ValueError(text)
     warn_caller(text, TruncationWarning)
     return text
-
-
-def _warn_of_lost(known: np.ndarray) -> None:
-    """Warn if some of the pupil is in no number."""
-    least = float(known.min())
-    if least < 1.0 - GREATEST_SHARE:
-        text = (
-            f"{100.0 * (1.0 - least):.3g} % of the pupil is in no number of snapshot {int(known.argmin())}: its rays "
-            "leave the grid sideways, miss it or end on a body (see `valid` and `known`); take a smaller pupil, a "
-            "larger grid or another direction, or method='auto' where the air beside the grid is at rest"
-        )
-        warn_caller(text, TruncationWarning)
-
-
-def _finished(written: "Future[None] | None", count: int, total: int, progress: Progress | None) -> None:
-    """Wait until the maps of a snapshot are written, and report the progress."""
-    if written is None:
-        return
-    written.result()
-    if progress is not None:
-        progress(f"{count} of {total} snapshots", count / total)
 
 
 def _read_ahead(snapshots: Snapshots, first: int, stop: int) -> Iterator[tuple[int, str | None, Any]]:

@@ -10,7 +10,7 @@ import numpy as np
 from aerokernels.inputs.checks import check_count
 from aerokernels.pupils import Projected, Pupil, seen_along
 from aerokernels.wavefronts import remove_terms, weighted_mean
-from aerokernels.wavefronts.pixels import derivatives, three_in_a_row
+from aerokernels.wavefronts.pixels import PARTS, STEPS, repeated, three_in_a_row, values_of_parts
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,10 +127,6 @@ class MapReader:
         return np.asarray(2.0 * np.abs(reader(parts(opd)).numbers - reading.numbers))
 
 
-# Parts of a pixel's side, and their middles from its own [pixels].
-PIXEL_PARTS, STEPS = 3, (-1.0 / 3.0, 0.0, 1.0 / 3.0)
-
-
 class FinerPixels:
     """The parts of a map's pixels in the pupil: their `points` [m], shape (m, 2), and shares of it, `weight`."""
 
@@ -143,13 +139,10 @@ class FinerPixels:
         """
         self._lit = weight > 0.0
         middles = [(axis[:, None] + pixel * np.array(STEPS)).ravel() for axis in (x, y)]
-        edges = [np.append(axis, axis[-1] + pixel / PIXEL_PARTS) - 0.5 * pixel / PIXEL_PARTS for axis in middles]
+        edges = [np.append(axis, axis[-1] + pixel / PARTS) - 0.5 * pixel / PARTS for axis in middles]
         share = coverage(*edges)
-        whole, mean = (
-            np.repeat(np.repeat(one, PIXEL_PARTS, axis=0), PIXEL_PARTS, axis=1)
-            for one in (weight, share.reshape(len(y), PIXEL_PARTS, len(x), PIXEL_PARTS).mean(axis=(1, 3)))
-        )
-        fine = whole * share / np.where(mean > 0.0, mean, 1.0)
+        mean = repeated(share.reshape(len(y), PARTS, len(x), PARTS).mean(axis=(1, 3)))
+        fine = repeated(weight) * share / np.where(mean > 0.0, mean, 1.0)
         self._there = fine > 0.0
         self.weight = fine[self._there] / fine.sum()
         columns, rows = np.meshgrid(*middles)
@@ -159,18 +152,4 @@ class FinerPixels:
         """Return the optical path differences of the parts, shape (m,), from those of the lit pixels, shape (n,)."""
         whole = np.zeros(self._lit.shape)
         whole[self._lit] = opd
-        parts = [whole]
-        for axis in (0, 1):
-            parts = [
-                one + step * slope + 0.5 * step**2 * bend
-                for one in parts
-                for slope, bend in [derivatives(one, self._lit, axis)]
-                for step in STEPS
-            ]
-        fine = (
-            np.stack(parts)
-            .reshape(PIXEL_PARTS, PIXEL_PARTS, *whole.shape)
-            .transpose(2, 0, 3, 1)
-            .reshape(self._there.shape)
-        )
-        return np.asarray(fine[self._there])
+        return np.asarray(values_of_parts(whole, self._lit)[self._there])

@@ -32,15 +32,12 @@ class Table:
     def __init__(self) -> None:
         """Start with no variables."""
         self.variables: dict[str, Any] = {}
-        self.drifting: list[str] = []
 
     def number(self, name: str, mean: Mean, units: str, words: str) -> None:
-        """Add a number, its error, and whether it drifts."""
-        attributes = {"units": units, "long_name": words, "effective_count": mean.effective_count, "trend": mean.trend}
+        """Add a number and its error."""
+        attributes = {"units": units, "long_name": words, "effective_count": mean.effective_count}
         self.variables[name] = ((), mean.value, attributes)
         self.variables[f"{name}_error"] = ((), mean.error, {"units": units, "long_name": f"{words}: standard error"})
-        if mean.trend < 0.01:
-            self.drifting.append(name)
 
     def array(self, name: str, dims: tuple[str, ...], values: Any, error: Any, units: str, words: str) -> None:
         """Add an array and its error."""
@@ -90,16 +87,7 @@ def add_spectra(table, coordinates, time, opd, weight, tilts, segment, velocity,
         coordinates["strouhal"] = ("frequency", whole.frequency * length / velocity)
 
 
-def covers_of(x: np.ndarray, y: np.ndarray, lit: np.ndarray):
-    """Return a function of a diameter [m] that gives each lit pixel's share in a disc about the pupil's centre."""
-    steps = [float(axis[1] - axis[0]) if len(axis) > 1 else 1.0 for axis in (x, y)]
-    edges = [np.append(axis - 0.5 * step, axis[-1] + 0.5 * step) for axis, step in zip((x, y), steps, strict=True)]
-    middle = [0.5 * (edge[0] + edge[-1]) for edge in edges]
-    centred = [edge - place for edge, place in zip(edges, middle, strict=True)]
-    return lambda diameter: Disc(0.5 * diameter).coverage(*centred)[lit]
-
-
-def add_apertures(table, coordinates, opd, points, weight, wavelength, apertures, covers) -> None:
+def add_apertures(table, coordinates, opd, points, weight, wavelength, apertures, lit) -> None:
     """Add rms and Strehl ratio over concentric round parts of the pupil, with mean and tilt over each removed."""
     width = pupil_width(coordinates["x"], coordinates["y"])
     asked = np.array(width * np.array([0.25, 0.5, 0.75, 1.0]) if apertures is None else apertures, dtype=np.float64)
@@ -107,9 +95,14 @@ def add_apertures(table, coordinates, opd, points, weight, wavelength, apertures
         raise ValueError(f"apertures must be positive diameters in metres, got {apertures!r}")
     if (asked > width * (1.0 + 1e-9)).any():
         raise ValueError(f"an aperture of {asked.max():g} m is wider than the maps, {width:g} m: give metres")
+    centred = []  # edges of the pixels about the middle
+    for axis in (coordinates["x"], coordinates["y"]):
+        step = float(axis[1] - axis[0]) if len(axis) > 1 else 1.0
+        edges = np.append(axis - 0.5 * step, axis[-1] + 0.5 * step)
+        centred.append(edges - 0.5 * (edges[0] + edges[-1]))
     rows: list[list[float]] = []
     for diameter in asked:
-        shares = np.minimum(covers(diameter), weight / weight.max())
+        shares = np.minimum(Disc(0.5 * diameter).coverage(*centred)[lit], weight / weight.max())
         inside = shares > 0.0
         if inside.sum() < 12:  # too few pixels
             rows.append([math.nan] * 4)
@@ -152,8 +145,7 @@ def add_modes(table, coordinates, modes: Modes | None, lit) -> None:
 def _mixing(energy: np.ndarray, counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the share of each mode j in each mode k, and the error of their covariance, shapes (k, j).
 
-    The share is sqrt(e_k e_j / N) / (e_k - e_j) (G. R. North et al., Mon. Weather Rev. 110 (1982) 699), and 1 where
-    their energies are practically equal.
+    The share is sqrt(e_k e_j / N) / (e_k - e_j), at most 1 (G. R. North et al., Mon. Weather Rev. 110 (1982) 699).
     """
     gap = np.abs(energy[:, None] - energy)
     mixed = np.sqrt(np.outer(energy, energy) / np.maximum(counts[:, None], 1.0))
@@ -190,7 +182,7 @@ def add_correlation(table, coordinates, opd, lit, x, y) -> None:
         without = [integral_length((found - part / blocks)[line], step) for part in parts]
         off = float(more * (blocks - 1) * _error_by_parts(without)) if parts else math.nan
         words = f"correlation length along {axis}, integral to the first zero"
-        table.number(f"correlation_length_{axis}", Mean(value, off, float(len(parts)), math.nan), "m", words)
+        table.number(f"correlation_length_{axis}", Mean(value, off, float(len(parts))), "m", words)
     coordinates["lag_y"] = steps[0] * (np.arange(found.shape[0]) - middle[0])
     coordinates["lag_x"] = steps[1] * (np.arange(found.shape[1]) - middle[1])
 

@@ -25,7 +25,6 @@ from .statistic_parts import (
     add_correlation,
     add_modes,
     add_spectra,
-    covers_of,
     in_time,
     pupil_width,
     spread_map,
@@ -53,8 +52,8 @@ def statistics(
     and for a series too short to tell it: two of them are meant to contain the truth in 95 of 100 series, which few
     independent snapshots do not quite reach (see modes.py). Variances about a mean in time are corrected for
     the error of that mean. The errors of the maps' own numbers, as `optical_series` gives them, are added
-    (statistic_parts.py). The attribute `independent_count` says how many independent snapshots there are, `drifting`
-    lists the variables that drift. Below four snapshots errors are NaN.
+    (statistic_parts.py). The attribute `independent_count` says how many independent snapshots there are. Below
+    four snapshots errors are NaN.
 
     Args:
         dataset: Of `optical_series`, or any with `opd` over (time, y, x), NaN outside the pupil, in metres and
@@ -127,7 +126,7 @@ def statistics(
         if segment is not None:
             raise
         skipped.append(str(fault))
-    add_apertures(table, coordinates, opd, points, weight, wave, apertures, covers_of(x, y, lit))
+    add_apertures(table, coordinates, opd, points, weight, wave, apertures, lit)
     add_modes(table, coordinates, modes, lit)
     add_correlation(table, coordinates, opd, lit, x, y)
     add_model_errors(table, dataset, wave)
@@ -214,7 +213,7 @@ def _maps(table: Table, opd: np.ndarray, weight: np.ndarray, lit: np.ndarray) ->
     steady = math.sqrt(max(float(weight @ (mean - weight @ mean) ** 2) - noise, 0.0))
     rms = math.sqrt(float(weight @ error**2))
     words = "steady optical path difference, rms"
-    table.number("opd_rms_steady", Mean(steady, rms, independent, math.nan), "m", words)
+    table.number("opd_rms_steady", Mean(steady, rms, independent), "m", words)
     found = root_of(about_mean_of(unsteady, independent))
     table.number("opd_rms_unsteady", found, "m", "unsteady optical path difference, rms")
     return independent
@@ -230,7 +229,6 @@ def _dataset(table: Table, coordinates: dict[str, Any], source: Any, wavelength:
         "wavelength": wavelength,
         "errors": "standard errors, two of which cover the truth in 95 of 100 cases: by few snapshots and of the maps",
         "snapshot_count": int(source.sizes["time"]),
-        "drifting": ", ".join(table.drifting),
         **{name: "; ".join(texts) for name, texts in said.items()},
     }
     found = xarray.Dataset(table.variables, coordinates, about)

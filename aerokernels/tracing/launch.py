@@ -70,21 +70,15 @@ def starts_of(rays: RayBundle) -> tuple[Numbers, Numbers]:
     return rays.held("position"), rays.held("direction")
 
 
-def in_chunks(
-    prepared: Prepared,
-    starts: tuple[Numbers, ...],
-    outputs: frozenset,
-    then: Callable[[DeviceArray], None] | None = None,
-) -> dict[str, Any]:
+def in_chunks(prepared: Prepared, starts: tuple[Numbers, ...], outputs: frozenset) -> dict[str, Any]:
     """Launch a kernel over rays, chunk by chunk; return per-ray arrays, on the device where the engine keeps them.
 
-    The status always is among them, and "step_error" where rays are rejected. `then` starts further work on the
-    statuses if they stay on the device.
+    The status always is among them, and "step_error" where rays are rejected.
     """
     engine, ray_count = prepared.engine, len(starts[0])
     if engine.keeps(ray_count * RAY_BYTES):
         try:
-            return _kept(prepared, starts, outputs, then)
+            return _kept(prepared, starts, outputs)
         except Exception as fault:
             if not lacks_memory(fault):
                 raise
@@ -184,12 +178,7 @@ def _empty(name: str, ray_count: int) -> np.ndarray:
     return np.empty((ray_count, width) if width > 1 else ray_count, dtype=kind)
 
 
-def _kept(
-    prepared: Prepared,
-    starts: tuple[Numbers, ...],
-    outputs: frozenset,
-    then: Callable[[DeviceArray], None] | None,
-) -> dict[str, Any]:
+def _kept(prepared: Prepared, starts: tuple[Numbers, ...], outputs: frozenset) -> dict[str, Any]:
     """Launch rays on an engine that keeps all results, without waiting for copies that are under way to the host."""
     engine, ray_count = prepared.engine, len(starts[0])
     wanted = [name for name in OUTPUT_TYPES if name in outputs or name == "status"]
@@ -202,8 +191,6 @@ def _kept(
             prepared.launch(given, results, rows.stop - rows.start, rows.start)
             if fetching is not None:
                 fetching.rows(rows)
-        if then is not None:
-            then(DeviceArray(results["status"]))
         engine.wait()
     coming = {} if fetching is None else fetching.coming()
     arrays = {name: DeviceArray(results[name], coming.get(name)) for name in wanted}

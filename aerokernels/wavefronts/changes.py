@@ -13,7 +13,7 @@ import numpy as np
 
 from ..tracing.variants.causes import FACTOR, Variants, errors, of_a_ray
 from ..tracing.variants.paths import Cause, Rays
-from .pixels import derivatives, three_in_a_row
+from .pixels import PARTS, repeated, three_in_a_row, values_of_parts
 from .terms import PupilNumbers, remove_named, weighted_mean
 
 # Pixels whose changes are drawn where no rays are known; number of draws, cosines in each, and their wavelengths over
@@ -152,22 +152,9 @@ def of_extremes(wave: Any) -> float:
     return float(np.hypot(2.0 * wave.opd_error, steps))
 
 
-# Parts of a pixel's side, and their middles from its own [pixels].
-PARTS, STEPS = 3, (-1.0 / 3.0, 0.0, 1.0 / 3.0)
-
-
 def finer(wave: Any) -> Any:
     """Return a wavefront on pixels of a third of the side, with the removed terms fitted and removed again."""
-    lit = wave.lit
-    parts = [np.where(lit, wave.opd, 0.0)]
-    for axis in (0, 1):
-        parts = [
-            one + step * slope + 0.5 * step**2 * bend
-            for one in parts
-            for slope, bend in [derivatives(one, lit, axis)]
-            for step in STEPS
-        ]
-    found = np.stack(parts).reshape(PARTS, PARTS, *lit.shape).transpose(2, 0, 3, 1).reshape(_repeated(lit).shape)
+    found = values_of_parts(np.where(wave.lit, wave.opd, 0.0), wave.lit)
     weight, intensity = _divided(wave, wave.weight, 1), _divided(wave, wave.intensity, 2)
     intensity = np.maximum(intensity, weight**2)
     fine = replace(wave, opd=found, weight=weight, intensity=intensity, pixel=wave.pixel / PARTS)
@@ -186,14 +173,10 @@ def without_named(wave: Any, names: tuple[str, ...]) -> Any:
 
 def _divided(wave: Any, values: np.ndarray, power: int) -> np.ndarray:
     """Return mean amplitudes or intensities (power 2) of the parts of pixels; their mean is the pixel's own."""
-    whole, count = _repeated(values), len(values)
+    whole, count = repeated(values), len(values)
     if wave.aperture is None:
         return whole
     edges = wave.pixel / PARTS * (np.arange(PARTS * count + 1) - 0.5 * PARTS * count)
     share = wave.aperture.coverage(edges, edges, power)
-    mean = _repeated(share.reshape(count, PARTS, count, PARTS).mean(axis=(1, 3)))
+    mean = repeated(share.reshape(count, PARTS, count, PARTS).mean(axis=(1, 3)))
     return np.where(mean > 0.0, whole * share / np.where(mean > 0.0, mean, 1.0), whole)
-
-
-def _repeated(values: np.ndarray) -> np.ndarray:
-    return np.repeat(np.repeat(values, PARTS, axis=0), PARTS, axis=1)

@@ -66,3 +66,25 @@ def derivatives(values: np.ndarray, lit: np.ndarray, axis: int) -> tuple[np.ndar
             bend += second * at
     inner = slice(REACH, -REACH)
     return slope[inner, inner], bend[inner, inner]
+
+
+# Parts of a pixel's side, and their middles from its own [pixels].
+PARTS, STEPS = 3, (-1.0 / 3.0, 0.0, 1.0 / 3.0)
+
+
+def values_of_parts(values: np.ndarray, lit: np.ndarray) -> np.ndarray:
+    """Return values at the middles of the parts of pixels, by parabolas along both axes, shape (3 ny, 3 nx)."""
+    parts = [values]
+    for axis in (0, 1):
+        parts = [
+            one + step * slope + 0.5 * step**2 * bend
+            for one in parts
+            for slope, bend in [derivatives(one, lit, axis)]
+            for step in STEPS
+        ]
+    return np.stack(parts).reshape(PARTS, PARTS, *lit.shape).transpose(2, 0, 3, 1).reshape(repeated(lit).shape)
+
+
+def repeated(values: np.ndarray) -> np.ndarray:
+    """Return a value of each pixel for each of its parts."""
+    return np.repeat(np.repeat(values, PARTS, axis=0), PARTS, axis=1)

@@ -46,7 +46,7 @@ def page() -> str:
         "[The echo](../echo.md).\n",
     ]
     from aerokernels.inputs.units import si_unit
-    from aerokernels.scene.changes import key_dimension
+    from aerokernels.scene.scene import key_dimension
 
     for table, model in tables().items():
         words = re.sub(r"^\[[\w.]+\]:\s*", "", (model.__doc__ or "").strip().split("\n\n")[0]) if table else ""

@@ -26,8 +26,7 @@ from aerokernels.hardware.preamble import PreambleError, parse_rigol, parse_tekt
 from aerokernels.hardware.scope import Block, BlockDecoder
 from aerokernels.process.opened import OPENED
 from aerokernels.scene import Scene, SceneError
-from aerokernels.scene.errors import known_keys
-from aerokernels.scene.loading import shipped_scene_text, shipped_scenes
+from aerokernels.scene.loading import known_keys, shipped_scene_text, shipped_scenes
 
 from .damaged_files import damaged
 from .refusals import check_refusal

@@ -12,9 +12,8 @@ from pydantic import BaseModel, ValidationError
 
 from aerokernels.jobs.run_files import scene_toml
 from aerokernels.scene import STATIC_CALIBRATION, Scene, SceneError, shipped_scenes
-from aerokernels.scene.changes import changed_scene, key_dimension
-from aerokernels.scene.errors import known_keys
-from aerokernels.scene.loading import shipped_scene_text
+from aerokernels.scene.loading import known_keys, shipped_scene_text
+from aerokernels.scene.scene import changed_scene, key_dimension
 
 SHIPPED = ("sea-level-mach2", "sea-level-mach3", "sea-level-mach4", *(f"wind-tunnel-mach{m}" for m in (2, 3, 4)))
 

@@ -10,6 +10,8 @@ from aerokernels.tracing import ArcLength, Plane, TraceResult, available_backend
 from tests.random_fields import mesh_field, uniform_field
 from tests.small_fields import oblique_rays, random_field
 
+from .stepped_reference import trace_in_steps
+
 WAVE = 905e-9
 # What is asked of every backend against the float64 reference: OPD [m] and direction [rad].
 OPD_LIMIT = {"float32": 1e-3 * WAVE, "float64": 1e-5 * WAVE}
@@ -103,10 +105,9 @@ def small_field(geometry: str, interpolation: str, seed: int, width: float):
 
 
 @functools.cache
-def stepped(geometry: str, interpolation: str, method: str, step: float | None = None) -> TraceResult:
-    """The reference on `field_of`, by the steps of a rule, to FAR: three of `oblique_rays`."""
-    settings = {"method": method, "backend": "reference", "precision": "float64", "until": FAR, "step": step}
-    return trace(field_of(geometry, interpolation), oblique_rays(3), **settings)
+def stepped(geometry: str, interpolation: str, step: float | None = None):
+    """`trace_in_steps` on `field_of` to FAR: three of `oblique_rays`."""
+    return trace_in_steps(field_of(geometry, interpolation), oblique_rays(3), until=FAR, step=step)
 
 
 def small_rays(count: int, seed: int = 8) -> RayBundle:

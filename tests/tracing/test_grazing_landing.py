@@ -84,6 +84,8 @@ def test_a_plane_parallel_to_the_rays_is_not_reached_by_bending(engine, method):
     """
     start = np.array([[0.0, y, -2e-4] for y in (-5e-5, 2e-5, 8e-5)])
     rays = RayBundle(start, np.tile([0.0, 0.0, 1.0], (3, 1)))
+    if engine == "reference" and method == "fixed":
+        pytest.skip("it takes no fixed steps")
     engine = {"backend": "reference"} if engine == "reference" else on(engine)
     step = CELL if method == "fixed" else None
     for height in (2e-3, -2e-3):

@@ -47,7 +47,7 @@ FORMATS = (
     Format("Tecplot binary", (".plt",), "tecplot_binary"),
     Format("Tecplot ASCII", (".tec", ".tp"), "tecplot_text"),
     Format("SU2", (".su2",), "su2", options=("mesh", "solution")),
-    Format("NumPy arrays", (".npz",), "npz", options=("variables", "order")),
+    Format("NumPy arrays", (".npz",), "named_arrays", options=("variables", "order")),
     Format("NetCDF", (".nc", ".nc4", ".netcdf"), "netcdf", True, options=("variables",)),
     Format("HDF5", (".h5", ".hdf5", ".hdf"), "hdf5", True, options=("variables", "order")),
     Format("table of points", (".csv", ".txt"), "point_table"),

@@ -22,7 +22,7 @@ from aerokernels.flow.reading.formats import files_behind
 from aerokernels.inputs.kinds import is_number
 from aerokernels.jobs.store import to_json
 from aerokernels.scene import Scene, SceneError
-from aerokernels.scene.changes import changed_scene, key_unit, key_value, with_units
+from aerokernels.scene.scene import changed_scene, key_unit, key_value, with_units
 
 MOST_CASES = 100_000
 CASE = "case"  # the dimension of a sweep in mode "zip"

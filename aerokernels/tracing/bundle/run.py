@@ -1,6 +1,5 @@
 """Trace a bundle as a map of two parameters: some lines are traced, most rays interpolated, the rest traced singly."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -9,7 +8,7 @@ import numpy as np
 from aerokernels.tracing.tasks.family import BundleTable, FaceClasses, Family, counted_parameters, find_family
 
 from ...derived import cached_on
-from ...device_arrays import DeviceArray, on_host, rows_begun
+from ...device_arrays import DeviceArray, on_host, rows_where
 from ...medium import IndexField
 from ...rays import RayBundle
 from ..cuts import face_strengths
@@ -64,17 +63,10 @@ def trace_bundle(request: BundleRequest) -> tuple[TracePlan, dict[str, np.ndarra
     if isinstance(found, str):
         return f"rays are traced one by one: {found}"
     family, table, plan = found
-    begun: list[Callable[[], Any]] = []
-
-    def find_left(status: Any) -> None:
-        begun.append(rows_begun(status, NOT_DELIVERED))
-
     with memory_of(plan.device):
         ready = engine_of(plan.backend, plan.device).prepare_bundle(table, request.outputs)
-        arrays = in_chunks(ready, starts_of(rays), request.outputs, then=find_left)
-        if not isinstance(arrays["status"], DeviceArray):
-            find_left(arrays["status"])
-        left = begun[-1]()
+        arrays = in_chunks(ready, starts_of(rays), request.outputs)
+        left = rows_where(arrays["status"], NOT_DELIVERED)
     if len(left) > (1.0 - LEAST_SHARE) * rays.ray_count:
         return (
             f"rays are traced one by one: interpolation would be accurate for only {rays.ray_count - len(left)} of them"

@@ -1,11 +1,13 @@
 """The kernel arguments that describe a family, its stop and the field's box: an array of floats, and a few integers."""
 
+from typing import Any
+
 import numpy as np
 
 from aerokernels.tracing.engines.layout import OPTIONS
 from aerokernels.tracing.plan import output_mask
 from aerokernels.tracing.stop import ArcLength, Plane
-from aerokernels.tracing.tasks.family import FAR, LEAST_COSINE, BundleTable, Family
+from aerokernels.tracing.tasks.family import FAR, LEAST_COSINE, BundleTable
 
 
 def _numbered(option: str) -> dict[str, int]:
@@ -16,51 +18,20 @@ def _numbered(option: str) -> dict[str, int]:
 
 
 STOPS, SHAPES = _numbered("stop"), _numbered("geometry")
-# Length of `frame`, and of its part that describes the family.
-FRAME_SIZE, FAMILY_SIZE = 41, 26
-
-
-def frame_of(table: BundleTable) -> np.ndarray:
-    """The kernels' array `frame`, shape (41,)."""
-    until, field = table.classes.until, table.classes.field
-    is_plane = isinstance(until, Plane)
-    low, high = field.box
-    numbers = [
-        until.point if is_plane else np.zeros(3),
-        until.normal if is_plane else np.array([0.0, 0.0, 1.0]),
-        [until.length if isinstance(until, ArcLength) else 0.0],
-        low,
-        high,
-        [field.ambient_index, table.classes.margin],
-    ]
-    return _flat(family_numbers(table.family, table.rate), *numbers)
-
-
-def family_numbers(family: Family, rate: np.ndarray | None = None) -> np.ndarray:
-    """The first numbers of `frame`, which describe a family; `rate` is that of a table of the family."""
-    has_plane = family.start_point is not None
-    frame = _flat(
-        family.low,
-        np.zeros(2) if rate is None else rate,
-        family.origin,
-        family.axes,
-        family.start_point if has_plane else np.zeros(3),
-        family.start_normal,
-        [has_plane, family.ahead, family.close, LEAST_COSINE],
-    )
-    assert len(frame) == FAMILY_SIZE
-    return frame
-
-
-def _flat(*parts) -> np.ndarray:
-    return np.clip(np.concatenate([np.ravel(np.asarray(part, dtype=np.float64)) for part in parts]), -FAR, FAR)
 
 
 def kernel_arrays(table: BundleTable) -> list[np.ndarray]:
-    """The kernels' arrays, flat: block_map, header, patches, frame."""
-    frame = frame_of(table)
-    assert len(frame) == FRAME_SIZE
-    return [table.map.ravel(), table.header.ravel(), table.values.ravel(), frame]
+    """The kernels' arrays, flat: block_map, header, patches, frame; deliver_bundle.py reads `frame` by place."""
+    family, until, field = table.family, table.classes.until, table.classes.field
+    start = np.zeros(3) if family.start_point is None else family.start_point
+    frame: list[Any] = [family.low, table.rate, family.origin, family.axes, start, family.start_normal]  # 22 numbers
+    frame += [[family.start_point is not None, family.ahead, family.close, LEAST_COSINE]]
+    frame += [until.point, until.normal] if isinstance(until, Plane) else [np.zeros(3), np.array([0.0, 0.0, 1.0])]
+    frame += [[until.length if isinstance(until, ArcLength) else 0.0], *field.box]
+    frame += [[field.ambient_index, table.classes.margin]]
+    numbers = np.concatenate([np.ravel(np.asarray(part, dtype=np.float64)) for part in frame])
+    assert len(numbers) == 41
+    return [table.map.ravel(), table.header.ravel(), table.values.ravel(), np.clip(numbers, -FAR, FAR)]
 
 
 def kernel_numbers(table: BundleTable, outputs: frozenset) -> list[int]:

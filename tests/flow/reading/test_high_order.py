@@ -7,12 +7,10 @@ pytest.importorskip("vtkmodules")
 
 import vtk_writers
 from vtkmodules.util.numpy_support import numpy_to_vtk
-from vtkmodules.vtkCommonCore import vtkPoints
 from vtkmodules.vtkCommonDataModel import (
     vtkHigherOrderHexahedron,
     vtkHigherOrderQuadrilateral,
     vtkImageData,
-    vtkUnstructuredGrid,
 )
 from vtkmodules.vtkFiltersCore import vtkAppendFilter
 
@@ -30,20 +28,13 @@ def lagrange(axes: int, order: int, elements: int, density):
         own[place(*index, [order] * axes)] = [*index, *[0] * (3 - axes)]
     shifts = np.array([[*shift, *[0] * (3 - axes)] for shift in np.ndindex(*[elements] * axes)])
     points = (shifts[:, None] + own / order).reshape(-1, 3) / elements
-    grid, at = vtkUnstructuredGrid(), vtkPoints()
-    at.SetDataTypeToDouble()
-    at.SetData(numpy_to_vtk(points, deep=True))
-    grid.SetPoints(at)
-    for cell in range(len(shifts)):
-        numbers = cell * len(nodes) + np.arange(len(nodes))
-        grid.InsertNextCell(QUAD if axes == 2 else HEXAHEDRON, len(nodes), numbers.tolist())
-    values = numpy_to_vtk(density(points, np.repeat(np.arange(len(shifts)), len(nodes))), deep=True)
-    values.SetName("rho")
-    grid.GetPointData().AddArray(values)
-    sizes = numpy_to_vtk(1.0 + np.arange(float(len(shifts))), deep=True)
-    sizes.SetName("element")
-    grid.GetCellData().AddArray(sizes)
-    return grid
+    cells = np.arange(len(points)).reshape(len(shifts), -1)
+    return vtk_writers.vtk_cells(
+        points,
+        [(QUAD if axes == 2 else HEXAHEDRON, cell) for cell in cells],
+        rho=density(points, np.repeat(np.arange(len(shifts)), len(nodes))),
+        element=1.0 + np.arange(float(len(shifts))),
+    )
 
 
 def linear(points, element=None):

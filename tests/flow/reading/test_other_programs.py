@@ -261,31 +261,20 @@ def test_a_mesh_of_su2_in_cgns(tmp_path, binary):
         flow.read(path, mesh=file)
 
 
-@pytest.mark.parametrize("end", ["npz", "h5"])
-def test_an_order_of_axes_that_nothing_tells(tmp_path, end):
+def test_an_order_of_axes_that_nothing_tells(tmp_path):
     """Set-up: numpy.meshgrid's arrays over as many x as y, in a plane and in a volume.
 
-    Expected: a warning that names the order taken and the option; with the option the formula. Arrays whose axes HDF5
-    names, and those with the place of each sample, need none.
+    Expected: a warning that names the order taken and the option; with the option the formula. Arrays with the place
+    of each sample need none.
     """
     x, y, z = np.linspace(0.0, 0.8, 9), np.linspace(-0.1, 0.3, 9), np.linspace(0.0, 0.2, 5)
     axes = {"x": x, "y": y}
     mesh = dict(zip("xy", np.meshgrid(x, y), strict=True))
     solid = dict(zip("xyz", np.meshgrid(x, y, z), strict=True))
 
-    def written(name, arrays, scales=None):
-        path = tmp_path / f"{name}.{end}"
-        if end == "npz":
-            np.savez(path, **arrays)
-        else:
-            h5py = pytest.importorskip("h5py")
-            with h5py.File(path, "w") as file:
-                for key, own in arrays.items():
-                    file[key] = own
-                for number, key in enumerate(scales or ""):
-                    file[key].make_scale(key)
-                    file["rho"].dims[number].attach_scale(file[key])
-        return path
+    def written(name, arrays):
+        np.savez(tmp_path / f"{name}.npz", **arrays)
+        return tmp_path / f"{name}.npz"
 
     flat = written("flat", {**axes, "rho": 1.0 + mesh["x"] + 0.1 * mesh["y"]})
     full = written("full", {**axes, "z": z, "rho": 1.0 + solid["x"] + 0.1 * solid["y"] + 0.01 * solid["z"]})
@@ -307,6 +296,3 @@ def test_an_order_of_axes_that_nothing_tells(tmp_path, end):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         flow.read(written("places", {**mesh, "rho": 1.0 + mesh["x"]}))
-        if end == "h5":
-            named = flow.read(written("named", {**axes, "rho": 1.0 + mesh["x"]}, "yx"))
-            assert named.density_at([[0.0, 0.2, -0.7]]) == pytest.approx([1.7])

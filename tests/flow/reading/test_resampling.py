@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import vtk_writers
 from test_volumes import cube, linear, split
 
 from aerokernels import flow
@@ -62,26 +63,11 @@ def test_another_mesh_is_drawn_anew(change):
 
 def test_a_reader_keeps_the_map_from_file_to_file(tmp_path):
     """Set-up: a volume of tetrahedra in two .vtu files. Expected: one map, two fields; a series too."""
-    vtk = pytest.importorskip("vtkmodules.vtkIOXML")
-    from vtkmodules.util.numpy_support import numpy_to_vtk
-    from vtkmodules.vtkCommonCore import vtkPoints
-    from vtkmodules.vtkCommonDataModel import VTK_TETRA, vtkUnstructuredGrid
-
+    pytest.importorskip("vtkmodules")
     points, corners = split(TETRAHEDRON, *cube(3)[::-1])
     for number, factor in enumerate((1.0, 1.5)):
-        grid, places = vtkUnstructuredGrid(), vtkPoints()
-        places.SetDataTypeToDouble()
-        places.SetData(numpy_to_vtk(points, deep=True))
-        grid.SetPoints(places)
-        for cell in corners:
-            grid.InsertNextCell(VTK_TETRA, 4, [int(k) for k in cell])
-        values = numpy_to_vtk(factor * linear(points), deep=True)
-        values.SetName("rho")
-        grid.GetPointData().AddArray(values)
-        writer = vtk.vtkXMLUnstructuredGridWriter()
-        writer.SetFileName(str(tmp_path / f"flow_{number}.vtu"))
-        writer.SetInputData(grid)
-        writer.Write()
+        grid = vtk_writers.vtk_cells(points, [(10, cell) for cell in corners], rho=factor * linear(points))
+        vtk_writers.write_vtk(tmp_path / f"flow_{number}.vtu", grid)
     reader = flow.Reader(spacing=0.1)
     one = reader(tmp_path / "flow_0.vtu")
     shared = reader.resampling

@@ -7,7 +7,6 @@ import vtk_writers
 from aerokernels import flow
 
 pytest.importorskip("vtkmodules")
-from vtkmodules import vtkCommonCore, vtkCommonDataModel
 
 # Corners and mid-edge points of a triangle and of a quadrilateral that share an edge, at the unit square's side.
 POINTS = [(0, 0), (1, 0), (0, 1), (0.5, 0), (0.5, 0.5), (0, 0.5), (0.3, 0.3), (1, 1), (1, 0.5), (0.5, 1)]
@@ -15,20 +14,8 @@ POINTS = [(0, 0), (1, 0), (0, 1), (0.5, 0), (0.5, 0.5), (0, 0.5), (0.3, 0.3), (1
 
 def written(path, cells):
     """An unstructured grid of the points above with cells of a type and its points each, density 1, 2, ... in them."""
-    grid = vtkCommonDataModel.vtkUnstructuredGrid()
-    points = vtkCommonCore.vtkPoints()
-    points.SetDataTypeToDouble()
-    for x, y in POINTS:
-        points.InsertNextPoint(x, y, 0.0)
-    grid.SetPoints(points)
-    for kind, corners in cells:
-        grid.InsertNextCell(kind, len(corners), corners)
-    density = vtkCommonCore.vtkDoubleArray()
-    density.SetName("rho")
-    for number in range(len(cells)):
-        density.InsertNextValue(1.0 + number)
-    grid.GetCellData().AddArray(density)
-    return vtk_writers.write_vtk(path, grid)
+    points = [(x, y, 0.0) for x, y in POINTS]
+    return vtk_writers.write_vtk(path, vtk_writers.vtk_cells(points, cells, rho=1.0 + np.arange(len(cells))))
 
 
 def area(field) -> float:

@@ -41,6 +41,27 @@ def vtk_even(three: bool = False):
     return data
 
 
+def vtk_cells(points, cells, **arrays):
+    """An unstructured grid of points, shape (n, 3), and cells, each VTK's type and its points.
+
+    Arrays by name are values of the points or of the cells, by their lengths.
+    """
+    from vtkmodules.util.numpy_support import numpy_to_vtk
+    from vtkmodules.vtkCommonCore import vtkPoints
+    from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
+
+    data, places = vtkUnstructuredGrid(), vtkPoints()
+    places.SetData(numpy_to_vtk(np.asarray(points, np.float64), deep=True))
+    data.SetPoints(places)
+    for kind, corners in cells:
+        data.InsertNextCell(kind, len(corners), [int(k) for k in corners])
+    for name, values in arrays.items():
+        own = numpy_to_vtk(np.asarray(values, np.float64), deep=True)
+        own.SetName(name)
+        (data.GetPointData() if len(values) == len(points) else data.GetCellData()).AddArray(own)
+    return data
+
+
 def vtk_unstructured(data):
     """Any grid of VTK as an unstructured one."""
     from vtkmodules.vtkFiltersCore import vtkAppendFilter

@@ -38,7 +38,7 @@ def test_fixed_steps_agree_step_by_step(geometry, interpolation, precision, engi
     """
     backend = on(engine)
     field, rays = field_of(geometry, interpolation), oblique_rays(3)
-    expected = stepped(geometry, interpolation, "fixed", 4e-5)
+    expected = stepped(geometry, interpolation, 4e-5)
     result = trace(field, rays, method="fixed", step=4e-5, until=FAR, precision=precision, **backend)
     assert result.ok.all() and expected.ok.all()
     opd, angle = (1e-7, 1e-12) if precision == "float64" else (1e-4, 1e-8)
@@ -155,7 +155,7 @@ def test_paper_steps_follow_eq_5(geometry, interpolation, precision, engine):
     """
     backend = on(engine)
     field, rays = field_of(geometry, interpolation), oblique_rays(3)
-    expected = stepped(geometry, interpolation, "paper")
+    expected = stepped(geometry, interpolation)
     result = trace(field, rays, method="paper", until=FAR, precision=precision, **backend)
     assert result.ok.all() and expected.ok.all()
     off = np.abs(result.opd - expected.opd), np.abs(result.direction - expected.direction).max(axis=1)

@@ -5,7 +5,7 @@ import pytest
 
 from aerokernels import RayBundle
 from aerokernels.device_arrays import pinned
-from aerokernels.device_arrays.array import DeviceArray, extremes_of, is_one_row, rows_begun, rows_where
+from aerokernels.device_arrays.array import DeviceArray, extremes_of, is_one_row, rows_where
 from aerokernels.device_arrays.foreign import host_array
 from aerokernels.device_arrays.rays import checked_rays
 from aerokernels.tracing.engines import available_backends, engine_of
@@ -93,8 +93,6 @@ def test_rays_of_a_status(count):
     chosen = np.sort(RANDOM.permutation(10000)[:count])
     status[chosen] = 3
     assert np.array_equal(np.asarray(there(status)[:]), status)
-    found = rows_begun(there(status), 3)()
-    assert np.array_equal(found.numpy(), chosen) and np.array_equal(rows_begun(status, 3)(), chosen)
     assert np.array_equal(rows_where(there(status), 3), chosen) and np.array_equal(rows_where(status, 3), chosen)
     error[[11, 12]] = 2.0, np.nan
     expected = np.union1d(chosen, [11, 12])

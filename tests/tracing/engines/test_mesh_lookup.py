@@ -12,6 +12,7 @@ from aerokernels.tracing import Plane, trace
 from tests.random_fields import mesh_field
 
 from ..backends import ENGINES, OPENCL, WAVE, on
+from ..stepped_reference import trace_in_steps
 
 # --- neighbours ------------------------------------------------------------------------------------------------------
 
@@ -151,8 +152,7 @@ def test_the_walk_finds_what_the_reference_finds(scene, engine):
 @functools.cache
 def of_reference(scene: str):
     make, middle, half, start, stop, step = SCENES[scene]
-    settings = {"until": Plane((0, 0, stop), (0, 0, 1)), "method": "fixed", "step": step, "precision": "float64"}
-    return trace(make(), across(3, middle, half, start, 4), backend="reference", **settings)
+    return trace_in_steps(make(), across(3, middle, half, start, 4), until=Plane((0, 0, stop), (0, 0, 1)), step=step)
 
 
 def without_neighbours(field: IndexField) -> IndexField:

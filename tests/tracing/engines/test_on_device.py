@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from aerokernels import Annulus, Disc, IndexField, Mask, Plane, RayBundle, Rectangle, trace
-from aerokernels.device_arrays import DeviceArray, extremes_of, plain_array, rows_begun, rows_where
+from aerokernels.device_arrays import DeviceArray, extremes_of, plain_array, rows_where
 from aerokernels.device_arrays.rays import checked_rays
 from aerokernels.tracing import RayStatus
 
@@ -138,11 +138,9 @@ def test_rows_are_read_and_written_without_the_others(engine):
         assert len(expected) > (4096 if codes == 7 else 0)
         assert np.array_equal(rows_where(held[0], codes, held[1], 1.0), expected)
         assert np.array_equal(rows_where(*held[:1], codes), np.flatnonzero(host[0] == codes))
-        for codes_of_rays in (held[0], host[0]):
-            assert np.array_equal(plain_array(rows_begun(codes_of_rays, codes)()), np.flatnonzero(host[0] == codes))
 
     # The same by numbers of rows that lie on the device, and values that do.
-    there = rows_begun(DeviceArray(wp.array(status, device=device)), 7)()
+    there = wp.array(np.flatnonzero(status == 7), dtype=wp.int32, device=device)
     assert np.array_equal(array.part(there).host, values[status == 7])
     array[there] = DeviceArray(wp.array(-values[status == 7], dtype=wp.vec3d, device=device))
     assert np.array_equal(array.host, np.where((status == 7)[:, None], -values, values))

@@ -28,6 +28,7 @@ from ..backends import (
     small_field,
     small_rays,
 )
+from ..stepped_reference import trace_in_steps
 
 PRECISIONS = ("float32", "float64")
 SMOOTH, ROUGH = 3.0, 1.2  # cells over which samples are smooth
@@ -63,10 +64,9 @@ def test_adaptive_meets_the_limits(geometry, interpolation, seed, width, engine)
 
 @functools.cache
 def equal_steps(geometry: str, interpolation: str, seed: int, width: float, amplitude: float, step: float):
-    """A random field, a ray, and the reference's trace of it in equal steps."""
+    """A random field, a ray, and NumPy's trace of it in equal steps."""
     field, rays = random_field(geometry, interpolation, seed, width, amplitude), small_rays(1, seed)
-    settings = {"method": "fixed", "step": step, "until": FAR, "backend": "reference", "precision": "float64"}
-    return field, rays, trace(field, rays, **settings)
+    return field, rays, trace_in_steps(field, rays, until=FAR, step=step)
 
 
 @pytest.mark.parametrize("engine", ENGINES)

@@ -1,11 +1,8 @@
 """Polygons in a plane with values, the first form of the cells of every two-dimensional file, and the mesh they make.
 
-Quadrilaterals stay as they are. Where a mesh has triangles or polygons, every cell is cut from its middle to the
-midpoints of its edges: a polygon of n corners becomes n quadrilaterals, and neighbours share the midpoint of their
-common edge. Each part keeps the average of its cell. Linear functions of point data are kept exactly.
-
-All cells get the same orientation. Two cells that share an edge then run along it in opposite directions; if a cell
-that was reversed runs along it like its neighbour, the mesh is folded there, which no order of corners can repair.
+Where a mesh has triangles or polygons, every cell is cut from its middle to the midpoints of its edges: a polygon of n
+corners becomes n quadrilaterals. Each part keeps the average of its cell, and linear functions of point data are kept.
+Two cells of one orientation run along their common edge in opposite directions; otherwise the mesh is folded there.
 """
 
 from collections.abc import Sequence

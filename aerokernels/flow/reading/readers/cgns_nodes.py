@@ -1,9 +1,8 @@
 """Nodes of a CGNS file in HDF5, as h5py's groups: their arrays against the sizes of their zones, boundary patches.
 
-By the standard (SIDS) a zone of dimension d has d counts of vertices and d of cells; an unstructured zone has d = 1. An
-array has one value for each vertex or cell, by its solution's GridLocation (Vertex if none is stated), and for the rows
-of ghosts beyond both ends of each axis that Rind states. VTK's reader allocates by these sizes and reads what the array
-holds: of a shorter array the rest is memory that nobody wrote. It skips most kinds of boundary conditions.
+By the standard (SIDS) a zone of dimension d has d counts of vertices and d of cells; an unstructured zone has d = 1.
+Rind states the rows of ghosts beyond both ends of each axis. VTK's reader allocates by these sizes: of a shorter array
+the rest is memory that nobody wrote. It skips most kinds of boundary conditions.
 """
 
 from collections.abc import Iterator

@@ -178,6 +178,9 @@ def read(path: Path, time: Any, options: Mapping[str, Any]) -> Dataset:
     if len(set(geometries)) > 1:
         raise ReadError(folder, "some processors have another geometry than the others", "decompose the case again")
     axis = next((part[3] for part in parts if part[3] is not None), None)
+    if geometries[0] == "axisymmetric" and axis is None:
+        fault = "its patches of type wedge do not tell the axis of symmetry"
+        raise ReadError(folder, fault, "make them two patches, one for each side of a wedge of some degrees")
     return Dataset(
         blocks,
         f"OpenFOAM case{f', decomposed in {len(chosen.parts)}' if chosen.parts != [folder] else ''}",
@@ -185,7 +188,7 @@ def read(path: Path, time: Any, options: Mapping[str, Any]) -> Dataset:
         patches=[patch for part in parts for patch in part[1]],
         times=[entry.value for entry in times],
         time=value,
-        axis=(axis or _axis(blocks)) if geometries[0] == "axisymmetric" else None,
+        axis=axis,
         gas_constant=_gas_constant(folder),
         units=getattr(blocks[0].cell_data, "units", {}),
         length=1.0,
@@ -216,16 +219,6 @@ def _part(folder: Path, time: str) -> tuple[Block, list, str, tuple[float, float
     kinds, start = np.full(mesh.cell_count, POLYHEDRON, np.uint8), np.zeros(mesh.cell_count + 1, np.int64)
     block = Block(mesh.points, Cells(kinds, start, np.empty(0, int), mesh.faces), cell_data=fields)
     return block, surface_patches(mesh), "volume", None
-
-
-def _axis(blocks: list[Block]) -> tuple[float, float, float]:
-    """Return the axis of a wedge whose sides do not tell it: the coordinate axis that is in its plane."""
-    points = np.concatenate([block.points for block in blocks])
-    centred = points - points.mean(axis=0)
-    normal = np.linalg.svd(centred.T @ centred)[0][:, 2]
-    # The plane of a wedge's side is tilted, and contains one coordinate axis only: it is perpendicular to the normal.
-    axis = np.eye(3)[int(np.argmin(np.abs(normal)))]
-    return axis[0], axis[1], axis[2]
 
 
 def _gas_constant(folder: Path) -> float | None:

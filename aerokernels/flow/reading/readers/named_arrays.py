@@ -1,15 +1,12 @@
-"""Datasets of named arrays, with coordinates along axes or for every sample: of NPZ, HDF5 and NetCDF files.
+"""Read NPZ, whose objects are never unpickled, and make datasets of the named arrays of it, HDF5 and NetCDF.
 
 Coordinates are arrays called x, y, z or r, z (`variables` names others): one number for each index along an axis, or
-one for each sample. A field of r and z is axisymmetric.
-
-Without coordinate arrays, the two ends of each axis define uniform cells, and the arrays are taken as averages over
-them. The ends are in `variables`, or in attributes of an HDF5 file called xmin and xmax, x_min and x_max, and so on.
+one for each sample. Without them, the two ends of each axis, in `variables` or in attributes of an HDF5 file, define
+uniform cells, and the arrays are taken as averages over them. A field of r and z is axisymmetric.
 """
 
 import math
 from collections.abc import Collection, Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,8 +15,34 @@ import numpy as np
 from aerokernels.flow.reading.arrays import COLUMNS, PLACE, coordinates_of, length_of, plain_name, unit_of_array
 from aerokernels.flow.reading.dataset import DAMAGED, Block, Dataset, GridPoints, ReadError, chosen_time
 from aerokernels.inputs.checks import listed
+from aerokernels.process.foreign_files import check_room
 
 NOTHING: Mapping[str, Any] = {}
+
+
+def read(path: Path, time: Any, options: Mapping[str, Any]) -> Dataset:
+    """Read a file of named arrays."""
+    arrays: dict[str, np.ndarray] = {}
+    objects = False
+    with np.load(path, allow_pickle=False) as file:
+        check_room(float(sum(part.file_size for part in file.zip.infolist())), f"{path}: it")
+        for name in file.files:
+            try:
+                values = file[name]
+            except ValueError as fault:
+                if "allow_pickle" not in str(fault):
+                    raise
+                objects = True
+                continue
+            if isinstance(values, np.ndarray) and values.dtype.kind in "iufb":  # other parts are bytes
+                arrays[name] = values
+    if not arrays and objects:
+        raise ReadError(
+            path,
+            "it contains only Python objects, which are never unpickled, because that would run code in them",
+            "save plain arrays: numpy.savez(path, x=..., y=..., density=...)",
+        )
+    return arrays_as_dataset(path, arrays, "NumPy arrays", time, options)
 
 
 def arrays_as_dataset(
@@ -32,10 +55,12 @@ def arrays_as_dataset(
     units: Mapping[str, str] = NOTHING,
     ends: Mapping[str, tuple[float, float]] = NOTHING,
     labelled: Collection[str] = (),
+    grouped: bool = True,
 ) -> Dataset:
     """Return the dataset of named arrays; `options` are the caller's `variables` and `order`.
 
-    `units` of arrays and `ends` of axes are what the file states; the axes of `labelled` arrays are in a known order.
+    `units` of arrays and `ends` of axes are what the file states. The axes of `labelled` arrays are in a known order,
+    those of others in the caller's `order`; else they are identified by their lengths, where these tell it.
     """
     variables, order = dict(options.get("variables") or {}), options.get("order")
     given = {axis: value for axis, value in variables.items() if not isinstance(value, str)}
@@ -44,45 +69,7 @@ def arrays_as_dataset(
     if order is not None and (not isinstance(order, str) or not order or set(order) - set("rxyz")):
         raise ReadError(path, f"order is {order!r}", "name the axes of the arrays: 'xy', 'yx', 'xyz', 'zyx', 'zr', ...")
     arrays, note = _with_even_cells(path, arrays, variables, given or ends, order)
-    named = {a: v for a, v in variables.items() if a not in given}
-    found = dataset_of(path, arrays, units, named, kind, time, labelled, order)
-    return replace(found, notes=[*found.notes, note] if note else found.notes, grouped=True)
-
-
-def _with_even_cells(path, arrays, variables, ends, order) -> tuple[dict[str, np.ndarray], str]:
-    """Return the arrays with the edges of uniform cells if they have no coordinates, and a note."""
-    if not ends or any(plain_name(name, True) in names for name in arrays for names in COLUMNS.values()):
-        return arrays, ""
-    if any(isinstance(value, str) for value in variables.values()):
-        return arrays, ""
-    pairs: dict[str, np.ndarray] = {}
-    for axis, pair in ends.items():
-        numbers = np.asarray(pair)
-        whole = axis in COLUMNS and numbers.shape == (2,) and numbers.dtype.kind in "iuf" and np.isfinite(numbers).all()
-        if not whole or not numbers[0] < numbers[1]:
-            raise ReadError(path, f"the ends of {axis} are {pair!r}", "give two numbers that increase: x = [0.0, 1.0]")
-        pairs[axis] = numbers.astype(np.float64)
-    shapes = [own.shape for own in arrays.values() if own.ndim >= 2 and min(own.shape) > 1]
-    count = max((len(shape) for shape in shapes), default=0)
-    axes = [axis for axis in (order or "rxyz") if axis in pairs]
-    shape = max(shapes, key=shapes.count, default=())
-    if len(axes) > count == 2:  # ignore the ends of the third axis of a plane file
-        axes = axes[:2]
-    if len(axes) != len(shape):
-        return arrays, ""
-    edges = {axis: np.linspace(pairs[axis][0], pairs[axis][1], n + 1) for axis, n in zip(axes, shape, strict=True)}
-    said = ", ".join(f"{axis} from {pairs[axis][0]:g} to {pairs[axis][1]:g}" for axis in axes)
-    return {**edges, **arrays}, f"taken as averages over {' x '.join(map(str, shape))} even cells, {said}"
-
-
-def dataset_of(
-    path, arrays, units, variables, kind: str, time, labelled: Collection[str], order: str | None = None
-) -> Dataset:
-    """Return a dataset of named arrays; `variables` names coordinates by axis.
-
-    The axes of `labelled` arrays are in a known order, those of others in the `order` that a caller gives; else they
-    are identified by their lengths, where these tell it.
-    """
+    variables = {axis: name for axis, name in variables.items() if axis not in given}
     if unknown := set(variables) - set(COLUMNS):
         raise ReadError(path, f"variables: {sorted(unknown)[0]!r} is not a coordinate", "name x, y, z or r, z")
     if missing := [name for name in variables.values() if name not in arrays]:
@@ -122,7 +109,33 @@ def dataset_of(
         notes = [*notes, unsure]
     geometry = None if symmetry is None else "axisymmetric"
     return Dataset([block], kind, geometry, times=times, time=taken, axis=symmetry, units=units, length=length,
-                   notes=notes, unsure=unsure)  # fmt: skip
+                   notes=[*notes, note] if note else notes, unsure=unsure, grouped=grouped)  # fmt: skip
+
+
+def _with_even_cells(path, arrays, variables, ends, order) -> tuple[dict[str, np.ndarray], str]:
+    """Return the arrays with the edges of uniform cells if they have no coordinates, and a note."""
+    if not ends or any(plain_name(name, True) in names for name in arrays for names in COLUMNS.values()):
+        return arrays, ""
+    if any(isinstance(value, str) for value in variables.values()):
+        return arrays, ""
+    pairs: dict[str, np.ndarray] = {}
+    for axis, pair in ends.items():
+        numbers = np.asarray(pair)
+        whole = axis in COLUMNS and numbers.shape == (2,) and numbers.dtype.kind in "iuf" and np.isfinite(numbers).all()
+        if not whole or not numbers[0] < numbers[1]:
+            raise ReadError(path, f"the ends of {axis} are {pair!r}", "give two numbers that increase: x = [0.0, 1.0]")
+        pairs[axis] = numbers.astype(np.float64)
+    shapes = [own.shape for own in arrays.values() if own.ndim >= 2 and min(own.shape) > 1]
+    count = max((len(shape) for shape in shapes), default=0)
+    axes = [axis for axis in (order or "rxyz") if axis in pairs]
+    shape = max(shapes, key=shapes.count, default=())
+    if len(axes) > count == 2:  # ignore the ends of the third axis of a plane file
+        axes = axes[:2]
+    if len(axes) != len(shape):
+        return arrays, ""
+    edges = {axis: np.linspace(pairs[axis][0], pairs[axis][1], n + 1) for axis, n in zip(axes, shape, strict=True)}
+    said = ", ".join(f"{axis} from {pairs[axis][0]:g} to {pairs[axis][1]:g}" for axis in axes)
+    return {**edges, **arrays}, f"taken as averages over {' x '.join(map(str, shape))} even cells, {said}"
 
 
 def _block(path, axes, coordinates, arrays, either: bool) -> tuple[Block, list[str]]:

@@ -9,7 +9,7 @@ import numpy as np
 from aerokernels.files.netcdf_reading import is_classic
 from aerokernels.flow.reading.arrays import coordinates_of, stated_unit
 from aerokernels.flow.reading.dataset import Dataset
-from aerokernels.flow.reading.readers.named_arrays import dataset_of
+from aerokernels.flow.reading.readers.named_arrays import arrays_as_dataset
 from aerokernels.inputs.arguments import seconds
 from aerokernels.process.foreign_files import check_file
 
@@ -29,7 +29,7 @@ def labelled_dataset(path, data, variables=None, time=None, kind: str = "xarray"
     """Return the contents of an xarray data set; arguments as in `flow.read`."""
     variables = {axis: name for axis, name in dict(variables or {}).items() if name}
     names, _ = coordinates_of(map(str, data.variables), True, variables)
-    # Transpose arrays to the order of axes that `dataset_of` expects: lengths alone do not tell equal axes apart.
+    # Transpose arrays to the order of axes that `arrays_as_dataset` expects: lengths do not tell equal axes apart.
     in_order = [*dict.fromkeys(dim for name in names.values() if name in data.variables for dim in data[name].dims)]
     arrays, units = {}, {}
     for name in data.variables:
@@ -49,4 +49,5 @@ def labelled_dataset(path, data, variables=None, time=None, kind: str = "xarray"
         if values.ndim:
             arrays[str(name)] = values
             units[str(name)] = stated_unit(entry.attrs)
-    return dataset_of(path, arrays, units, variables, kind, time, arrays)
+    options = {"variables": variables}
+    return arrays_as_dataset(path, arrays, kind, time, options, units=units, labelled=arrays, grouped=False)

@@ -1,8 +1,7 @@
 """Read Plot3D: a grid and its solution (q) or functions (f), binary of either kind and byte order, or ascii.
 
 The file does not state its own form (Fortran records or plain bytes, byte order, precision, one grid or several, two or
-three dimensions, iblank). The form follows from the file's size: only one interpretation fits to the last byte. A file
-that fits none is damaged.
+three dimensions, iblank): only one interpretation fits to the last byte. A file that fits none is damaged.
 
     grid       [grids]  ni nj [nk] ...   x y [z] [iblank], i fastest
     q          [grids]  ni nj [nk] ...   mach alpha re time   rho rho_u rho_v [rho_w] e

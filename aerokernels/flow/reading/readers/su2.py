@@ -1,13 +1,9 @@
 """Read SU2: a mesh (.su2 or .cgns) and a restart, binary (.dat) or text (.csv, .dat), with values at the mesh's points.
 
 The binary restart: five int32 (535532, variable count, point count, 0, 0), names of 33 characters, float64 values point
-by point, then metadata of the run. The first number tells the byte order. SU2 numbers the points of a mesh in CGNS as
-they are in its zone, and takes the coordinates as metres, whatever unit that file states.
-
-What neither mesh nor restart states may be in a configuration beside them. REF_DIMENSIONALIZATION= FREESTREAM_... makes
-every density a multiple of the free stream's. SU2 computes that from FREESTREAM_PRESSURE and FREESTREAM_TEMPERATURE by
-the ideal gas law, or takes FREESTREAM_DENSITY where FREESTREAM_OPTION says so; a viscous run takes it from the Reynolds
-number unless INIT_OPTION is TD_CONDITIONS (SU2's configuration template, config_template.cfg).
+by point, then metadata of the run. SU2 takes the coordinates of a mesh in CGNS as metres, whatever unit it states. What
+neither file states may be in a configuration beside them (SU2's template, config_template.cfg): multiples of the free
+stream's density, which follows from its pressure and temperature unless the Reynolds number gives it.
 """
 
 import math

@@ -1,12 +1,10 @@
 r"""Convert cell averages to values at the points of a mesh, exact for linear densities up to its rim.
 
 The value at a point is a mean of the averages of the surrounding cells, with weights >= 0 for which the mean of the
-centroids is the point: linear densities are kept, and no value leaves the range of these averages. A point on the rim
-of the mesh is outside the centroids of its cells. Its value is their mean plus the change of the density from there to
-the point. Two estimates of this change are made: by the slope of the surrounding cells, and by a line through the
-points further in. The lesser counts, and zero where their signs differ, so that a shock between the first and the
-second layer of cells is not carried outward. Where the cells deviate from a line by 0.04 to 0.12 of their range the
-change fades out. It is at most the range of those cells, and the value stays above a tenth of the least of them.
+centroids is the point. A point on the rim is outside the centroids of its cells: it adds the change of the density from
+their mean to the point, the lesser of two estimates (the slope of the surrounding cells, and a line through the points
+further in), and zero where their signs differ, so that a shock is not carried outward. Where the cells deviate from a
+line by 0.04 to 0.12 of their range the change fades out.
 """
 
 from dataclasses import dataclass
@@ -224,7 +222,7 @@ class PointDeficits:
     s, the density at the mean m of its corners is f(p) + (m - p) . (g(p) + s) / 2, to the third order of the cell's
     size, where the function of the cell has f(p) + (m - p) . s. The difference is alike from every corner where the
     density is curved, and changes sign from one side of a captured shock to the other: its root mean square counts,
-    with the sign of its mean. The result is twice the deficit, as `Linear.deficit` is where averages are given.
+    with the sign of its mean. The result is twice the deficit, as that of `CrossedCells` is where averages are given.
     """
 
     around: Rows  # points of the cells around the corners of these cells, one row for each such cell

@@ -5,34 +5,13 @@ corners. The average over a cell remains that of the file; linear functions of p
 depend on the mesh alone are computed once; each set of densities then costs one pass over the cells.
 """
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 
 from aerokernels.flow.reading.dataset import POLYHEDRON, Block, Faces
 from aerokernels.flow.reading.volumes.point_values import PointDeficits, PointValues, Rows
 from aerokernels.flow.reading.volumes.solids import CellFacts, NodeGrid, corner_chunks, corner_counts
-
-
-@dataclass(frozen=True, eq=False)
-class Linear:
-    """A linear function in each cell.
-
-    `deficit` is what it lacks in a curved density: its deviation from the values at the corners of the cell, root mean
-    square with the sign of the mean. For values at points it is twice the deficit at the mean of the corners.
-    """
-
-    value: np.ndarray  # its average over the cell, shape (n,)
-    constant: np.ndarray  # at `origin`, shape (n,)
-    slope: np.ndarray  # shape (n, 3)
-    low: np.ndarray  # least value allowed
-    high: np.ndarray  # greatest value allowed
-    deficit: np.ndarray
-
-    def at(self, cell: np.ndarray, places: np.ndarray) -> np.ndarray:
-        """Return values at places (n, 3), relative to the origin, inside cells (n,)."""
-        rise = np.einsum("nk,nk->n", places, self.slope[cell])
-        return np.clip(self.constant[cell] + rise, self.low[cell], self.high[cell])
 
 
 class Reconstruction:
@@ -68,35 +47,46 @@ class Reconstruction:
 
 
 @dataclass(frozen=True, eq=False)
-class SomeCells:
-    """Cells of a block whose linear functions are evaluated at given places."""
+class CrossedCells:
+    """Cells of a block that lines cross, and the places of the lines in them, relative to an origin."""
 
-    cell: np.ndarray
-    rows: Rows
-    weight: np.ndarray
-    middle: np.ndarray
-    to_corner: np.ndarray
-    deficits: PointDeficits | None
+    node: np.ndarray  # numbers of the places on the lines, shape (m,)
+    place: np.ndarray  # [m], shape (m, 3)
+    of: np.ndarray  # the cell of each place, by its number in `cell`
+    cell: np.ndarray  # numbers of the cells in their block, shape (n,)
+    rows: Rows  # their corners
+    weight: np.ndarray  # weights of the corners in the slope, shape (entry_count, 3)
+    middle: np.ndarray  # [m], shape (n, 3)
+    to_corner: np.ndarray  # from the middle to each corner [m], shape (entry_count, 3)
+    deficits: PointDeficits | None  # for values at points
 
     @classmethod
-    def of(cls, part: Reconstruction, cell: np.ndarray) -> "SomeCells":
-        """Return the cells of a block with the given numbers."""
+    def of_block(cls, part: Reconstruction, number, node, at, origin) -> "CrossedCells":
+        """Return the cells of a block at places on lines; `number` is the cell at each of them."""
+        cell, of = np.unique(number, return_inverse=True)
         rows, entry = part.rows.select(cell)
         at_points = part.where == "point" and len(cell) > 0
         deficits = PointDeficits.of(part.rows, part.weight, part.centre, part.points, cell) if at_points else None
-        to_corner = part.points[rows.column] - rows.spread(part.middle[cell])
-        return cls(cell, rows, part.weight[entry], part.middle[cell], to_corner, deficits)
+        middle = part.middle[cell]
+        to_corner = part.points[rows.column] - rows.spread(middle)
+        return cls(node, at - origin, of, cell, rows, part.weight[entry], middle - origin, to_corner, deficits)
 
-    def linear(self, value: np.ndarray, near: np.ndarray, origin: np.ndarray) -> Linear:
-        """Return their linear functions from the result of `Reconstruction.values`, relative to `origin` [m]."""
-        own, rows = value[self.cell], self.rows
+    def evaluate(self, value: np.ndarray, near: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return for each place its cell's linear function, average and deficit; arguments of `Reconstruction.values`.
+
+        The deficit is what the function lacks in a curved density: its deviation from the values at the corners of the
+        cell, root mean square with the sign of the mean. For values at points it is twice that at their mean.
+        """
+        own, rows, of = value[self.cell], self.rows, self.of
         slope, (low, high) = rows.slopes(self.weight, near, own), rows.ranges(near, own)
         if self.deficits is not None:
             deficit = self.deficits.deficit(near)
         else:
             rise = np.einsum("nk,nk->n", self.to_corner, rows.spread(slope))
             deficit = rows.signed_rms(rise - (near[rows.column] - rows.spread(own)))
-        return Linear(own, own - np.einsum("nk,nk->n", self.middle - origin, slope), slope, low, high, deficit)
+        constant = own - np.einsum("nk,nk->n", self.middle, slope)
+        here = constant[of] + np.einsum("nk,nk->n", self.place, slope[of])
+        return np.clip(here, low[of], high[of]), own[of], deficit[of]
 
 
 def cell_corners(block: Block) -> Rows:
@@ -230,15 +220,14 @@ class MeasuringLines:
 
         grid = self.grid
         self._node = np.flatnonzero(grid.cell >= 0)
-        cells, self._of = np.unique(grid.cell[self._node], return_inverse=True)
-        self._order = sorted(range(len(parts)), key=lambda k: (firsts[k], cell_counts[k]))
-        self._parts = []
-        for k in self._order:
-            own = cells[(cells >= firsts[k]) & (cells < firsts[k] + cell_counts[k])]
-            self._parts.append(SomeCells.of(parts[k], own - firsts[k]))
-        self._at = grid.positions(self._node)
+        at, cell = grid.positions(self._node), grid.cell[self._node]
+        self._crossed = []
+        for part, first, count in zip(parts, firsts, cell_counts, strict=True):
+            own = (cell >= first) & (cell < first + count)
+            crossed = CrossedCells.of_block(part, cell[own] - first, self._node[own], at[own], self._low)
+            self._crossed.append(crossed)
         # The eight nodes around each place, and their weights in trilinear interpolation.
-        place = (self._at - self._low) / self._spacing
+        place = (at - self._low) / self._spacing
         corner = np.clip(np.floor(place).astype(np.int64), 0, np.array(self._shape) - 2)
         share = np.clip(place - corner, 0.0, 1.0)
         sides = np.array(np.meshgrid(*[(0, 1)] * 3, indexing="ij")).reshape(3, 8).T
@@ -252,18 +241,12 @@ class MeasuringLines:
     def measure(self, values, density: np.ndarray, outside_share: float, averaged_share: float) -> VolumeResampling:
         """Return the changes of the grid's density against the cells' functions."""
         shape, node = self.grid.shape, self._node
-        change, flat, deficit = (np.zeros(int(np.prod(shape))) for _ in range(3))
-        span = 0.0
-        if len(node):
-            each = zip(self._parts, [values[k] for k in self._order], strict=True)
-            found = [part.linear(value, near, self._low) for part, (value, near) in each]
-            linear = Linear(*(np.concatenate([getattr(own, name.name) for own in found]) for name in fields(Linear)))
-            truth = linear.at(self._of, self._at - self._low)
-            change[node] = self._between @ density - truth
-            flat[node] = linear.value[self._of] - truth
-            deficit[node] = linear.deficit[self._of]
-            span = float(np.ptp(linear.value))
-        columns = [self._length * own.reshape(shape).sum(axis=2) for own in (change, flat)]
+        change, truth, average, deficit = (np.zeros(int(np.prod(shape))) for _ in range(4))
+        for own, (value, near) in zip(self._crossed, values, strict=True):
+            truth[own.node], average[own.node], deficit[own.node] = own.evaluate(value, near)
+        change[node] = self._between @ density - truth[node]
+        span = float(np.ptp(average[node])) if len(node) else 0.0
+        columns = [self._length * own.reshape(shape).sum(axis=2) for own in (change, average - truth)]
         seen = change[node] if len(node) else change
         met = max(int((self.grid.cell.reshape(shape) >= 0).any(axis=2).sum()), 1)  # lines that cross any cells
         by_line = deficit.reshape(-1, shape[2])

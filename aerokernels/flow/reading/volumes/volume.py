@@ -3,18 +3,15 @@ r"""Density fields of volumes: a uniform grid is kept, every other mesh is resam
 Averages over uniform cells become values at their corners whose cubic spline keeps them, one axis at a time. The value
 at the face between two cells is their mean minus a sum of differences of slopes on either side,
 
-    v_(i+1/2) = (a_i + a_(i+1)) / 2 - sum_k c_k [ (a_(i+1+k) - a_(i+k)) - (a_(i+1-k) - a_(i-k)) ].
+    v_(i+1/2) = (a_i + a_(i+1)) / 2 - sum_k c_k [ (a_(i+1+k) - a_(i+k)) - (a_(i+1-k) - a_(i-k)) ],
 
-With the c_k used here, the mean over each cell of the spline through these values equals the cell's average, up to the
-eighth order of the cell's size; next to the ends it is of fourth order. Beside a captured shock the mean of the two
+to the eighth order of the cell's size, next to the ends to the fourth. Beside a captured shock the mean of the two
 cells remains: no continuous function keeps both averages and their range there. The deficit of the integral along a
 row, due to ends and shocks, is distributed to the row's faces in proportion to the room that each has towards the
 adjacent averages, so that the integral along every row is the row's sum, to rounding.
 
-The error of these values is estimated on rows of cells along z. Beside a captured shock a row is judged like the cells
-of any mesh: by the difference between a linear function with each cell's average and the means at the cell's corners.
-Where the flow is smooth this difference is of second order but the values are of fourth order: there the change of the
-difference from cell to cell along the row counts.
+The error is estimated on rows of cells along z: beside a captured shock by the difference between a linear function
+with each cell's average and the means at the cell's corners, in smooth flow by its change from cell to cell.
 """
 
 from dataclasses import replace
@@ -279,7 +276,7 @@ def estimated_error(average: np.ndarray, smooth: np.ndarray, step: np.ndarray) -
 
 
 def _deficits(near: np.ndarray) -> np.ndarray:
-    """Return the differences of linear functions in cells from means at their corners: see `Linear.deficit`."""
+    """Return the differences of linear functions in cells from means at their corners: see `CrossedCells.evaluate`."""
     corner = near
     for axis in (1, 3):
         moved = np.moveaxis(corner, axis, 0)

@@ -1,9 +1,8 @@
-r"""The reference engine: traces whole bundles in float64 NumPy, for readability and without formulas of the kernels.
+"""The reference engine: traces whole bundles in float64 NumPy, for readability and without formulas of the kernels.
 
-"adaptive" and "straight" integrate with steps.py: DOP853 within one smooth piece of the field after another, to the
-requested tolerance, at most LAXEST. "fixed" and "paper" take the steps of their rule with rule.py. `step_error` is
-the sum over the steps of the errors by the embedded formulas, multiplied by their lever arms to the stop, and of
-rounding; of "straight" it is at least the difference from the bent ray.
+steps.py integrates with DOP853 within one smooth piece of the field after another, to the requested tolerance, at most
+LAXEST. `step_error` is the sum over the steps of the errors by the embedded formulas, multiplied by their lever arms to
+the stop, and of rounding; of "straight" it is at least the difference from the bent ray.
 """
 
 from dataclasses import replace
@@ -17,7 +16,6 @@ from ...status import RayStatus, reached
 from .ends import Ends
 from .medium import GridAir
 from .mesh import MeshAir
-from .rule import march
 from .steps import Integrator
 
 # The greatest tolerance with which it integrates [waves], and the share of the tolerance that the steps may use.
@@ -26,7 +24,16 @@ SHARE = 0.1
 
 
 def trace(field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelength: float, outputs: frozenset):
-    """Trace a bundle and return per-ray arrays by name."""
+    """Trace a bundle and return per-ray arrays by name.
+
+    Raises:
+        ValueError: Steps of a rule.
+    """
+    if plan.method in ("fixed", "paper"):
+        raise ValueError(
+            f"backend 'reference' controls its steps by their errors: method {plan.method!r} is one of backends 'warp' "
+            "and 'opencl'"
+        )
     start, heading = np.array(rays.position), np.array(rays.direction)
     ends = Ends(field, until)
     interval = ends.interval(start, heading)
@@ -45,13 +52,9 @@ def trace(field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelength
             plan.max_steps,
             plan.method == "straight",
         )
-        if plan.method in ("fixed", "paper"):
-            turn = march(field, ends, flight, plan)
-        else:
-            inside = np.flatnonzero(~air.in_gap(flight.cell))
-            integrator.begin(flight, inside)
-            integrator.run(flight)
-            turn = integrator.turn(flight.direction, flight.momentum)
+        integrator.begin(flight, np.flatnonzero(~air.in_gap(flight.cell)))
+        integrator.run(flight)
+        turn = integrator.turn(flight.direction, flight.momentum)
     found = ends.finish(interval, rows, flight, turn, start, heading, plan.method == "straight")
     if plan.method == "straight":
         bent = trace(field, rays, replace(plan, method="adaptive"), until, wavelength, frozenset({"opd"}))

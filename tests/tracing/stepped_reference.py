@@ -1,4 +1,4 @@
-"""The methods "fixed" and "paper" of the reference engine: steps by a rule, with the pair of tableau.py.
+"""The methods "fixed" and "paper" in NumPy, to compare kernels with: the same steps, without formulas of the kernels.
 
 The state (r, T, optical path, arc length) is not in deviation form. If index and gradient come from the same
 interpolant, the momentum is projected back to |T| = n after each step. The last step is shortened by bisection until it
@@ -6,24 +6,43 @@ ends on the stop or on a face of the box. `lag` sums the index minus the momentu
 the deviation along that direction more accurately than the positions do.
 """
 
+from types import SimpleNamespace
+
 import numpy as np
 
-from ....medium import IndexField
-from ...plan import TracePlan
-from ...stop import ArcLength, Plane
-from ...tableau import BT, NEARLY_STRAIGHT, STAGE_MOMENTUM, A, C, has_consistent_gradient
-from .ends import Ends
-from .flight import Flight, starting_momentum
-from .medium import dot
+from aerokernels.medium import IndexField
+from aerokernels.rays import RayBundle
+from aerokernels.tracing import ArcLength, Plane
+from aerokernels.tracing.engines.reference.ends import Ends
+from aerokernels.tracing.engines.reference.flight import Flight, starting_momentum
+from aerokernels.tracing.engines.reference.medium import GridAir, dot
+from aerokernels.tracing.engines.reference.mesh import MeshAir
+from aerokernels.tracing.status import RayStatus, reached
+from aerokernels.tracing.tableau import BT, NEARLY_STRAIGHT, STAGE_MOMENTUM, A, C, has_consistent_gradient
 
 BISECTIONS = 60
 # Columns of the state: position, momentum, optical path, arc length, lag.
 PATH, ARC, LAG = 6, 7, 8
 
 
-def march(field: IndexField, ends: Ends, flight: Flight, plan: TracePlan) -> np.ndarray:
+def trace_in_steps(field: IndexField, rays: RayBundle, *, step: float | None = None, until=None) -> SimpleNamespace:
+    """Trace rays in steps of a length of arc [m], or of eq 5 without one; the arrays of a TraceResult, and `ok`."""
+    start, heading = np.array(rays.position), np.array(rays.direction)
+    ends = Ends(field, until)
+    interval = ends.interval(start, heading)
+    rows = np.flatnonzero(interval.meets & (interval.status == RayStatus.OK))
+    air = GridAir(field) if field.is_uniform else MeshAir(field)
+    some = type(interval)(*(getattr(interval, name)[rows] for name in interval.__dataclass_fields__))
+    entry = start[rows] + some.t_enter[:, None] * heading[rows]
+    flight = ends.flight(start[rows], heading[rows], some, air.cell_at(entry, heading[rows]))
+    turn = march(field, ends, flight, step)
+    found = ends.finish(interval, rows, flight, turn, start, heading, False)
+    return SimpleNamespace(**found, ok=reached(found["status"]))
+
+
+def march(field: IndexField, ends: Ends, flight: Flight, step: float | None) -> np.ndarray:
     """Take a flight to its end; return its tangents minus the first directions, shape (n, 3)."""
-    rule = _Rule(field, ends, flight, plan)
+    rule = _Rule(field, ends, flight, step)
     rule.run()
     state, enter = rule.state, rule.enter
     ambient, heading = field.ambient_index, flight.direction
@@ -45,8 +64,8 @@ def march(field: IndexField, ends: Ends, flight: Flight, plan: TracePlan) -> np.
 
 
 class _Rule:
-    def __init__(self, field, ends, flight, plan):
-        self.field, self.ends, self.flight, self.plan = field, ends, flight, plan
+    def __init__(self, field, ends, flight, step):
+        self.field, self.ends, self.flight, self.step = field, ends, flight, step
         self.ambient, self.until = field.ambient_index, ends.until
         self.consistent_gradient = has_consistent_gradient(field.interpolation)
         self.enter = flight.along.copy()
@@ -81,7 +100,7 @@ class _Rule:
         while len(going):
             state = self.state[going]
             index, gradient = self.look(state[:, :3])
-            h = (self.plan.step or self.paper_step(state[:, :3])) / index
+            h = (self.step or self.paper_step(state[:, :3])) / index
             after, deflection = self.nystrom(state, flight.direction[going], index, gradient, h)
             flight.steps[going] += 1
             flight.evaluations[going] += 4
@@ -96,9 +115,7 @@ class _Rule:
             self.deflection[going] = np.maximum(self.deflection[going], deflection)
             move = ~ends
             self.state[going[move]] = after[move]
-            spent = move & ~hit & (flight.steps[going] >= self.plan.max_steps)
-            flight.spent[going[spent]] = True
-            going = going[move & ~hit & ~spent]
+            going = going[move & ~hit]
         if waiting:
             self.land(*(np.concatenate(parts) for parts in zip(*waiting, strict=True)))
 
