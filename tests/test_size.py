@@ -18,7 +18,7 @@ LINES = {
     "benches": 2235,
     "benchmark": 980,
     "commands": 1490,
-    "device_arrays": 1280,
+    "device_arrays": 1190,
     "display": 450,
     "files": 470,
     "fldi": 615,
@@ -34,7 +34,7 @@ LINES = {
     "pupils": 1050,
     "scene": 1490,
     "series": 4020,
-    "tracing": 20240,
+    "tracing": 17730,
     "wavefronts": 2170,
     "waves": 1045,
 }
