@@ -29,9 +29,6 @@ from aerokernels.process.interrupt import open_closed_streams, raise_interrupts
 
 FAILED, BAD_INPUT, INTERRUPTED = 1, 2, 130
 SWITCHES = ("--debug", "--json", "--quiet")
-# Thresholds of the cyclic garbage collector. The objects that libraries create on import live until the end; with
-# Python's default thresholds, scanning them again and again takes a tenth of a whole run.
-COLLECT_AFTER = (50_000, 20, 50)
 
 app = typer.Typer(
     name="aerokernels",
@@ -119,11 +116,7 @@ def _remedy(error: BaseException, text: str) -> str:
 
 
 def check_values(line: list[str]) -> None:
-    """Refuse an option with an empty value, which most often comes from an unset shell variable.
-
-    Raises:
-        ValueError: An option has an empty value.
-    """
+    """Refuse an option with an empty value, which most often comes from an unset shell variable."""
     for before, argument in zip(["", *line], line, strict=False):
         option, equals, value = argument.partition("=")
         if (before.startswith("--") and not argument) or (option in ("--out", "--store") and equals and not value):
@@ -146,7 +139,9 @@ def main() -> NoReturn:
     open_closed_streams()
     # No command opens a window. A notebook sets a backend that another environment may not have.
     os.environ["MPLBACKEND"] = "agg"
-    gc.set_threshold(*COLLECT_AFTER)
+    # The objects that libraries create on import live until the end: scanning them again and again, as by Python's
+    # default thresholds, takes a tenth of a whole run.
+    gc.set_threshold(50_000, 20, 50)
     atexit.register(gc.freeze)  # at exit the remaining objects need no further scan
     # SIGTERM and a closed terminal are handled like Ctrl-C, so that half-written files are removed.
     stopped = raise_interrupts()

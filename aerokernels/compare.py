@@ -24,15 +24,8 @@ DEGREES = (
     (0.3, "real correlation"),
     (0.0, "micro correlation"),
 )
-# Any two pulses look alike if fewer samples than this overlap.
-LEAST_OVERLAP = 8
-# Fractions of the peak at which widths are compared, and the relative difference up to which widths are the same.
-WIDTH_SHARES = (0.25, 0.5, 0.75)
-SAME_WIDTH = 0.01
-# Difference in standard errors up to which widths are the same: noise alone exceeds it once in a million records.
-WIDTH_SIGMAS = 5.0
-# Noise over the peak above which a level is crossed repeatedly, so that its crossings give no width.
-WIDTH_NOISE = 0.05
+LEAST_OVERLAP = 8  # any two pulses look alike if fewer samples than this overlap
+WIDTH_SHARES = (0.25, 0.5, 0.75)  # fractions of the peak at which widths are compared
 
 
 @shown
@@ -120,14 +113,8 @@ def pearson_correlation(first: Numbers, second: Numbers) -> float:
 def correlation_by_lag(recorded: np.ndarray, simulated: np.ndarray, greatest_shift: int) -> np.ndarray:
     """Return Pearson's r over the overlap, for shifts -greatest_shift to greatest_shift of the recorded waveform.
 
-    Args:
-        recorded: Samples, shape (n,).
-        simulated: Samples, shape (n,).
-        greatest_shift: Largest shift [samples], less than n - 1.
-
-    Returns:
-        r, shape (2 greatest_shift + 1,): entry `greatest_shift + k` compares recorded[i + k] with simulated[i]. NaN
-        if the overlapping part of either is constant.
+    Entry `greatest_shift + k` compares recorded[i + k] with simulated[i]; NaN if the overlapping part of either is
+    constant. The shifts are in samples, and less than n - 1.
     """
     from scipy.signal import correlate
 
@@ -270,7 +257,7 @@ def _same_widths(recorded: np.ndarray, simulated: np.ndarray, noise: float, mode
     moves the level by its fraction of the peak.
     """
     known = np.isfinite(recorded) & np.isfinite(simulated)
-    if not known.any() or noise > WIDTH_NOISE:
+    if not known.any() or noise > 0.05:  # of the peak: a level is crossed repeatedly
         return None
     curve = PulseCurve(model)
     for share, first, second in zip(np.array(WIDTH_SHARES)[known], recorded[known], simulated[known], strict=True):
@@ -278,7 +265,8 @@ def _same_widths(recorded: np.ndarray, simulated: np.ndarray, noise: float, mode
         crossings = curve.rise_before_peak(level), curve.fall_after_peak(level)
         per_level = 1.0 / np.abs(curve.spline.derivative()(np.array(crossings)))
         error = noise * math.hypot(*per_level, share * per_level.sum())
-        if abs(first - second) > max(SAME_WIDTH * second, WIDTH_SIGMAS * error):
+        # Noise alone exceeds five standard errors once in a million records.
+        if abs(first - second) > max(0.01 * second, 5.0 * error):
             return False
     return True
 

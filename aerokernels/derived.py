@@ -1,6 +1,6 @@
 """Results of functions, cached on one of their arguments under a key of all others: `@cached_on("field")`."""
 
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Iterable
 from dataclasses import fields, is_dataclass
 from hashlib import blake2b
 from inspect import signature
@@ -39,35 +39,36 @@ class Cached(Generic[P, R]):
         """The results of the owner, and the key of the other arguments."""
         others = arguments[: self.place] + arguments[self.place + 1 :]
         results = arguments[self.place].__dict__.setdefault("_derived", {}).setdefault(self.function, {})
-        return results, tuple(map(key_of, (*others, *named.items())))
+        return results, keys_of((*others, *named.items()))
 
 
 def cached_on(owner: str, most: int = 1) -> Callable[[Callable[P, R]], Cached[P, R]]:
     """Return a decorator of functions that caches their latest results on one of their arguments, with which they die.
 
     The key of a result is made of all other arguments by `key_of`, so that no call finds the result of another one.
-    Threads may call the function: two may compute one result, of which the first is taken by both.
-
-    Args:
-        owner: Name of the parameter that owns the results: an object that never changes.
-        most: How many results are cached.
+    Threads may call the function: two may compute one result, of which the first is taken by both. `owner` is the name
+    of the parameter that owns the results, an object that never changes; `most` of them are cached.
     """
     return lambda function: Cached(function, owner, most)
+
+
+def keys_of(values: Iterable[Any]) -> tuple[Hashable, ...]:
+    """Return what identifies values by `key_of`; a text is its own key."""
+    return tuple([one if one is None or type(one) is str else key_of(one) for one in values])
 
 
 def key_of(value: Any) -> Hashable:
     """Return what identifies an argument: its type and content, or weakly the object itself where that never changes.
 
-    Raises:
-        TypeError: An object that may change, or a function that hides what it depends on.
+    A TypeError refuses an object that may change, and a function that hides what it depends on.
     """
     kind = type(value)
     if value is None or kind in (bool, int, str, bytes, frozenset):
         return kind, value
     if kind is float:
-        return value.hex()  # 0.0 and -0.0 are equal
+        return kind, value.hex()  # 0.0 and -0.0 are equal
     if isinstance(value, (tuple, list)):
-        return kind, *[one if type(one) is str else key_of(one) for one in value]
+        return kind, *keys_of(value)
     if isinstance(value, (np.ndarray, np.generic)):
         content = value.tobytes()
         return value.dtype.str, value.shape, content if len(content) <= 256 else blake2b(content).digest()
@@ -76,9 +77,9 @@ def key_of(value: Any) -> Hashable:
     if hasattr(kind, "key"):
         return kind, value.key
     if isinstance(value, dict):
-        return kind, *[(name, key_of(item)) for name, item in value.items()]
+        return kind, *value, *keys_of(value.values())
     if is_dataclass(kind) and kind.__eq__ is not object.__eq__:
-        return kind, *[key_of(getattr(value, name)) for name in kind.__dataclass_fields__]
+        return kind, *keys_of([getattr(value, name) for name in kind.__dataclass_fields__])
     if isinstance(value, ReadOnly):
         return ref(value)
     if isinstance(value, (type, np.dtype)) or (isinstance(value, FunctionType) and value.__closure__ is None):

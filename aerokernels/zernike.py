@@ -1,12 +1,8 @@
-r"""Zernike polynomials on the unit disc in Noll's order and normalisation (rms 1).
+"""Zernike polynomials on the unit disc in Noll's order and normalisation (rms 1; J. Opt. Soc. Am. 66 (1976) 207).
 
-    Z_j = sqrt(n + 1) R_n^0(r)                           m = 0
-    Z_j = sqrt(2 (n + 1)) R_n^m(r) cos(m theta)          m > 0, which has an even j
-    Z_j = sqrt(2 (n + 1)) R_n^|m|(r) sin(|m| theta)      m < 0, which has an odd j
-
-(R. J. Noll, J. Opt. Soc. Am. 66 (1976) 207); theta is measured from x toward y. R_n^m(r) = r^m P_k^(0, m)(2 r^2 - 1)
-with k = (n - m) / 2 and Jacobi polynomials P, evaluated by a recurrence: sums of factorials lose all digits at n = 40.
-Orders are pairs (n, m), with negative m for sines.
+Z_j = sqrt(n + 1) R_n^0(r) for m = 0, else sqrt(2 (n + 1)) R_n^|m|(r) times cos(m theta) for even j (m > 0) or
+sin(|m| theta) for odd j (m < 0); theta is measured from x toward y. R_n^m(r) = r^m P_k^(0, m)(2 r^2 - 1) with Jacobi
+polynomials P, k = (n - m) / 2: sums of factorials lose all digits at n = 40.
 """
 
 import math
@@ -24,12 +20,7 @@ __all__ = [
 
 @checked
 def noll_to_nm(index: int) -> tuple[int, int]:
-    """Return the order (n, m) of a Noll index, which starts at 1.
-
-    Examples:
-        >>> noll_to_nm(7)
-        (3, -1)
-    """
+    """Return the order (n, m) of a Noll index, which starts at 1."""
     if not isinstance(index, (int, np.integer)) or index < 1:
         raise ValueError(f"a Noll index is a whole number of at least 1, got {index!r}")
     n = (math.isqrt(8 * (index - 1) + 1) - 1) // 2

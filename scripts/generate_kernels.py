@@ -2,6 +2,7 @@
 
     python scripts/generate_kernels.py            after a change of Warp's kernels, layout.py or kinds.h
     python scripts/generate_kernels.py --check    exit status 1 if a file is not what would be written
+    python scripts/generate_kernels.py --headers  prints the headers that are made when kernels are compiled
 
 It needs neither a GPU nor a compiler.
 """
@@ -17,6 +18,8 @@ wp.config.quiet = True
 from kernel_generator.files import FOLDER, texts  # noqa: E402
 from kernel_generator.source import Unsupported  # noqa: E402
 
+from aerokernels.tracing.engines.opencl.headers import HEADERS  # noqa: E402
+
 KERNELS = Path(__file__).resolve().parents[1] / "kernels"
 
 
@@ -25,7 +28,12 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--check", action="store_true", help="write nothing; say which files are not current")
     parser.add_argument("--kernels", type=Path, default=KERNELS, help="the folder of kernels (default: %(default)s)")
+    parser.add_argument("--headers", action="store_true", help="write nothing; print the headers made from Python")
     given = parser.parse_args()
+    if given.headers:
+        for name, make in HEADERS.items():
+            print(f"// {name}: {make.__doc__}", *make(), "", sep="\n")
+        return 0
     try:
         found = texts(KERNELS)
     except Unsupported as error:

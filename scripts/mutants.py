@@ -64,8 +64,13 @@ def main() -> None:
     parser.add_argument("--only", default="", help="faults whose line or tests hold this text")
     parser.add_argument("--limit", type=float, default=600.0, help="seconds that the tests of one fault may take")
     chosen = parser.parse_args()
-    everything = tomllib.loads((ROOT / "scripts" / "mutants.toml").read_text(encoding="utf-8"))["mutant"]
-    mutants = [mutant for mutant in everything if chosen.only in mutant["line"] + mutant["tests"]]
+    groups = tomllib.loads((ROOT / "scripts" / "mutants.toml").read_text(encoding="utf-8"))["group"]
+    mutants = [
+        {"line": line, "put": put, "tests": group["tests"]}
+        for group in groups
+        for line, put in group["faults"]
+        if chosen.only in line + group["tests"]
+    ]
     with ThreadPoolExecutor(chosen.workers) as pool:
         outcomes = list(pool.map(lambda mutant: outcome(mutant, chosen.limit), mutants))
     for mutant, result in zip(mutants, outcomes, strict=True):

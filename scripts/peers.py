@@ -1,25 +1,18 @@
-"""Trace the benchmark's cone scene and its bundles by other libraries: the same rays, the same truth, the same clocks.
+"""Trace bundles of rays by this package and by Dr.Jit: the same rays, the same truth, the same clocks.
 
-Each is used as its documentation recommends. `aerokernels bench cone` measures this package on the cone scene; on the
-bundles it is measured here, by its map of a bundle and ray by ray.
-
-All of them read this package's own B-spline coefficients of the gridded field and integrate the equations of
-aerokernels/benchmark/scenes.py in deviation form, so that a peer has no disadvantage by a coarser interpolant or by
-float32's rounding of a long path. Their kernel time ends when results are ready on the device; the wall time includes
-float64 arrays on the host. Rays are on the device before the clock starts.
-
-    SciPy      DOP853 over all rays as one system, float64, NumPy lookups
-    diffrax    jit(vmap(diffeqsolve)), float32; Tsit5 with adaptive steps, and with fixed ones
-    Dr.Jit     fixed steps, a symbolic loop over 3-D textures, float32; half a drift, a kick, half a drift: one lookup a
-               step. Cubic: value and gradient from one texture. Linear: a texture of four channels, value and gradient
-               at the nodes. Textures are not read by the GPU's texture units, whose weights have 8 bits.
+Dr.Jit, used as its documentation recommends, reads this package's own B-spline coefficients of the gridded field and
+integrates the equations of aerokernels/benchmark/scenes.py in deviation form, so that it has no disadvantage by a
+coarser interpolant or by float32's rounding of a long path: fixed steps, a symbolic loop over 3-D textures, float32;
+half a drift, a kick, half a drift: one lookup a step. Cubic: value and gradient from one texture. Linear: a texture of
+four channels, value and gradient at the nodes. Textures are not read by the GPU's texture units, whose weights have 8
+bits. The kernel time ends when results are ready on the device; the wall time includes float64 arrays on the host.
 """
 
 import argparse
 import importlib.util
 import json
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -31,33 +24,18 @@ from aerokernels.benchmark.scenes import (
     CONE_AMBIENT,
     CONE_HALF,
     CONE_SPACING,
-    LONGEST_STEP,
-    SIZES,
     WAVELENGTH,
     Truth,
-    cone_field,
-    cone_rays,
-    cone_truth,
     end_direction,
-    integrate,
     slopes,
 )
 from aerokernels.medium import IndexField
-from aerokernels.medium.grid import UniformGrid
-from aerokernels.process.foreign_files import fault_text
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import trace
 from scripts.studies.bundles import KINDS, BundleScene, bundle_scene, bundle_truth
 from scripts.studies.report import markdown_table
 
-PIP = "pip install 'aerokernels[bench]'"
-# Greatest number of rays of a peer: a run takes seconds on two cores.
-MOST_RAYS = {"scipy": 2048, "diffrax": 16384, "drjit": 1_000_000}
-SCIPY_TOLERANCE = 1e-6
-DIFFRAX_TOLERANCE = 1e-5
-DIFFRAX_STEPS = 32
-DRJIT_STEPS = (24, 32, 64)
-BUNDLE_STEPS = (24, 32)  # the first miss the tolerance, the second meet it
+STEPS = (24, 32)  # the first miss the tolerance, the second meet it
 COLUMNS = ("peer", "how", "rays", "M rays/s, kernel", "end to end", "per CPU s", "evaluations", "error")
 
 
@@ -99,35 +77,19 @@ class Scheme:
     wait: Callable[[], None] | None = None
 
 
-def cone_runs(ray_count: int, repeats: int) -> Iterator[dict]:
-    """Measure every installed peer, scheme by scheme; for an absent one, report the reason."""
-    field = cone_field()
-    for peer, schemes in PEERS.items():
-        missing = [name for name in NEEDS[peer] if importlib.util.find_spec(name) is None]
-        if missing:
-            yield _absent(peer, f"not installed: {', '.join(missing)}; {PIP}")
-            continue
-        rays = cone_rays(min(ray_count, MOST_RAYS[peer]))
-        truth = cone_truth(rays[chosen_rays(rays.ray_count)])
-        try:
-            for scheme in schemes(field, rays):
-                yield measured_scheme(peer, scheme, rays, truth, repeats)
-        except Exception as error:  # a foreign package may raise anything; the other peers are still measured
-            yield _absent(peer, f"failed: {fault_text(error)}")
-
-
 def bundle_runs(ray_count: int, repeats: int) -> Iterator[dict]:
     """Measure this package on every bundle, and Dr.Jit on those through the cone scene."""
     drjit = importlib.util.find_spec("drjit") is not None
     if not drjit:
-        yield _absent("drjit", f"not installed: drjit; {PIP}")
+        reason = "not installed: pip install 'aerokernels[bench]'"
+        yield {"peer": "drjit", "version": None, "available": False, "reason": reason}
     for kind in KINDS:
         scene = bundle_scene(kind)
         rays, field = scene.make_rays(ray_count, 1), scene.make_field()
         truth = bundle_truth(scene, rays[chosen_rays(rays.ray_count)])
         schemes = {"aerokernels": own_schemes(scene, field, rays)}
         if drjit and kind != "turbulence":
-            schemes["drjit"] = drjit_schemes(field, rays, BUNDLE_STEPS)
+            schemes["drjit"] = drjit_schemes(field, rays)
         for peer, each in schemes.items():
             for scheme in each:
                 yield measured_scheme(peer, replace(scheme, text=f"{kind}: {scheme.text}"), rays, truth, repeats)
@@ -170,108 +132,13 @@ def measured_scheme(peer: str, scheme: Scheme, rays: RayBundle, truth: Truth, re
     }
 
 
-def _absent(peer: str, reason: str) -> dict:
-    return {"peer": peer, "version": installed(peer), "available": False, "reason": reason}
-
-
-def _grid(field: IndexField) -> UniformGrid:
-    assert isinstance(field.samples, UniformGrid)
-    return field.samples
-
-
-def scipy_schemes(field: IndexField, rays: RayBundle) -> Iterator[Scheme]:
-    """SciPy's DOP853."""
-    grid = _grid(field)
-
-    def potential(x, y, z):
-        value, gradient = grid.evaluate_potential(np.stack([x, y, z], axis=1))
-        return value, gradient.T
-
-    text = f"DOP853 at a relative tolerance of {SCIPY_TOLERANCE:g}, cubic"
-
-    def run() -> RayEnds:
-        begin = time.perf_counter()
-        found = integrate(potential, CONE_AMBIENT, CONE_HALF[2], LONGEST_STEP, rays, SCIPY_TOLERANCE)
-        return RayEnds(found.direction, found.opd, float(found.evaluation_count), time.perf_counter() - begin)
-
-    yield Scheme(text, "float64", "cpu", run)
-
-
-def diffrax_schemes(field: IndexField, rays: RayBundle) -> Iterator[Scheme]:
-    """Diffrax's Tsit5 on JAX's default device."""
-    import diffrax
-    import jax
-    import jax.numpy as jnp
-
-    grid = _grid(field)
-    coefficients = jnp.asarray(grid.coefficients, dtype=jnp.float32)
-    last = jnp.asarray(grid.shape) - 2
-
-    def weights(u):
-        v = 1.0 - u
-        value = jnp.stack([v**3, 3 * u**3 - 6 * u**2 + 4, 3 * v**3 - 6 * v**2 + 4, u**3]) / 6
-        slope = jnp.stack([-(v**2), 3 * u**2 - 4 * u, -3 * v**2 + 4 * v, u**2]) / (2 * CONE_SPACING)
-        return value, slope
-
-    def lookup(x, y, z):
-        place = (jnp.stack([x, y, z]) + jnp.asarray(CONE_HALF)) / CONE_SPACING
-        cell = jnp.clip(jnp.floor(place).astype(jnp.int32), 0, last)
-        block = jax.lax.dynamic_slice(coefficients, cell, (4, 4, 4))
-        (wx, sx), (wy, sy), (wz, _) = (weights(place[k] - cell[k]) for k in range(3))
-        sheet = block @ wz
-        rows = sheet @ wy
-        return wx @ rows, sx @ rows, wx @ (sheet @ sy)
-
-    def vector(z, state, _):
-        x, y, momentum_x, momentum_y, _ = (entry * size for entry, size in zip(state, SIZES, strict=True))
-        value, gradient_x, gradient_y = lookup(x, y, z)
-        rates = slopes(value, gradient_x, gradient_y, momentum_x, momentum_y, CONE_AMBIENT, jnp.sqrt)
-        return tuple(entry / size for entry, size in zip(rates, SIZES, strict=True))
-
-    half, step = CONE_HALF[2], 2.0 * CONE_HALF[2] / DIFFRAX_STEPS
-    adaptive = diffrax.PIDController(rtol=DIFFRAX_TOLERANCE, atol=DIFFRAX_TOLERANCE, dtmax=1e-3)
-    x0, y0 = (jnp.asarray(rays.position[:, k], dtype=jnp.float32) for k in (0, 1))
-    device = str(x0.device)
-
-    def scheme(text: str, controller: Any) -> Scheme:
-        def one(x, y):
-            zero = jnp.zeros_like(x)
-            found = diffrax.diffeqsolve(
-                diffrax.ODETerm(vector),
-                diffrax.Tsit5(),
-                -half,
-                half,
-                step,
-                (x / SIZES[0], y / SIZES[1], zero, zero, zero),
-                stepsize_controller=controller,
-                max_steps=100_000,
-                adjoint=diffrax.ForwardMode(),
-            )
-            x, y, momentum_x, momentum_y, opd = (v[-1] * size for v, size in zip(found.ys, SIZES, strict=True))
-            return momentum_x, momentum_y, opd, lookup(x, y, half)[0], found.stats["num_steps"]
-
-        compiled = jax.jit(jax.vmap(one))
-
-        def run() -> RayEnds:
-            begin = time.perf_counter()
-            found = jax.block_until_ready(compiled(x0, y0))
-            spent = time.perf_counter() - begin
-            momentum_x, momentum_y, opd, value, steps = found
-            return ray_ends(momentum_x, momentum_y, opd, value, 6.0 * float(steps.mean()), spent)
-
-        return Scheme(text, "float32", device, run)
-
-    yield scheme(f"Tsit5, PID controller at rtol {DIFFRAX_TOLERANCE:g}, cubic", adaptive)
-    yield scheme(f"Tsit5, {DIFFRAX_STEPS} fixed steps, cubic", diffrax.ConstantStepSize())
-
-
-def drjit_schemes(field: IndexField, rays: RayBundle, step_counts: Iterable[int] = DRJIT_STEPS) -> Iterator[Scheme]:
+def drjit_schemes(field: IndexField, rays: RayBundle) -> Iterator[Scheme]:
     """Dr.Jit's textures, on a CUDA GPU where it has one, otherwise by LLVM on the CPU; rays of any directions."""
     import drjit as dr
 
     on_gpu = dr.has_backend(dr.JitBackend.CUDA)
     kind = importlib.import_module("drjit.cuda" if on_gpu else "drjit.llvm")
-    grid = _grid(field)
+    grid = field.samples
     # Textures have the axes z, y, x, channel; the spline has one coefficient before the first and behind the last node.
     spline = np.ascontiguousarray(grid.coefficients.transpose(2, 1, 0)[..., None], dtype=np.float32)
     cubic_shape = np.array(grid.shape) + 2
@@ -349,18 +216,9 @@ def drjit_schemes(field: IndexField, rays: RayBundle, step_counts: Iterable[int]
 
         return Scheme(text, "float32", "cuda" if on_gpu else "cpu (LLVM)", run, start, dr.sync_thread)
 
-    for steps in step_counts:
+    for steps in STEPS:
         yield scheme(f"{steps} fixed steps, cubic texture", cubic_lookup, steps)
         yield scheme(f"{steps} fixed steps, linear texture of value and gradient", linear_lookup, steps)
-
-
-PEERS: dict[str, Callable[[IndexField, RayBundle], Iterator[Scheme]]] = {
-    "scipy": scipy_schemes,
-    "diffrax": diffrax_schemes,
-    "drjit": drjit_schemes,
-}
-NEEDS = {"scipy": ("scipy",), "diffrax": ("diffrax", "jax"), "drjit": ("drjit",)}
-RUNS = {"cone": cone_runs, "bundles": bundle_runs}
 
 
 def table_row(run: dict) -> tuple[str, ...]:
@@ -378,19 +236,15 @@ def table_row(run: dict) -> tuple[str, ...]:
 
 
 def main() -> None:
-    """Measure the peers that are installed, and print a table."""
+    """Measure, and print a table."""
     parser = argparse.ArgumentParser(prog="scripts/peers", description=__doc__.splitlines()[0])
-    parser.add_argument("suites", nargs="*", metavar="SUITE", help="cone, bundles [both]")
     parser.add_argument("--rays", type=int, default=1_000_000, metavar="COUNT", help="rays of a trace, at most")
     parser.add_argument("--repeats", type=int, default=5, metavar="COUNT", help="timed calls of each scheme")
     parser.add_argument("--out", type=Path, help="write what was measured to this JSON file")
     options = parser.parse_args()
-    for name in options.suites:
-        if name not in RUNS:
-            parser.error(f"{name!r} is no suite: choose among {', '.join(RUNS)}")
     if options.rays < 16 or options.repeats < 1:
         parser.error("give at least 16 rays and one timed call")
-    found = [run for name in options.suites or RUNS for run in RUNS[name](options.rays, options.repeats)]
+    found = list(bundle_runs(options.rays, options.repeats))
     print(markdown_table(COLUMNS, map(table_row, found), text_columns=2))
     if options.out is not None:
         options.out.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")

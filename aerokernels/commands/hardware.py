@@ -159,7 +159,8 @@ def reporter() -> Iterator[Callable[["RecordingStatus"], None]]:
         with console.status("waiting for the first echo") as live:
             yield lambda status: live.update(Text(text(status), no_wrap=True, overflow="ellipsis"))
         return
-    shown_at, shown = -1.0, None
+    shown_at = -1.0
+    shown: tuple[RecordingStatus, tuple[bool, int]] | None = None
 
     def tell(status: "RecordingStatus") -> None:
         nonlocal shown_at, shown

@@ -16,12 +16,8 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-# Significant digits of a value without a usable error; the least and the most that a value is written with.
-PLAIN_DIGITS, LEAST_DIGITS, MOST_DIGITS = 6, 3, 9
-# Powers of ten beyond which value and error are written with a common power.
-LEAST_POWER, GREATEST_POWER = -4, 6
-# An error greater than the value by more powers of ten is written with a power of its own.
-GREATEST_GAP = 4
+LEAST_DIGITS, MOST_DIGITS = 3, 9  # significant digits that a value is written with
+LEAST_POWER, GREATEST_POWER = -4, 6  # powers of ten beyond which value and error are written with a common power
 CAUSES = (
     "step",
     "precision",
@@ -47,8 +43,6 @@ REMEDIES = {
     "refractivity": "the refractivity model: take one of a smaller uncertainty, such as 'ciddor' in air",
     "sampling": "the number of rays: take more",
 }
-# Error of a Strehl ratio above which there is always a warning; and effect below which the flow counts as having none.
-GREAT_ERROR, NO_EFFECT = 0.1, 1e-6
 FINE, WARNING, WORTHLESS = "fine", "warning", "worthless"
 LEVELS = (FINE, WARNING, WORTHLESS)
 
@@ -107,7 +101,7 @@ class Quantity:
         if math.isnan(self.value):
             return "none"
         sign = "+" if signed and self.value else ""
-        text = f"{self.value:{sign}.{PLAIN_DIGITS}g}{unit}"
+        text = f"{self.value:{sign}.6g}{unit}"
         if self.error is None:
             return text
         if math.isnan(self.error):
@@ -157,7 +151,7 @@ def _joined(value: float, error: float, sign: str, unit: str) -> str:
     """Return value and error, the value to the error's last place or farther."""
     after = f" {unit}" if unit else ""
     sign = sign if value else ""
-    if value and _power(error) - _power(value) > GREATEST_GAP:
+    if value and _power(error) - _power(value) > 4:  # each with a power of its own
         return f"{value:{sign}.3g} +- {error:.2g}{after}"
     last, own = _last_place(value, error), _power(error, 2) - 1
     top = max(_power(value), _power(error))
@@ -192,13 +186,9 @@ def root_sum_square(errors: Iterable[float]) -> float:
 
 
 class ErrorBudget(dict[str, float]):
-    """Errors by cause, and their "total": a dictionary that prints as one line of rounded numbers.
+    """Errors by cause, and their "total": a dictionary that prints as one line of rounded numbers."""
 
-    Attributes:
-        unit: Unit of the entries; empty for a ratio.
-    """
-
-    unit: str = ""
+    unit: str = ""  # of the entries; empty for a ratio
 
     def __repr__(self) -> str:
         """Return the errors with two digits: "ErrorBudget [nm]: step 0.0021, ..., total 1.5"."""
@@ -238,15 +228,10 @@ def main_cause(budget: Mapping[str, float]) -> str:
 
 @dataclass(frozen=True)
 class Verdict:
-    """Whether a number is meaningful given its error.
+    """Whether a number is meaningful given its error."""
 
-    Attributes:
-        level: "fine"; "warning": read the number with its error in mind; "worthless": the number is not meaningful.
-        reason: Why, in one sentence; empty if the level is "fine".
-    """
-
-    level: str = FINE
-    reason: str = ""
+    level: str = FINE  # "warning": read the number with its error in mind; "worthless": the number is not meaningful
+    reason: str = ""  # in one sentence; empty if the level is "fine"
 
     @property
     def worthless(self) -> bool:
@@ -264,11 +249,7 @@ def judge(numbers: Mapping[str, Quantity], main_cause: str = "") -> Verdict:
     Worthless is a ratio whose error allows anything from 0 to 1, another number whose error is greater than itself, and
     a number that there is not. A warning: an error that is not known; of a ratio an error above a tenth of 1, above the
     ratio itself, or above the effect 1 - ratio, so that the flow may have no effect. An effect below 1e-6 counts as
-    none, and an error of that size gives no warning.
-
-    Args:
-        numbers: The numbers by what they are called, such as "Strehl ratio".
-        main_cause: The main cause of the errors, with the remedy, in words.
+    none, and an error of that size gives no warning. `main_cause` is that of the errors, with the remedy, in words.
     """
     found = [(*_judged(number), name) for name, number in numbers.items()]
     level, why, name = max(found, key=lambda one: LEVELS.index(one[0]))
@@ -292,6 +273,6 @@ def _judged(number: Quantity) -> tuple[str, str]:
         return (WORTHLESS, f"{told} the number itself, {value:.3g}") if error > abs(value) else (FINE, "")
     if error > value:
         return WARNING, f"{told} the ratio itself, {value:.3g}"
-    if error > max(1.0 - value, NO_EFFECT):
+    if error > max(1.0 - value, 1e-6):
         return WARNING, f"{told} the effect of the flow, which reduces the ratio by {1.0 - value:.2g}"
-    return (WARNING, f"{told} a tenth of 1") if error > GREAT_ERROR else (FINE, "")
+    return (WARNING, f"{told} a tenth of 1") if error > 0.1 else (FINE, "")

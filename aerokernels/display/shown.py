@@ -86,11 +86,8 @@ def _as_html(thing: Any) -> str:
 def is_flat(values: Any, unit: str | None = None, error: float = float("nan")) -> bool:
     """Return whether the differences between values are below rounding; so are those of no finite values.
 
-    Args:
-        values: Numbers of any shape; NaN where there is none.
-        unit: "m" for optical paths, "rad" for angles, "1" for ratios, "pixel" for displacements; any other value, also
-            None, for values whose rounding is a share of themselves.
-        error: Greatest error of the values; NaN if it is not known.
+    `unit` is "m" for optical paths, "rad" for angles, "1" for ratios, "pixel" for displacements; any other value, also
+    None, for values whose rounding is a share of themselves. `error` is the greatest of the values, NaN if not known.
     """
     finite = np.asarray(values, float)
     finite = finite[np.isfinite(finite)]

@@ -1,10 +1,4 @@
-"""Density fields of flows: gas relations, exact flows, flow files, and the flow fields shipped with the package.
-
-Relations: `isentropic`, `tunnel_conditions`, `free_stream`, `normal_shock`, `oblique_shock`, `cone_shock`,
-`prandtl_meyer`, `expansion_fan`, `Vortex`, `bow_shock`. Density fields of exact flows: `wedge`,
-`cone`, `expansion`, `vortex`; from an approximate correlation: `blunt_body`; shipped:
-`shipped`. Density to index: `refractivity_model`.
-"""
+"""Density fields of flows: gas relations, exact flows, flow files, and the flow fields shipped with the package."""
 
 from aerokernels.flow.blunt_body import BluntBodyFlow, BowShock, blunt_body, bow_shock
 from aerokernels.flow.ciddor import ciddor_constant, ciddor_refractivity, moist_air_density, water_fraction
@@ -37,7 +31,6 @@ from aerokernels.flow.refractivity import (
     RefractivityModel,
     gladstone_dale_constant,
     index_contrast,
-    refractivity,
     refractivity_model,
 )
 from aerokernels.flow.sampled_density import CellDensity, GridDensity, VertexDensity
@@ -106,7 +99,6 @@ __all__ = [
     "open_series",
     "prandtl_meyer",
     "read",
-    "refractivity",
     "refractivity_model",
     "shipped",
     "shipped_names",

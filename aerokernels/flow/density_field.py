@@ -11,7 +11,7 @@ from aerokernels.device_arrays import plain_array
 from aerokernels.inputs.arguments import Numbers, checked
 from aerokernels.inputs.wavelength import DEFAULT_WAVELENGTH
 from aerokernels.medium import Body, IndexField, SolidBody
-from aerokernels.medium.grid import local_coordinates
+from aerokernels.medium.grid import as_points, local_coordinates
 from aerokernels.medium.labelled_grid import check_order
 
 if TYPE_CHECKING:
@@ -155,7 +155,4 @@ def _samples():
 
 def local_points(points, geometry: str) -> np.ndarray:
     """Return points (x, y, z) [m], shape (n, 3), along the axes of samples; other shapes are a ValueError."""
-    points = np.atleast_2d(np.asarray(points, dtype=np.float64))
-    if points.ndim != 2 or points.shape[1] != 3:
-        raise ValueError(f"points must have shape (n, 3), got {points.shape}")
-    return local_coordinates(points, geometry)
+    return local_coordinates(as_points(np.atleast_2d(np.asarray(points)), 3), geometry)

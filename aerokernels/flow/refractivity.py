@@ -52,21 +52,6 @@ def gladstone_dale_constant(wavelength: float, *, group: bool = False) -> float:
 
 
 @checked
-def refractivity(density: float | np.ndarray, gladstone_dale: float | np.ndarray, relation: str = "gladstone-dale"):
-    """Return the refractivity n - 1 at a density.
-
-    Args:
-        density: [kg/m3], any shape.
-        gladstone_dale: Gladstone-Dale constant K [m3/kg], one number or one for each density.
-        relation: "gladstone-dale" or "lorentz-lorenz".
-
-    Raises:
-        ValueError: An unknown relation, or a constant outside 1e-5 to 1e-2 m3/kg.
-    """
-    return index_contrast(density, 0.0, gladstone_dale, relation)
-
-
-@checked
 def index_contrast(
     density: float | np.ndarray,
     ambient_density: float,
@@ -75,7 +60,7 @@ def index_contrast(
 ):
     """Return the contrast n - n_ambient of densities of any shape and an ambient density [kg/m3].
 
-    The only difference taken is that of the densities.
+    The only difference taken is that of the densities. With an ambient density of 0 it is the refractivity n - 1.
 
     Raises:
         ValueError: An unknown relation, a constant outside 1e-5 to 1e-2 m3/kg, or densities for which Lorentz-Lorenz
@@ -197,7 +182,7 @@ class RefractivityModel:
         """
         constant = self._at(density, self.constant(wavelength, ambient=ambient))
         if not group:
-            return refractivity(density, constant, self.form)
+            return index_contrast(density, 0.0, constant, self.form)
         of_group = self._at(density, self.constant(wavelength, ambient=ambient, group=True))
         if self.form == "gladstone-dale":
             return of_group * density

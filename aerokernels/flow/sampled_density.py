@@ -242,13 +242,8 @@ class VertexDensity(MeshDensity):
     """Density at the vertices of a quadrilateral mesh, in the optical frame (z points upstream), in ambient gas.
 
     Attributes:
-        mesh: Mesh with columns (r, z) or (y, z) [m].
-        density: Densities at the vertices [kg/m3], shape (vertex_count,); (ni, nj) is accepted.
-        ambient_density: Density outside the mesh [kg/m3].
-        body: Solid body in the flow, or None.
-        conditions: The free stream, or None where it is not known.
-        provenance: Where the field comes from, in words.
-        composition: The gas, where it is a mixture that is known vertex by vertex; None for one gas.
+        density: Densities at the vertices [kg/m3], shape (vertex_count,); (ni, nj) is accepted. The other attributes
+            are those of `CellDensity`.
 
     Raises:
         TypeError: The mesh is not a QuadMesh.
@@ -291,11 +286,8 @@ class GridDensity(SampledDensity):
         ambient_density: Density outside the grid [kg/m3].
         cell_averages: The samples are averages over cells centred on the nodes, not values at the nodes; in an
             axisymmetric field over the (r, z) rectangle, without the weight r.
-        body: Solid body in the flow: a `Body`, in a volume a `SolidBody`; or None.
-        conditions: The free stream, or None where it is not known.
-        provenance: Where the field comes from, in words.
-        resampling: Errors measured when the grid was made from a mesh, or None.
-        composition: The gas, where it is a mixture that is known node by node; None for one gas.
+        resampling: Errors measured when the grid was made from a mesh, or None. The other attributes are those of
+            `CellDensity`; the body of a volume is a `SolidBody`.
 
     Raises:
         ValueError: Densities that no gas has, shapes that disagree, or a grid that `IndexField.from_samples` rejects.

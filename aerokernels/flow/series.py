@@ -172,26 +172,15 @@ class Series:
         """Return the density field of a snapshot that `read` returned."""
         if isinstance(density, DensityField):
             return density
-        density = host_array(density)
-        assert self.ambient_density is not None  # open_series requires it for arrays
+        density, mesh, ambient = host_array(density), self.mesh, self.ambient_density
+        assert ambient is not None  # open_series requires it for arrays
         described = f"{self.provenance}, snapshot {number} at {self.time[number]:g} s".lstrip(", ")
-        if isinstance(self.mesh, GridMesh):
-            return GridDensity(
-                density,
-                self.mesh.origin,
-                self.mesh.spacing,
-                self.mesh.geometry,
-                self.ambient_density,
-                self.mesh.cell_averages,
-                self.body,
-                self.conditions,
-                described,
-            )
-        assert isinstance(self.mesh, QuadMesh)
-        at_vertices = density.size == len(self.mesh.vertices) and density.size != len(self.mesh.cells)
-        kind = VertexDensity if at_vertices else CellDensity
-        assert not isinstance(self.body, SolidBody)  # only volumes have a SolidBody
-        return kind(self.mesh, density, self.ambient_density, self.body, self.conditions, described)
+        own = self.body, self.conditions, described
+        if isinstance(mesh, GridMesh):
+            return GridDensity(density, mesh.origin, mesh.spacing, mesh.geometry, ambient, mesh.cell_averages, *own)
+        assert isinstance(mesh, QuadMesh) and not isinstance(self.body, SolidBody)  # only volumes have a SolidBody
+        at_vertices = density.size == len(mesh.vertices) and density.size != len(mesh.cells)
+        return (VertexDensity if at_vertices else CellDensity)(mesh, density, ambient, *own)  # type: ignore[arg-type]
 
 
 def mark_of(found: Any) -> str:
@@ -231,7 +220,8 @@ class InOrder:
         if self._next:
             raise ValueError("snapshot 0 was read before")
         if not self._ahead:
-            self._ahead = [self._take(0)]
+            self._ahead = [self(0)]
+            self._next = 0
         return self._ahead[0]
 
     def __call__(self, number: int) -> Any:
@@ -241,17 +231,16 @@ class InOrder:
                 f"snapshot {number} was read before or skipped: an iterator gives each once, in order; give a "
                 "list, or start it anew"
             )
-        while True:
-            item = self._ahead.pop() if self._ahead else self._take(self._next)
+        item = None
+        while self._next <= number:
+            try:
+                item = self._ahead.pop() if self._ahead else next(self._items)
+            except StopIteration:
+                raise ValueError(
+                    f"the iterator ended before snapshot {self._next}: fewer snapshots than times"
+                ) from None
             self._next += 1
-            if self._next > number:
-                return item
-
-    def _take(self, number: int) -> Any:
-        try:
-            return next(self._items)
-        except StopIteration:
-            raise ValueError(f"the iterator ended before snapshot {number}: fewer snapshots than times") from None
+        return item
 
 
 def on_known_geometry(flow: DensityField, known: Sequence[DensityField]) -> DensityField:

@@ -16,7 +16,7 @@ from aerokernels.flow.series import GridMesh, Series
 from aerokernels.inputs.arguments import seconds
 from aerokernels.inputs.checks import listed
 from aerokernels.inputs.units import unit_of
-from aerokernels.medium.labelled_grid import GEOMETRIES
+from aerokernels.medium.labelled_grid import GEOMETRIES, even_nodes
 from aerokernels.process.foreign_files import FileFault, check_file, check_room, fault_text
 
 TIME_NAMES = ("time", "t", "Time")
@@ -90,14 +90,9 @@ def series_of_dataset(data: Any, given: Mapping[str, Any], name: str, identity: 
     if turned:
         data, array = data.isel(turned), array.isel(turned)
     array = array.transpose(clock, *axes)
-    ends = [_even(name, axis, array, unit) for axis in axes]
-    where = GridMesh(
-        GEOMETRIES[axes],
-        np.array([first for first, _ in ends]),
-        np.array([step for _, step in ends]),
-        array.shape[1:],
-        bool(given.get("cell_averages")),
-    )
+    nodes = {axis: _in_si(name, axis, array, "length", unit) for axis in axes}
+    first, step = np.transpose([even_nodes(own, f"{name}: axis {axis}", UNEVEN) for axis, own in nodes.items()])
+    where = GridMesh(GEOMETRIES[axes], first, step, array.shape[1:], bool(given.get("cell_averages")))
     times = _in_si(name, clock, array, "time")
     stated = array.coords[clock].dtype.kind in "mM" or stated_unit(
         {**array.coords[clock].encoding, **array.coords[clock].attrs}
@@ -167,15 +162,3 @@ def _factor(name: str, unit: str, dimension: str, what: str) -> float:
     except ValueError as fault:
         raise ValueError(f"{name}: the unit of {what}: {fault}; write it in SI") from None
     return found.factor
-
-
-def _even(name: str, axis: str, array: Any, unit: float | None) -> tuple[float, float]:
-    """Return the first node and the spacing of an axis [m]."""
-    places = _in_si(name, axis, array, "length", unit)
-    if len(places) < 2:
-        raise ValueError(f"{name}: axis {axis} needs at least two nodes")
-    step = (places[-1] - places[0]) / (len(places) - 1)
-    off = np.abs(places - (places[0] + step * np.arange(len(places)))).max()
-    if not step > 0.0 or off > UNEVEN * step:
-        raise ValueError(f"{name}: the nodes of {axis} do not increase evenly: interpolate them on an even grid first")
-    return float(places[0]), float(step)

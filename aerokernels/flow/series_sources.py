@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import partial
+from glob import glob
 from importlib import import_module
 from itertools import pairwise
 from pathlib import Path
@@ -193,7 +194,10 @@ def times_of(time: Sequence[float] | None, step: float | None, start: float, cou
 def _of_path(path: Path, call: _Call) -> Series:
     if any(letter in str(path) for letter in "*?[") and not path.exists():
         call.check(str(path), FILES)
-        return _of_numbered(_matching(path), call, str(path))
+        files = [Path(one) for one in glob(str(path), recursive=True)]
+        if not files:
+            raise ValueError(f"{path}: no file matches; check the folder and the pattern")
+        return _of_numbered(in_order(files), call, str(path))
     lists = import_module(f"{READING}.readers.vtk_files")
     case = import_module(f"{READING}.readers.foam_case")
     times: Any
@@ -325,16 +329,6 @@ def _with_own(item: Any, own: Mapping[str, Any]) -> Any:
         what = f"a {type(item).__name__} is a formula, which has its own {', '.join(own)}"
         raise ValueError(f"{what}: leave it out, and make the fields with the values that they are to have")
     return replace(item, **own)  # type: ignore[type-var]
-
-
-def _matching(pattern: Path) -> list[Path]:
-    """Return the files of a pattern, in order."""
-    parts = pattern.parts
-    first = next(k for k, part in enumerate(parts) if any(letter in part for letter in "*?["))
-    files = list((Path(*parts[:first]) if first else Path()).glob(str(Path(*parts[first:]))))
-    if not files:
-        raise ValueError(f"{pattern}: no file matches; check the folder and the pattern")
-    return in_order(files)
 
 
 def in_order(paths: Sequence[Path]) -> list[Path]:

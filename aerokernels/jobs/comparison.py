@@ -1,8 +1,7 @@
 """Compare recorded echoes with simulated runs, label by label: peaks, relative errors, correlation, range errors.
 
-The trigger offset is the time by which the recorded time axis is late. It is 0 unless the caller gives it or requests
-its measurement: on one label, for all labels (differences between labels are then real), or on each label separately
-(only shapes are compared then, and systematic range errors are not meaningful).
+The trigger offset is the time by which the recorded time axis is late: 0, given, or measured, on one label for all
+labels (differences between labels are then real) or on each label separately (only shapes are compared then).
 """
 
 import contextlib
@@ -17,7 +16,7 @@ import numpy as np
 
 from aerokernels import __version__
 from aerokernels.compare import WaveformComparison, compare_waveforms, pearson_correlation
-from aerokernels.inputs.checks import check_count, check_path
+from aerokernels.inputs.checks import check_count, check_path, check_positive
 from aerokernels.inputs.kinds import is_number
 from aerokernels.jobs.echo_statistics import (
     AverageEcho,
@@ -28,9 +27,16 @@ from aerokernels.jobs.echo_statistics import (
     mean_errors,
     record_faults,
 )
-from aerokernels.jobs.range_errors import RangeErrors, measured_offset, overlap, range_errors, simulated_on
 from aerokernels.jobs.recorded import Label, RecordedEcho, label_text, random_subset, recorded_echoes, recorded_labels
-from aerokernels.jobs.run_folder import RunFolder, match_runs
+from aerokernels.jobs.run_folder import (
+    RangeErrors,
+    RunFolder,
+    match_runs,
+    measured_offset,
+    overlap,
+    range_errors,
+    simulated_on,
+)
 from aerokernels.process.foreign_files import FileFault
 
 if TYPE_CHECKING:
@@ -62,10 +68,8 @@ class CompareOptions:
                 raise ValueError(f"{name} = {given}: give {unit}")
         if self.trigger_offset and self.align != NO_ALIGNMENT:
             raise ValueError(f"trigger_offset and align {self.align}: give the offset, or have it measured, not both")
-        if self.threshold is not None and not is_number(self.threshold):
-            raise TypeError(f"threshold must be a voltage in volts or None, got {self.threshold!r}")
-        if self.threshold is not None and not (np.isfinite(self.threshold) and self.threshold > 0.0):
-            raise ValueError(f"threshold = {self.threshold}: give a positive voltage")
+        if self.threshold is not None:
+            check_positive(self.threshold, "threshold", "V")
         check_count(self.ranged_count, "ranged_count", least=2)  # a spread needs two echoes
         check_count(self.seed, "seed", 0, 2**63 - 1)
 
@@ -194,9 +198,9 @@ class BenchComparison:
             variables[name] = (("label", "sample"), values, {"units": unit, "long_name": words})
         rows = [one.row() for one in self.labels]
         for name in rows[0]:
-            values = [row.get(name) for row in rows]
-            if name != "label" and not any(isinstance(value, str) for value in values):
-                numbers = [np.nan if value is None else value for value in values]
+            column = [row.get(name) for row in rows]
+            if name != "label" and not any(isinstance(value, str) for value in column):
+                numbers = [np.nan if value is None else value for value in column]
                 unit = {"_v": "V", "_s": "s", "_m": "m"}.get(name[-2:], "1")
                 variables[name] = ("label", np.array(numbers, dtype=np.float64), {"units": unit})
         coordinates = {"label": ("label", [row["label"] for row in rows], {"units": "1"})}

@@ -14,8 +14,7 @@ from aerokernels.display.quantities import Quantity, two_digits
 from aerokernels.hardware.export import csv_cell
 from aerokernels.jobs.comparison import EACH, NO_ALIGNMENT, BenchComparison, LabelComparison
 from aerokernels.jobs.echo_statistics import TOLD, covering, spread_factor
-from aerokernels.jobs.figure_layout import house_style, png, styled_figure
-from aerokernels.jobs.page import page, table
+from aerokernels.jobs.page import house_style, page, png, styled_figure, table
 from aerokernels.jobs.plots import ACCENT, MUTED, RAY_COLOUR
 from aerokernels.jobs.recorded import LEAST_SAMPLES, label_text
 from aerokernels.jobs.store import REPORT_FILE, SUMMARY_FILE, staged_folder, to_json, write_result, write_summary

@@ -63,7 +63,9 @@ def average(echoes: Iterable[RecordedEcho]) -> AverageEcho:
         raise ValueError(f"there are no echoes to average: each needs {LEAST_SAMPLES} samples and a sample period")
     time, period = _usual_time(head)
     number, mean, square = np.zeros(time.size), np.zeros(time.size), np.zeros(time.size)
-    peaks, equal, steps = [], [], []
+    peaks: list[float] = []
+    equal: list[int] = []
+    steps: list[float] = []
     resampled = 0
     for echo in itertools.chain(head, source):
         volts = echo.voltage

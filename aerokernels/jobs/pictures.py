@@ -35,7 +35,7 @@ from aerokernels.benches.shadowgraph import Screen
 from aerokernels.display.quantities import Quantity
 from aerokernels.display.shown import extent_of
 from aerokernels.flow import DensityField, shipped_names
-from aerokernels.jobs.figure_layout import house_style, png, styled_figure
+from aerokernels.jobs.page import house_style, png, styled_figure
 from aerokernels.jobs.plots import ACCENT
 from aerokernels.jobs.store import SUMMARY_FILE, staged_folder, write_result, write_summary
 from aerokernels.medium import IndexField

@@ -13,7 +13,7 @@ from aerokernels.display.quantities import Quantity
 from aerokernels.display.shown import extent_of, is_flat, say_flat
 from aerokernels.files.writing import replacing
 from aerokernels.flow import CellDensity, DensityField
-from aerokernels.jobs.figure_layout import Panel, fitted_panel, house_style, panelled_figure
+from aerokernels.jobs.page import Panel, fitted_panel, house_style, panelled_figure
 from aerokernels.medium import Body, SolidBody
 
 if TYPE_CHECKING:

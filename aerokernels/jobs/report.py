@@ -14,7 +14,7 @@ from aerokernels.display.quantities import WORTHLESS, Quantity, listed, two_digi
 from aerokernels.display.shown import NOTHING, told
 from aerokernels.jobs import plots
 from aerokernels.jobs.numbers import NUMBERS, TEXTS, is_ratio, quantity_of
-from aerokernels.jobs.page import Figure, drawn, page
+from aerokernels.jobs.page import Drawn, drawn, page
 from aerokernels.jobs.store import number_or_nan, to_json
 
 if TYPE_CHECKING:
@@ -77,7 +77,7 @@ def remark_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
     return rows
 
 
-def run_figures(dataset: "xarray.Dataset") -> list[Figure]:
+def run_figures(dataset: "xarray.Dataset") -> list[Drawn]:
     """Draw the figures of a run, but for those whose data are missing because a stage failed."""
     there = set(dataset.variables)
     return drawn(
@@ -87,7 +87,7 @@ def run_figures(dataset: "xarray.Dataset") -> list[Figure]:
     )
 
 
-def render_report(figures: Sequence[Figure], summary: Mapping[str, Any], scene_text: str) -> str:
+def render_report(figures: Sequence[Drawn], summary: Mapping[str, Any], scene_text: str) -> str:
     """Return the report as an HTML document: `figures` by `run_figures`, summary.json, and the scene as it was run."""
     version = str(summary.get("version"))
     cite = f"The method follows the paper below; please cite it together with aerokernels {version}."

@@ -12,9 +12,8 @@ from aerokernels.display.quantities import Quantity
 from aerokernels.display.shown import is_flat, say_flat, told
 from aerokernels.files.writing import only_writer, replacing
 from aerokernels.flow import Series, open_series
-from aerokernels.jobs.figure_layout import Panel, panelled_figure, plain_decades
 from aerokernels.jobs.numbers import SERIES_NUMBERS, quantity_of
-from aerokernels.jobs.page import Picture, drawn, embedded, page, table
+from aerokernels.jobs.page import Panel, Picture, drawn, embedded, page, panelled_figure, plain_decades, table
 from aerokernels.jobs.plots import axes_of
 from aerokernels.jobs.run_files import scene_toml
 from aerokernels.jobs.store import (

@@ -22,6 +22,7 @@ from aerokernels.medium.bodies.solid_body import SolidBody
 from aerokernels.medium.grid import (
     AXIS_CORE,
     UniformGrid,
+    as_points,
     check_box,
     check_finite,
     check_starts_on_axis,
@@ -298,9 +299,7 @@ class IndexField(Derived):
 
         Both are zero outside the box, and NaN at points that are NaN.
         """
-        points = np.atleast_2d(np.asarray(points, dtype=np.float64))
-        if points.ndim != 2 or points.shape[1] != 3:
-            raise ValueError(f"points must have shape (n, 3), x, y and z of each [m], got {points.shape}")
+        points = as_points(np.atleast_2d(np.asarray(points)), 3)
         local = self.local_coordinates(points)
         tolerance = 1e-12 * (self.samples.high - self.samples.low)
         inside = np.all((local >= self.samples.low - tolerance) & (local <= self.samples.high + tolerance), axis=1)

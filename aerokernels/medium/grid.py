@@ -48,7 +48,7 @@ def as_points(points, dimension: int) -> np.ndarray:
     """Return points as a float64 array, shape (n, dimension)."""
     points = np.asarray(points, dtype=np.float64)
     if points.ndim != 2 or points.shape[1] != dimension:
-        raise ValueError(f"points need shape (n, {dimension}), got {points.shape}")
+        raise ValueError(f"points must have shape (n, {dimension}), got {points.shape}")
     return points
 
 

@@ -15,6 +15,21 @@ def unevenness(step: float, farthest: float) -> float:
     return step * float(np.clip(2.4e-7 * farthest / step, 1e-6, 1e-3)) if step > 0.0 else 0.0
 
 
+def even_nodes(place: np.ndarray, what: str, tolerance: float | None = None) -> tuple[float, float]:
+    """Return the first node and the spacing of nodes [m] that increase evenly, within a share of it; refuse others."""
+    if len(place) < 2:
+        raise ValueError(f"{what} has {len(place)} nodes: a field needs at least two")
+    step = float((place[-1] - place[0]) / (len(place) - 1))
+    off = np.abs(place - (place[0] + step * np.arange(len(place))))
+    most = unevenness(step, np.abs(place).max()) if tolerance is None else tolerance * step
+    if not (step > 0.0 and off.max() <= most):
+        raise ValueError(
+            f"{what} is not even: node {int(np.argmax(off))} is {off.max():.3g} m off; interpolate to an even grid, or "
+            "make a mesh of it with QuadMesh.structured"
+        )
+    return float(place[0]), step
+
+
 def check_order(array: Any, name: str, geometry: str, door: str) -> None:
     """Reject a labelled array, such as one of xarray, whose dimensions are those of a geometry in another order."""
     axes = next((axes for axes, one in GEOMETRIES.items() if one == geometry), ())
@@ -49,19 +64,11 @@ def grid_arguments(array) -> dict:
         unit = str(array.coords[names[axis]].attrs.get("units", "")).strip()
         place = np.asarray(array.coords[names[axis]].values, dtype=np.float64)
         place = place * unit_of(unit, "length").factor
-        if len(place) < 2:
-            raise ValueError(f"dimension {axis} has {len(place)} nodes: a field needs at least two")
-        if place[-1] < place[0]:
+        if len(place) > 1 and place[-1] < place[0]:
             array, place = array.isel({names[axis]: slice(None, None, -1)}), place[::-1]
-        step = (place[-1] - place[0]) / (len(place) - 1)
-        off = np.abs(place - (place[0] + step * np.arange(len(place))))
-        if not off.max() <= unevenness(step, np.abs(place).max()):
-            raise ValueError(
-                f"coordinates {axis} are not even: node {int(np.argmax(off))} is {off.max():.3g} m off; "
-                "interpolate to an even grid, or make a mesh of them with QuadMesh.structured"
-            )
-        origin.append(float(place[0]))
-        spacing.append(float(step))
+        first, step = even_nodes(place, f"dimension {axis}")
+        origin.append(first)
+        spacing.append(step)
     known = ("ambient_index", "interpolation", "wavelength", "cell_averages")
     given = {name: array.attrs[name] for name in known if name in array.attrs}
     if "cell_averages" in given and np.isin(given["cell_averages"], (0, 1)).all():  # NetCDF has no true and false

@@ -13,7 +13,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from aerokernels.flow import gladstone_dale_constant, refractivity_model, shipped_names
 from aerokernels.flow.gas import check_density
-from aerokernels.flow.refractivity import RELATIONS, default_relation, refractivity
+from aerokernels.flow.refractivity import RELATIONS, default_relation, index_contrast
 from aerokernels.inputs.units import quantity
 from aerokernels.scene.values import (
     Angle,
@@ -207,7 +207,7 @@ def _wavelength(value: float) -> float:
 
 
 def _constant(value: float) -> float:
-    refractivity(1.0, value)
+    index_contrast(1.0, 0.0, value)
     return value
 
 

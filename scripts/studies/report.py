@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from aerokernels.jobs.figure_layout import STYLE, styled_figure
+from aerokernels.jobs.page import STYLE, styled_figure
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

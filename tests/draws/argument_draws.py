@@ -210,7 +210,6 @@ def _right_calls() -> dict[str, tuple[Callable, dict[str, Any]]]:
         "flow.expansion_fan": (flow.expansion_fan, {"mach": 3.0, "deflection": 0.1}),
         "flow.cone_shock": (flow.cone_shock, {"mach": 3.0, "half_angle": 0.1}),
         "flow.bow_shock": (flow.bow_shock, {"mach": 3.0, "radius": 0.01, "geometry": "planar"}),
-        "flow.refractivity": (flow.refractivity, {"density": 1.0, "gladstone_dale": 2.25e-4}),
         "flow.index_contrast": (flow.index_contrast, {"density": 1.0, "ambient_density": 1.2,
                                 "gladstone_dale": 2.25e-4}),
         "flow.gladstone_dale_constant": (flow.gladstone_dale_constant, {"wavelength": 905e-9}),

@@ -35,8 +35,7 @@ def run(tmp_path: Path):
     return read_run(str(make_run(tmp_path / "run", 0, 2.0)))
 
 
-@pytest.mark.parametrize("noise", [0.0, 0.02])
-@pytest.mark.parametrize("greatest", [1.9, 1.2])
+@pytest.mark.parametrize(("noise", "greatest"), [(0.0, 1.9), (0.02, 1.2)])
 def test_a_peak_that_is_cut_off_is_said_to_be_that(tmp_path: Path, run, noise: float, greatest: float):
     """Before, the advice was to put another pulse into the scene, and the peak had an error "below rounding"."""
     path = digitised(tmp_path / "e.sqlite", bits=12, greatest=greatest, noise=noise)
@@ -63,7 +62,7 @@ def test_a_coarse_digitiser_makes_no_other_pulse(tmp_path: Path, run, noise: flo
         compare_waveforms(time, mean, simulated, rounding=-1.0)
 
 
-@pytest.mark.parametrize("offset", [0.05, -0.05, 0.005])
+@pytest.mark.parametrize("offset", [-0.05, 0.005])
 def test_an_offset_is_measured_and_can_be_subtracted(tmp_path: Path, run, offset: float):
     """5 mV of 2 V move the leading edge by 1 mm, and 50 mV by 13 mm of range, without a change of the target."""
     path = digitised(tmp_path / "e.sqlite", bits=14, greatest=3.0, noise=0.02, offset=offset, count=50)

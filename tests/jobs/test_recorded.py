@@ -93,23 +93,3 @@ def test_a_netcdf_file_may_have_its_samples_first(tmp_path: Path, times: str):
     echoes = list(recorded_echoes(tmp_path / "e.nc"))
     np.testing.assert_array_equal([echo.voltage for echo in echoes], volts)
     assert all(echo.time == pytest.approx(TIME, abs=1e-20) for echo in echoes)
-
-
-@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # h5netcdf, of a file it half opened
-@pytest.mark.parametrize("name", WRITERS)
-def test_damaged_recordings_are_read_or_refused_by_name(tmp_path: Path, name: str):
-    """Bytes changed and ends cut off, 60 times: echoes, or a ValueError that names the file; nothing else."""
-    whole = WRITERS[name](tmp_path / name, noisy(3, 0.02)).read_bytes()
-    path, random, refused = tmp_path / f"bad-{name}", np.random.default_rng(3), 0
-    for number in range(60):
-        damaged = bytearray(whole[: random.integers(20, len(whole)) if number % 3 == 0 else None])
-        for _ in range(random.integers(1, 6)):
-            damaged[random.integers(min(len(damaged), 3000))] = random.integers(256)
-        path.write_bytes(damaged)
-        try:
-            for label in recorded_labels(path):
-                list(recorded_echoes(path, label))
-        except ValueError as error:
-            assert str(path) in str(error)
-            refused += 1
-    assert refused > 10

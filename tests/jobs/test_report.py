@@ -13,7 +13,7 @@ import pytest
 import xarray
 
 from aerokernels.jobs import plots
-from aerokernels.jobs.figure_layout import png
+from aerokernels.jobs.page import png
 from aerokernels.jobs.report import headline_rows, render_report, run_figures
 
 SUMMARY = {

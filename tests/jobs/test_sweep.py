@@ -128,6 +128,7 @@ def test_a_changed_sweep_is_refused(unbroken, change, words, command_line):
     assert (folder / "out" / CASES_FILE).read_bytes() == before
 
 
+@pytest.mark.slow
 def test_killed_in_the_middle_it_goes_on(unbroken, tmp_path: Path):
     """SIGKILL after a few cases, then the same command: what was done stays, byte for byte, and the numbers agree."""
     process = started(tmp_path, *COMMAND, "--workers", "1")
@@ -147,6 +148,7 @@ def test_killed_in_the_middle_it_goes_on(unbroken, tmp_path: Path):
         np.testing.assert_array_equal(found[name], whole[name])
 
 
+@pytest.mark.slow
 def test_a_dead_dask_worker_is_made_up_for(unbroken, command_line, tmp_path: Path):
     """Two Dask worker processes, one of them killed in the middle; run again, it does nothing."""
     pytest.importorskip("distributed")

@@ -22,21 +22,20 @@ def scene(**changes) -> Scene:
 
 
 def test_tilts_share_flow_index_and_strehl_ratio():
-    """Three tilts of two receivers: one flow, one index field, a Strehl ratio a receiver, and six echoes."""
+    """Two tilts of two receivers: one flow, one index field, a Strehl ratio a receiver, and four echoes."""
     scenes = [
         scene(receiver__diameter=diameter, target__tilt=tilt)
         for diameter in ("10 mm", "12 mm")
-        for tilt in ("0 deg", "10 deg", "20 deg")
+        for tilt in ("0 deg", "20 deg")
     ]
     stages = Stages()
     found = [stages.run(case).summary for case in make_cases(scenes)]
-    assert stages.made == {"flow": 1, "index": 1, "strehl": 2, "echo": 6}
-    assert len({summary["strehl"] for summary in found[:3]}) == 1
+    assert stages.made == {"flow": 1, "index": 1, "strehl": 2, "echo": 4}
+    assert found[0]["strehl"] == found[1]["strehl"]
     assert found[0]["range_m"] != found[1]["range_m"]
-    for number in (0, 5):  # within the error that it reports, and far within it
-        alone = simulate(scenes[number]).summary
-        for key in ("strehl", "opd_rms_m", "echo_peak_v", "range_m"):
-            assert abs(found[number][key] - alone[key]) < 0.3 * alone["errors"][key], key
+    alone = simulate(scenes[3]).summary
+    for key in ("strehl", "opd_rms_m", "echo_peak_v", "range_m"):  # far within the error that it reports
+        assert abs(found[3][key] - alone[key]) < 0.3 * alone["errors"][key], key
 
 
 def test_another_wavelength_takes_the_flow_and_another_density_does_not():

@@ -34,9 +34,7 @@ def written(result, out: Path) -> tuple[dict, str]:
     "changes",
     [
         {"target.distance": "30 m"},
-        {"target.distance": "300 m"},
         {"receiver.diameter": "6 mm"},
-        {"target.reflectivity": 1e-9},
         {"target.tilt": "80 deg"},
         {"detector.threshold": "5 V"},
     ],

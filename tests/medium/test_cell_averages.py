@@ -35,29 +35,12 @@ def test_the_cubic_spline_has_the_averages_it_was_given(count, even, seed):
     assert averages_of_spline(values, even) == pytest.approx(data[1:-1], abs=1e-12)
 
 
-def test_polynomials_come_back():
-    """Averages of a cubic, known in closed form, give its node values, ends included, along both axes."""
-    p = np.polynomial.Polynomial([0.3, -0.5, 0.2, 0.07])
-    q = p.integ()
-    x = np.linspace(-2.0, 2.0, 9)
-    average = (q(x + 0.25) - q(x - 0.25)) / 0.5
-    assert node_values(average, "cubic", False) == pytest.approx(p(x), abs=1e-13)
-    both = node_values(np.outer(average, average), "cubic", False)
-    assert both == pytest.approx(np.outer(p(x), p(x)), abs=1e-12)
-
-
 def test_even_in_r():
     """Averages of 1 - r^2 over cells, the first from -h/2 to h/2, give the parabola at the nodes."""
     h = 0.1
     r = h * np.arange(12)
     average = 1.0 - r**2 - h**2 / 12.0
     assert node_values(average, "cubic", True) == pytest.approx(1.0 - r**2, abs=1e-13)
-
-
-@pytest.mark.parametrize("interpolation", ["linear", "monotone"])
-def test_the_others_keep_the_sum(interpolation):
-    data = np.random.default_rng(3).uniform(-1.0, 1.0, (7, 5))
-    assert np.array_equal(node_values(data, interpolation, False), data)
 
 
 @pytest.mark.parametrize(("interpolation", "allowed"), [("cubic", 2e-3), ("linear", 0.03), ("monotone", 0.03)])

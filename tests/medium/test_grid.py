@@ -50,26 +50,6 @@ def test_orders(interpolation, dimension, counts, value_order, gradient_order):
     assert abs(fitted_order(spacings, found[:, 1]) - gradient_order) < 0.2
 
 
-@pytest.mark.parametrize("interpolation", ["cubic", "linear", "monotone"])
-@pytest.mark.parametrize("dimension", [2, 3])
-def test_gradient_is_the_derivative_of_the_value(interpolation, dimension):
-    """Noise of +-0.1 as data, ambient index 1.2; central differences of step d = 1e-5 cells, inside cells.
-
-    Truncation d^2 / 6 max|m'''| < 1e-10, rounding 1e-16 / d = 1e-11. Tolerance 1e-8.
-    """
-    rng = np.random.default_rng(dimension)
-    samples, spacing = rng.uniform(-0.1, 0.1, (6, 5, 4)[:dimension]), np.arange(1, dimension + 1) / 3.0
-    g = UniformGrid(samples, np.ones(dimension), spacing, interpolation, False, 1.2)
-    cells = rng.integers(0, np.array(g.shape) - 1, (100, dimension))
-    points = g.origin + (cells + rng.uniform(0.01, 0.99, (100, dimension))) * g.spacing
-    gradient = g.evaluate(points)[1]
-    for axis in range(dimension):
-        step = np.zeros(dimension)
-        step[axis] = 1e-5 * g.spacing[axis]
-        difference = (g.evaluate(points + step)[0] - g.evaluate(points - step)[0]) / (2.0 * step[axis])
-        assert np.abs(difference - gradient[:, axis]).max() < 1e-8
-
-
 def test_a_quadratic_square_of_the_index_is_exact_in_a_strong_medium():
     """n^2 = 2.25 (1 - 0.09 (y^2 + z^2)): the potential is a parabola, all is exact to rounding."""
     axis = np.linspace(-1.0, 1.0, 9)

@@ -18,7 +18,7 @@ def test_nodes_lie_where_the_coordinates_say(turned):
     assert found["origin"] == pytest.approx([3e-3, -2.0]) and found["spacing"] == pytest.approx([0.5e-3, 1.0])
     assert found["geometry"] == "planar"
     np.testing.assert_array_equal(found["contrast"], values)
-    with pytest.raises(ValueError, match=r"are not even: node 1 is 0\.0002 m off"):
+    with pytest.raises(ValueError, match=r"is not even: node 1 is 0\.0002 m off"):
         grid_arguments(array.assign_coords(y=("y", [3.0, 3.7, 4.0], {"units": "mm"})))
 
 
@@ -30,7 +30,7 @@ def test_coordinates_may_be_rounded_to_single_precision():
     )
     found = grid_arguments(array)
     assert found["origin"] == pytest.approx([-0.1, 4.9]) and found["spacing"] == pytest.approx([1e-3, 1e-3], rel=1e-6)
-    with pytest.raises(ValueError, match="are not even: node 7 is"):
+    with pytest.raises(ValueError, match="is not even: node 7 is"):
         grid_arguments(array.assign_coords(y=places + 1e-6 * (np.arange(201) == 7)))
 
 

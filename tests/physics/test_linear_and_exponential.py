@@ -6,7 +6,7 @@ import pytest
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import Plane, trace
 
-from .checks import assert_float32, assert_float64, case
+from .checks import assert_float64, case
 from .media import N0
 
 LINEAR = ("linear planar", "linear axisymmetric", "linear volume")
@@ -48,9 +48,3 @@ def test_catenaries_of_equal_strength():
     about doubled where the ray has become steep; steps, 5e-13. Tolerance: 4e-9 of the path.
     """
     assert_float64(case("exponential planar"), 4e-9, tolerance=1e-6)
-
-
-@pytest.mark.parametrize("name", [*LINEAR, "exponential planar"])
-def test_float32(name):
-    """These media in float32; tolerance: see assert_float32."""
-    assert_float32(case(name))

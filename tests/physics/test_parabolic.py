@@ -30,9 +30,3 @@ def test_a_hundred_pitches():
     rod = parabolic("axisymmetric", 100.0, g=100.0)
     assert_float64(rod, 1e-8, tolerance=1e-4)
     assert_float32(rod)
-
-
-@pytest.mark.parametrize("geometry", GEOMETRIES)
-def test_float32(geometry):
-    """The ten pitches of above in float32; tolerance: see assert_float32."""
-    assert_float32(case(f"parabolic {geometry}"))

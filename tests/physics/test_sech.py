@@ -6,7 +6,7 @@ import pytest
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import trace
 
-from .checks import assert_float32, assert_float64, case
+from .checks import assert_float64, case
 from .media import N0, across_z
 
 GEOMETRIES = ("planar", "axisymmetric")
@@ -21,12 +21,6 @@ def test_rays_of_all_slopes(geometry):
     in each turn (see cases.py), steps 1e-13 of the path. Tolerance: 2e-9 of the path.
     """
     assert_float64(case(f"sech {geometry}"), 2e-9, tolerance=1e-6)
-
-
-@pytest.mark.parametrize("geometry", GEOMETRIES)
-def test_float32(geometry):
-    """The same in float32; tolerance: see assert_float32."""
-    assert_float32(case(f"sech {geometry}"))
 
 
 @pytest.mark.parametrize("geometry", GEOMETRIES)

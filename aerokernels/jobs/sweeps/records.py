@@ -187,8 +187,8 @@ def sweep_dataset(
     failed = [not summary for summary in summaries]
     add("failed", failed, "whether the whole case failed", dtype=bool)
 
-    for key, (dimension, values, units) in coordinates(definition).items():
-        labels[key] = (dimension, values, {"units": units, "long_name": f"{key} of the scene"})
+    for key, (dimension, places, units) in coordinates(definition).items():
+        labels[key] = (dimension, places, {"units": units, "long_name": f"{key} of the scene"})
     if definition.mode != "grid":
         labels[CASE] = (CASE, np.arange(count), {"units": "1", "long_name": "number of the case"})
     attributes: dict[str, Any] = {

@@ -11,9 +11,8 @@ import numpy as np
 
 from aerokernels.display.quantities import Quantity
 from aerokernels.display.shown import is_flat
-from aerokernels.jobs.figure_layout import Panel, panelled_figure
 from aerokernels.jobs.numbers import NUMBERS, Number
-from aerokernels.jobs.page import Picture, drawn, page, table
+from aerokernels.jobs.page import Panel, Picture, drawn, page, panelled_figure, table
 from aerokernels.jobs.sweeps.definition import CASE, Definition
 
 if TYPE_CHECKING:

@@ -89,7 +89,7 @@ def _keep_averages(mesh: QuadMesh, values, average, smooth, vacuum: float, fixed
         for _ in range(4):  # rings of cells around those with a deficit
             near = ((weights.matrix @ (weights.transposed @ near)) > 0.0).astype(float)
         _sweep(weights, np.flatnonzero(near), target, values, low, high, settled, 200)
-    single = np.flatnonzero(weights.single)
+    single = np.flatnonzero(np.diff(weights.transposed.indptr) == 1)  # vertices of one cell alone
     inner = weights.matrix[:, single]
     room = np.asarray(inner.sum(axis=1))
     deficit = weights.deficit(target, values) * weights.cell_total / np.where(room > 0.0, room, 1.0)
@@ -112,16 +112,6 @@ class _VertexWeights(Derived):
     def cell_total(self) -> np.ndarray:
         """Sum of the weights of each of the flow's cells."""
         return np.asarray(self.matrix.sum(axis=1))
-
-    @cached_property
-    def vertex_total(self) -> np.ndarray:
-        """Sum of the weights of each vertex."""
-        return np.asarray(self.matrix.sum(axis=0))
-
-    @cached_property
-    def single(self) -> np.ndarray:
-        """Which vertices belong to only one of the flow's cells."""
-        return np.diff(self.transposed.indptr) == 1
 
     def deficit(self, average: np.ndarray, values: np.ndarray) -> np.ndarray:
         """Return the averages minus the means of the interpolant of `values`, shape (flow's cells,)."""
@@ -155,7 +145,7 @@ def _sweep(weights: _VertexWeights, some, target, found, low, high, settled: flo
     transposed = inner.T.tocsr()
     values, low, high = found[vertex], low[vertex], high[vertex]
     wanted = target * size - share @ found + inner @ values
-    total = weights.vertex_total[vertex]
+    total = np.asarray(weights.matrix.sum(axis=0))[vertex]
     rate = np.where(total > 0.0, 1.0 / np.where(total > 0.0, total, 1.0), 0.0)
     before, ahead, restart = np.full(len(target), np.inf), values, 0
     for sweep in range(sweeps):

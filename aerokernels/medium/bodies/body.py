@@ -150,8 +150,13 @@ class Body(Derived):
             reach = distance.min(axis=1) + 2.0 * radius[part] * (1.0 + 1e-9)
             near = distance <= (reach * (1.0 + 1e-9))[:, None]
             for k, kept in enumerate(near, start=tile):
-                rows, segments = order[first[k] : last[k]], np.flatnonzero(kept)
-                foot[rows] = _nearest_feet(points[rows], start[segments], end[segments])
+                rows = order[first[k] : last[k]]
+                nearest = np.flatnonzero(kept)[_squared_distances(points[rows], start[kept], end[kept]).argmin(axis=1)]
+                step = end[nearest] - start[nearest]
+                length = np.linalg.norm(step, axis=1)
+                along = step / length[:, None]
+                share = np.clip(np.sum((points[rows] - start[nearest]) * along, axis=1), 0.0, length)
+                foot[rows] = start[nearest] + share[:, None] * along
         return foot
 
     @checked
@@ -181,16 +186,6 @@ def _squared_distances(points: np.ndarray, start: np.ndarray, end: np.ndarray) -
     beyond = share - np.clip(share, 0.0, length)
     beside = points @ across.T - np.sum(start * across, axis=1)
     return np.asarray(beyond**2 + beside**2)
-
-
-def _nearest_feet(points: np.ndarray, start: np.ndarray, end: np.ndarray) -> np.ndarray:
-    """Return the point of some segments (w, 2) that is nearest to each point (n, 2), shape (n, 2)."""
-    nearest = np.argmin(_squared_distances(points, start, end), axis=1)
-    start, step = start[nearest], (end - start)[nearest]
-    length = np.linalg.norm(step, axis=1)
-    along = step / length[:, None]
-    share = np.clip(np.sum((points - start) * along, axis=1), 0.0, length)
-    return np.asarray(start + share[:, None] * along)
 
 
 def bounding_walls(profile: np.ndarray, contains) -> tuple[np.ndarray, np.ndarray]:

@@ -1,7 +1,7 @@
 """Generate the OpenCL headers that follow from Python: options, structs, status codes and constants.
 
 A kernel includes them by name like those of kernels/include; program.py inserts their texts. Warp's kernels use the
-same tables and numbers directly. `scripts/kernel_headers` prints the headers.
+same tables and numbers directly. `scripts/generate_kernels --headers` prints the headers.
 """
 
 from collections.abc import Callable, Mapping, Sequence
