@@ -14,12 +14,12 @@ import pytest
 PACKAGE = Path(__file__).resolve().parents[1] / "aerokernels"
 # Lines of Python in the modules of each folder and in folders below it.
 LINES = {
-    ".": 1900,
+    ".": 1561,
     "benches": 2650,
-    "benchmark": 980,
-    "commands": 1490,
+    "benchmark": 607,
+    "commands": 1351,
     "device_arrays": 1280,
-    "display": 450,
+    "display": 421,
     "files": 470,
     "fldi": 690,
     "flow": 12420,
@@ -27,7 +27,7 @@ LINES = {
     "hardware": 2390,
     "imaging": 1670,
     "inputs": 1140,
-    "jobs": 6030,
+    "jobs": 5021,
     "lidar": 3100,
     "medium": 3560,
     "process": 1370,
@@ -81,7 +81,7 @@ def test_no_folder_grows():
 
 @pytest.mark.parametrize(
     ("body", "limits"),
-    [(COLD_STREHL, (112, 10_000, 2_300)), (COLD_RUN, (218, 60_000, 19_500))],
+    [(COLD_STREHL, (112, 10_000, 2_300)), (COLD_RUN, (200, 40_000, 15_000))],
     ids=["estimate_strehl", "simulate"],
 )
 def test_the_path_of_an_answer_grows_no_longer(body, limits):
