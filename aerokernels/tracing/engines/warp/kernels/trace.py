@@ -17,9 +17,6 @@ the undisturbed ray).
 
 Method "straight" evaluates the field along p + d a sigma and adds grad s . q: the optical path is correct to second
 order in the contrast, position and direction to first order.
-
-The deviation along d is a sum of values (motion.py). error.py estimates the error of a step, the table of step_bound.py
-bounds its length, and event_location.py ends it on a surface.
 """
 
 import warp as wp
