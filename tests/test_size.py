@@ -15,17 +15,17 @@ PACKAGE = Path(__file__).resolve().parents[1] / "aerokernels"
 # Lines of Python in the modules of each folder and in folders below it.
 LINES = {
     ".": 1564,
-    "benches": 2650,
+    "benches": 2235,
     "benchmark": 607,
     "commands": 1351,
     "device_arrays": 1190,
     "display": 421,
     "files": 470,
-    "fldi": 690,
-    "flow": 12440,
+    "fldi": 615,
+    "flow": 12420,
     "focus": 650,
     "hardware": 2390,
-    "imaging": 1670,
+    "imaging": 1460,
     "inputs": 1140,
     "jobs": 5021,
     "lidar": 3100,
@@ -35,8 +35,8 @@ LINES = {
     "scene": 1490,
     "series": 4020,
     "tracing": 17730,
-    "wavefronts": 2390,
-    "waves": 1300,
+    "wavefronts": 2170,
+    "waves": 1045,
 }
 FILES = 376
 # What a call passes through in a new process: files, calls of functions, changes of file.
