@@ -45,17 +45,6 @@ class Window:
         return 0.5 * (self.entry + self.exit)
 
 
-def make_window(field: IndexField, view, extent, pixel_count, width: float | None) -> Window:
-    """Make the window of a field; for the arguments see `line_of_sight`."""
-    forward, right, up = _view_axes(view)
-    low, high = _finite_box(field, forward, width)
-    horizontal, vertical, pitch = _pixels(low, high, right, up, extent, pixel_count)
-    entry, exit_ = _span(low, high, forward)
-    if field.geometry != "planar":  # rounding would decide whether rays meet a plane on a face of the box
-        entry, exit_ = entry - 0.005 * (exit_ - entry), exit_ + 0.005 * (exit_ - entry)
-    return Window(forward, right, up, horizontal, vertical, pitch, entry, exit_)
-
-
 def ray_lines(window: Window, rays_per_pixel: int) -> tuple[np.ndarray, np.ndarray]:
     """Return the positions of k rays per pixel along right, shape (nx k,), and along up, shape (ny k,) [m]."""
     offset = (np.arange(rays_per_pixel) - 0.5 * (rays_per_pixel - 1)) / rays_per_pixel
@@ -235,8 +224,12 @@ class ParallelLight:
         field, window = self.field, self.window
         across, along = np.meshgrid(*ray_lines(window, self.rays_per_pixel))
         row_count = len(along)
-        symmetric = _is_symmetric(field, window, along[:, 0]) and not self.sine.any()
-        if symmetric:  # only the upper half is traced; the lower one is its mirror image
+        # Of a body of revolution seen from the side, with its axis in the middle, only the upper half is traced; the
+        # lower one is its mirror image.
+        heights, sideways = along[:, 0], abs(abs(float(window.right[2])) - 1.0) < 1e-12
+        even = np.abs(heights + heights[::-1]).max() <= 1e-9 * np.abs(heights).max()
+        symmetric = field.geometry == "axisymmetric" and sideways and even and not self.sine.any()
+        if symmetric:
             across, along = across[row_count // 2 :], along[row_count // 2 :]
         rays, shape = self.rays(across, along), across.shape
         traced = trace(field, rays, until=self.until, outputs=("position", "direction", "opd"), **self.options)
@@ -323,7 +316,13 @@ def line_of_sight(
     if not np.isfinite(focus):
         raise ValueError(f"focus = {focus}: give the position of the plane in focus in metres from the field's middle")
     check_count(rays_per_pixel, "rays_per_pixel")
-    window = make_window(field, view, extent, pixel_count, width)
+    forward, right, up = _view_axes(view)
+    low, high = _finite_box(field, forward, width)
+    horizontal, vertical, pitch = _pixels(low, high, right, up, extent, pixel_count)
+    entry, exit_ = _span(low, high, forward)
+    if field.geometry != "planar":  # rounding would decide whether rays meet a plane on a face of the box
+        entry, exit_ = entry - 0.005 * (exit_ - entry), exit_ + 0.005 * (exit_ - entry)
+    window = Window(forward, right, up, horizontal, vertical, pitch, entry, exit_)
     ray_count = len(window.horizontal) * len(window.vertical) * rays_per_pixel**2
     if ray_count > GREATEST_RAY_COUNT:
         raise ValueError(
@@ -354,16 +353,6 @@ def traced_light(field: IndexField | LineOfSight, options: dict[str, Any]) -> Li
     if options:
         raise TypeError(f"{next(iter(options))} is an option of line_of_sight, and this light was traced before")
     return field
-
-
-def _is_symmetric(field: IndexField, window: Window, heights: np.ndarray) -> bool:
-    """Return whether the picture is symmetric: a body of revolution seen from the side, with its axis in the middle."""
-    sideways = abs(abs(float(window.right[2])) - 1.0) < 1e-12
-    return field.geometry == "axisymmetric" and sideways and _is_even(heights)
-
-
-def _is_even(heights: np.ndarray) -> bool:
-    return bool(np.abs(heights + heights[::-1]).max() <= 1e-9 * np.abs(heights).max())
 
 
 def check_exposure(exposure: float) -> float:

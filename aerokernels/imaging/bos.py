@@ -52,7 +52,11 @@ class Background:
             return np.pad(padded.cumsum(axis=0).cumsum(axis=1), ((1, 0), (1, 0)))
         from scipy.ndimage import correlate1d, spline_filter
 
-        box = _box(1.0 / self.sample)
+        # Weights of a mean over a pixel of the camera: the end samples count by their share.
+        width = 1.0 / self.sample
+        half = int(np.ceil(0.5 * width - 0.5))
+        box = np.clip(0.5 * width - np.abs(np.arange(-half, half + 1)) + 0.5, 0.0, 1.0)
+        box /= box.sum()
         smooth = self.brightness
         for axis in (0, 1):
             smooth = correlate1d(smooth, box, axis=axis, mode="nearest")
@@ -140,14 +144,6 @@ class DotPattern:
                 light = -np.log1p(-0.98 * np.exp(-2.0 * square / radius**2))
                 covered += np.bincount((row * columns + column)[inside], weights=light, minlength=covered.size)
         return Background(1.0 - np.exp(-covered.reshape(rows, columns)), sample)
-
-
-def _box(width: float) -> np.ndarray:
-    """Return the weights of a mean over a width [samples], odd in number: the end samples count by their share."""
-    half = int(np.ceil(0.5 * width - 0.5))
-    place = np.arange(-half, half + 1)
-    share = np.clip(0.5 * width - np.abs(place) + 0.5, 0.0, 1.0)
-    return np.asarray(share / share.sum())
 
 
 @dataclass(frozen=True, eq=False, repr=False)

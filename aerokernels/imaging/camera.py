@@ -70,14 +70,9 @@ class Camera:
         return float(self.distance if self.focus is None else self.focus)
 
     @property
-    def image_distance(self) -> float:
-        """Distance from the lens to the sensor [m]."""
-        return 1.0 / (1.0 / self.focal_length - 1.0 / self.focus_distance)
-
-    @property
     def pixel_tangent(self) -> float:
         """Tangent of the angle between neighbouring pixels on the axis."""
-        return self.pixel / self.image_distance
+        return self.pixel * (1.0 / self.focal_length - 1.0 / self.focus_distance)
 
     @property
     def scene_pixel(self) -> float:

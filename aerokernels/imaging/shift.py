@@ -91,7 +91,10 @@ class PixelErrors:
     def __init__(self, view: KnownView, shape: tuple[int, int]):
         """Trace rays of some pixels of a shape through points of the view's aperture."""
         self.view, self.camera, self.own = view, view.camera, view.aperture
-        self.few = self.own if len(self.own.points) <= MOST_POINTS else _thinned(self.own)
+        self.few, count = self.own, len(self.own.points)
+        if count > MOST_POINTS:  # some are drawn by their shares of the light
+            chosen = np.random.default_rng(0).choice(count, MOST_POINTS, replace=False, p=self.own.weights)
+            self.few = Aperture(self.own.points[chosen], np.full(MOST_POINTS, 1.0 / MOST_POINTS))
         self.pixels = SomePixels(shape, len(self.few.points))
         rays = self._rays(self.few, self.pixels.place)
         self.pixels.trace(view.field, rays, self.camera.scene_plane, view.options)
@@ -140,12 +143,6 @@ class PixelErrors:
         ends = rays.position if np.isfinite(self.camera.distance) else rays.direction
         shifts = self.camera.shift(ends, np.tile(aperture.points, (len(place), 1)), x, y)
         return shifts.reshape(len(place), count, 2)
-
-
-def _thinned(aperture: Aperture) -> Aperture:
-    """Return points of an aperture, drawn by their shares of the light."""
-    chosen = np.random.default_rng(0).choice(len(aperture.weights), MOST_POINTS, replace=False, p=aperture.weights)
-    return Aperture(aperture.points[chosen], np.full(MOST_POINTS, 1.0 / MOST_POINTS))
 
 
 @dataclass(frozen=True, eq=False, repr=False)

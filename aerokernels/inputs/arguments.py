@@ -1,20 +1,10 @@
 """Check the kinds of a public function's or class's arguments before it runs, so that a mistake gets a clear message.
 
-`@checked` reads a function's annotations, and the units of its parameters in its docstring ("[m]"). An argument of
-another kind raises a TypeError that names the parameter, what it accepts and what was given, instead of one of NumPy's
-messages about casts:
-
-    Disc("6 mm")            radius must be a number of metres, got '6 mm': give 0.006 (in Disc)
-    zernike_modes("a", ...) count must be a whole number, got 'a' (in zernike_modes)
-
-Whole numbers (counts, sizes, seeds) may be given as floats: 1e6 arrives as 1000000, and 1.5 raises a ValueError. Other
-single numbers arrive as Python's floats, whatever they are: NumPy computes in single precision with its own float32.
-
-Numbers of the right kind that make a computation overflow (1e300) raise a ValueError that names them. The function
-itself checks whether a number makes sense, and checks parameters that are objects of a class.
-
-Parameters that many functions share are entries of a TypedDict: `**options: Unpack[TraceOptions]` takes each as a
-keyword, which `inspect.signature` shows with its default, `TraceOptions.defaults[name]`.
+`@checked` reads a function's annotations, and the units of its parameters in its docstring ("[m]"). Whole numbers may
+be given as floats: 1e6 arrives as 1000000; other single numbers arrive as Python's floats, whatever they are: NumPy
+computes in single precision with its own float32. Parameters that are objects of a class are checked by the function,
+as is whether a number makes sense; those that many functions share are entries of a TypedDict, `**options:
+Unpack[TraceOptions]`, which `inspect.signature` shows as keywords with the defaults `TraceOptions.defaults[name]`.
 """
 
 import dis

@@ -1,13 +1,9 @@
 """Make forks safe while another thread of the process works with the package.
 
 A fork copies locks that another thread holds, but not that thread, so that the child would wait for them for ever.
-
 While a first call imports its engine, opens a device or loads a kernel, it holds locks of Python's imports, of Warp and
-of its compiler. Such work ends in seconds, and the fork waits for it. A child started by `subprocess` uses nothing that
-is copied, so that it need not wait.
-
-Up to Python 3.11 a thread that computes a cached property holds a lock of all objects of its class. That may take long:
-the child gets new locks. Locks of this package do the same, see opened.py.
+of its compiler; that ends in seconds, and the fork waits for it. Up to Python 3.11 a thread that computes a cached
+property holds a lock of all objects of its class: the child gets new ones, as it does of this package (opened.py).
 
 Functions that run before a fork are called from the last registered to the first. Those of `logging` and
 `concurrent.futures` take locks that an import may need: they are imported first, so that this module waits before them.

@@ -2,15 +2,8 @@ r"""Maps over look angles: the optics of a pupil that is turned about its centre
 
     direction = (sin(azimuth) cos(elevation), sin(elevation), cos(azimuth) cos(elevation))
 
-At azimuth and elevation 0 the pupil looks along +z, upstream; azimuth turns it toward +x, elevation toward +y. The
-directions from -90 to 90 degrees of both are the hemisphere ahead. Rays that meet a body count as blocked.
-A pupil whose rays are all blocked has no Strehl ratio; a pupil that does not look through the flow has a Strehl ratio
-of 1.
-
-Errors are computed for a few directions, of which each other one takes the nearest's. The few are spread over the map:
-the strongest first, and then whichever is farthest from all before it. Distance is that of the directions, as unit
-vectors, and of the decimal logarithms of the OPD rms, so that a direction through strong air does not take the errors
-of one beside it. The sampling errors are each direction's own.
+Errors are computed for a few directions, spread over the map and its range of OPD rms; each other one takes those of
+the nearest by direction and by the decimal logarithm of its rms, with a sampling error of its own.
 """
 
 import warnings

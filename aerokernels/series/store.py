@@ -128,14 +128,10 @@ class ZarrStore(MemoryStore):
         define: Callable[[int], Mapping[str, Any]],
         is_unchanged: Callable[[int, float, float], bool] = lambda number, stamp, mark: True,
     ):
-        """Open a store, or prepare one.
+        """Open a store, or prepare one; raises a ValueError where the path is something else, or of another series.
 
         `define` returns what distinguishes a run through so many snapshots from others with the same store, and
         `is_unchanged` whether a snapshot is the one that was stored with these codes of its stamp and its mark.
-
-        Raises:
-            ValueError: The path is something else, or a store of another series.
-            ImportError: Zarr is not installed.
         """
         try:
             import zarr  # noqa: F401

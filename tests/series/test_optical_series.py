@@ -263,6 +263,7 @@ optical_series(series, Disc(0.02, [0, 0, 0.004]), pixel_count=16, out={out!r})
 """
 
 
+@pytest.mark.slow
 def test_killed_at_any_moment_it_goes_on_bit_for_bit(root: Path, tmp_path: Path):
     """SIGKILL in the middle, and again: the store equals the unbroken one, byte for byte."""
     pytest.importorskip("zarr")

@@ -11,9 +11,6 @@ from aerokernels.process.machine import core_count
 from aerokernels.process.quiet_warp import start_warp
 from aerokernels.process.threads import in_threads
 
-CHUNK = 1 << 18  # items of a launch
-LEAST_CHUNK = 1 << 10
-
 Numbers = wp.array[wp.float64]
 Vectors = wp.array[wp.vec3d]
 Starts = wp.array[wp.int64]
@@ -71,27 +68,23 @@ def densities_at_nodes(
 def launch(kernel, count: int, *arguments) -> None:
     """Run a kernel over `count` items on all cores; arrays are used in place, (n, 3) arrays as vectors."""
     start_warp()
-    given = [_shared(argument) for argument in arguments]
-    size = max(LEAST_CHUNK, min(CHUNK, -(-count // (4 * core_count()))))
+
+    def shared(own):
+        if isinstance(own, tuple):
+            return wp.vec3d(*own)
+        if not isinstance(own, np.ndarray):
+            return own
+        kind = wp.vec3d if own.ndim == 2 else wp.dtype_from_numpy(own.dtype)
+        # An empty array has no address.
+        return wp.array(own, dtype=kind, device="cpu", copy=False) if len(own) else wp.zeros(1, kind, device="cpu")
+
+    given = [shared(argument) for argument in arguments]
+    size = max(1 << 10, min(1 << 18, -(-count // (4 * core_count()))))  # items of a launch
 
     def run(first: int) -> None:
         warp_launch(kernel, min(size, count - first), [first, *given], "cpu")
 
     in_threads(run, range(0, count, size))
-
-
-TYPES = {np.dtype(np.float64): wp.float64, np.dtype(np.int64): wp.int64, np.dtype(np.int32): wp.int32}
-
-
-def _shared(argument):
-    if isinstance(argument, tuple):
-        return wp.vec3d(*argument)
-    if not isinstance(argument, np.ndarray):
-        return argument
-    kind = wp.vec3d if argument.ndim == 2 else TYPES[argument.dtype]
-    if not len(argument):  # an empty array has no address
-        return wp.zeros(1, dtype=kind, device="cpu")
-    return wp.array(ptr=argument.ctypes.data, dtype=kind, shape=len(argument), device="cpu", copy=False)
 
 
 NEWTON_STEPS = wp.constant(40)
