@@ -10,7 +10,6 @@ import numpy as np
 from ..derived import cached_on
 from ..medium import IndexField
 from ..medium.grid import UniformGrid
-from ..process.threads import slabs
 from .blocks import over_lines
 from .lines import LeverArms
 from .scheme import LEAPFROG_ANGLE
@@ -125,19 +124,13 @@ def potential_peaks(grid: UniformGrid) -> list[np.ndarray]:
 @cached_on("grid")
 def _slope_peaks(grid: UniformGrid) -> list[np.ndarray]:
     """Along each axis, the greatest absolute difference of neighbouring coefficients over the spacing [1/m]."""
-    peaks = [np.zeros(count) for count in grid.coefficients.shape]
-    for rows in slabs(len(peaks[0]), grid.coefficients.size):
-        slab = np.asarray(grid.coefficients[rows.start : rows.stop + 1], np.float64)  # with the next one's first row
-        for axis, spacing in enumerate(grid.spacing):
-            change = np.diff(slab if axis == 0 else slab[: rows.stop - rows.start], axis=axis) / spacing
-            if not len(change):
-                continue
-            for other, found in enumerate(_peaks_along_axes(change)):
-                # A difference belongs to both of its coefficients.
-                for shift in (0, 1) if other == axis else (0,):
-                    first = shift + (rows.start if other == 0 else 0)
-                    part = peaks[other][first : first + len(found)]
-                    np.maximum(part, found, out=part)
+    coefficients = np.asarray(grid.coefficients, np.float64)
+    peaks = [np.zeros(count) for count in coefficients.shape]
+    for axis, spacing in enumerate(grid.spacing):
+        for other, found in enumerate(_peaks_along_axes(np.diff(coefficients, axis=axis) / spacing)):
+            for shift in (0, 1) if other == axis else (0,):  # a difference belongs to both of its coefficients
+                part = peaks[other][shift : shift + len(found)]
+                np.maximum(part, found, out=part)
     return peaks
 
 

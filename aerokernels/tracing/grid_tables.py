@@ -98,7 +98,10 @@ class _GridTables:
         reading.start()
         in_blocks, *greatest = (array.copy() for array in reading.wait())
         *fourth, potential = in_blocks.reshape(4, *self.blocks)  # of a grid of two axes the first is of no axis
-        found: dict[Cached, Any] = {roughness_of_blocks: self._by_axis(*fourth), potential_by_blocks: potential}
+        scales = [self.grid.ambient_index * spacing**4 for spacing in self.grid.spacing]
+        derivatives = [part / scale for part, scale in zip(fourth[-len(scales) :], scales, strict=True)]
+        roughness = self.block, derivatives, [np.zeros(derivatives[0].shape)] * len(scales)
+        found: dict[Cached, Any] = {roughness_of_blocks: roughness, potential_by_blocks: potential}
         if greatest:
             over_first, over_second = greatest[0].reshape(second, third), greatest[1].reshape(first, third)
             peaks = [over_second.max(axis=1), over_first.max(axis=1), over_first.max(axis=0)]
@@ -130,12 +133,6 @@ class _GridTables:
         before = [self.coefficients, samples, first, second, third, self.block, even, grid.ambient_index]
         self.engine.launch(self.kernels["column_maxima"], before, [self.spare], columns)
         self._maxima(self.spare, 1, 4 * columns // third, third, self.block, made)
-
-    def _by_axis(self, *fourth: np.ndarray) -> tuple[int, list[np.ndarray], list[np.ndarray]]:
-        """Convert to the form of step_bound.roughness_of_blocks."""
-        scales = [self.grid.ambient_index * spacing**4 for spacing in self.grid.spacing]
-        derivatives = [part / scale for part, scale in zip(fourth[-len(scales) :], scales, strict=True)]
-        return self.block, derivatives, [np.zeros(derivatives[0].shape)] * len(scales)
 
     def _maxima(self, values: Any, pitch: int, outer: int, count: int, block: int, made: Any) -> None:
         """Launch the greatest absolute values over the nodes of blocks along an axis, into the buffer `made`."""

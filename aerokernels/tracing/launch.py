@@ -83,7 +83,10 @@ def in_chunks(prepared: Prepared, starts: tuple[Numbers, ...], outputs: frozense
             if not lacks_memory(fault):
                 raise
     # Other programs may use most of the device's memory: chunks become smaller until they fit.
-    chunk, given = chunk_size(engine.memory, ray_count), tuple(np.asarray(each) for each in starts)
+    whole, piece = engine.memory
+    # A chunk takes at most a quarter of the device's memory.
+    chunk = max(LEAST_CHUNK, int(min(ray_count, CHUNK, 0.25 * whole / RAY_BYTES, piece / (3 * 8))))
+    given = tuple(np.asarray(each) for each in starts)
     arrays: dict[str, np.ndarray] = {}
     done = [0]
     while done[0] < ray_count:
@@ -205,13 +208,6 @@ def _is_any_rejected(prepared: Prepared, status: Numbers) -> bool:
     if prepared.rejected is not None:
         return prepared.take_rejected() > 0
     return len(rows_where(status, RayStatus.TOLERANCE_NOT_MET)) > 0
-
-
-def chunk_size(memory: tuple[float, float], ray_count: int) -> int:
-    """Number of rays in a chunk, so that all its arrays fit the device; `memory` is an Engine's."""
-    whole, piece = memory
-    # Share of the device's memory that a chunk may take.
-    return max(LEAST_CHUNK, int(min(ray_count, CHUNK, 0.25 * whole / RAY_BYTES, piece / (3 * 8))))
 
 
 # Bundles of fewer rays keep their order.

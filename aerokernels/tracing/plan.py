@@ -78,21 +78,13 @@ def complete(options: TraceOptions) -> TraceOptions:
 
 @dataclass(frozen=True)
 class BundleCounts:
-    """How many rays of a bundle were traced and how many were interpolated between the traced ones (bundle/).
+    """How many rays of a bundle were traced and how many were interpolated between the traced ones (bundle/)."""
 
-    Attributes:
-        traced: Rays traced to interpolate between; they need not be rays of the bundle.
-        delivered: Rays of the bundle that were interpolated.
-        one_by_one: Rays of the bundle that were traced.
-        error: Greatest estimated OPD error of the interpolation [m].
-        refused: Approximate number of rays traced one by one, by reason.
-    """
-
-    traced: int
-    delivered: int
-    one_by_one: int
-    error: float
-    refused: dict[str, float] = field(default_factory=dict)
+    traced: int  # to interpolate between; they need not be rays of the bundle
+    delivered: int  # rays of the bundle that were interpolated
+    one_by_one: int  # rays of the bundle that were traced
+    error: float  # greatest estimated OPD error of the interpolation [m]
+    refused: dict[str, float] = field(default_factory=dict)  # approximate number of rays traced one by one, by reason
 
     def sentence(self, converges: bool, wavelength: float) -> str:
         """Describe the counts in a sentence for the reasons of a plan."""
@@ -108,58 +100,32 @@ class BundleCounts:
 
 @dataclass(frozen=True)
 class TracePlan:
-    """The choices for one trace.
+    """The choices for one trace."""
 
-    Attributes:
-        method: The method that runs: the requested one of "straight", "adaptive", "paper" or "fixed", or the choice of
-            "auto", which is "adaptive" or "leapfrog" (equally many steps for every ray, bending included). Rays that
-            leapfrog cannot keep within the tolerance are traced by "adaptive".
-        backend: "warp", "opencl" or "reference".
-        device: Device of the backend.
-        precision: "float32" or "float64".
-        max_steps: Steps after which a ray is given up.
-        step: Step of "fixed" [m of arc length], else None.
-        tolerance: Requested OPD error [waves].
-        reasons: One sentence for each choice.
-        sample_count: Leapfrog samples of each ray, evenly spaced (leapfrog/sample_count.py); 0 for every other method.
-        searched_count: The number of samples that was found by a search; `sample_count` may be larger, because it was
-            confirmed for a field like the one of the search, or is that of cubes.
-        cubes: Whether leapfrog samples evaluate polynomials of cubes of cells instead of the spline, see
-            cube_polynomials.py.
-        quadrature_error_scale: Estimated error of a ray's sum, as a share of its difference from the sum over every
-            third sample.
-        trajectory_error_scale: Estimated error caused by the ray's displacement, as a share of int P^2 / p_t dt, where
-            P is the momentum across the ray and p_t the momentum along it.
-        sampling: Distance of the leapfrog samples, from which a ray's error includes structure between them, see
-            unresolved.py; None where that is negligible.
-        steepest: Greatest absolute components of a ray's unit vector for which the number of leapfrog samples holds;
-            steeper rays are traced again. None where all directions are known.
-        lever_arms: How far the rays fly and at what angle they meet the stop, see lines.py; None where it was
-            not needed.
-        predicted_evaluations: Field evaluations of a ray across the box, predicted before any ray is traced.
-        predicted_error: Predicted OPD error [waves]: the error of a pilot bundle, or the tolerance.
-        bundle: How many rays were traced and how many interpolated; None where each was traced.
-    """
-
+    # "straight", "adaptive", "paper", "fixed", or LEAPFROG, a choice of "auto" whose rays may be retraced by
+    # "adaptive"
     method: str
     backend: str
     device: str
     precision: str
-    max_steps: int
-    step: float | None
-    tolerance: float
-    reasons: tuple[str, ...] = field(default=())
-    sample_count: int = 0
+    max_steps: int  # after which a ray is given up
+    step: float | None  # of "fixed" [m of arc length], else None
+    tolerance: float  # requested OPD error [waves]
+    reasons: tuple[str, ...] = field(default=())  # one sentence for each choice
+    sample_count: int = 0  # leapfrog samples of each ray, evenly spaced; 0 for every other method
+    # found by a search; `sample_count` may be more: confirmed for a field like this, or of cubes
     searched_count: int = 0
-    cubes: bool = False
-    quadrature_error_scale: float = 0.0
+    cubes: bool = False  # whether leapfrog samples evaluate polynomials of cubes of cells (cube_polynomials.py)
+    quadrature_error_scale: float = 0.0  # error of a ray's sum over its difference from that over every third sample
+    # error by the ray's displacement over int P^2 / p_t dt, of the momenta across and along it
     trajectory_error_scale: float = 0.0
-    sampling: Sampling | None = None
+    sampling: Sampling | None = None  # by which a ray's error includes structure between samples; None: negligible
+    # greatest components of a unit vector for which the number of samples holds; None: all are known
     steepest: tuple[float, float, float] | None = None
-    lever_arms: LeverArms | None = None
-    predicted_evaluations: float | None = None
-    predicted_error: float | None = None
-    bundle: BundleCounts | None = None
+    lever_arms: LeverArms | None = None  # see lines.py; None where it was not needed
+    predicted_evaluations: float | None = None  # of a ray across the box, before any ray is traced
+    predicted_error: float | None = None  # OPD error of a pilot bundle, or the tolerance [waves]
+    bundle: BundleCounts | None = None  # None where each ray was traced
 
     @property
     def controls_error(self) -> bool:

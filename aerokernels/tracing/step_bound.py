@@ -1,12 +1,9 @@
-"""Bound the length of a step at each place, so that nothing between its samples is missed.
-
-With G the greatest fourth derivative of the potential and K the greatest kink of its slope times the spacing that a ray
-can meet within H ahead of a block of cells, over a path of length L
+"""Bound the length of a step at each place, so that nothing between its samples is missed: docs/theory/step-control.md.
 
     H <= (SHARE budget / (C L G))^(1/4)       and, at kinks,      K / 12 <= KINK_SHARE budget / L
 
-Steps of up to STEP_LIMIT cells are taken in any case. With k_i = G_i^(1/4) along axis i, G along a direction u of a
-structure with one normal is (sum |u_i| k_i)^4.
+on a path of length L, with the greatest fourth derivative G of the potential and kink K of its slope times the spacing
+that a ray can meet within H. Along a direction u of a structure with one normal, G is (sum |u_i| G_i^(1/4))^4.
 """
 
 import math
@@ -175,19 +172,10 @@ def _roughness_of_slab(grid: UniformGrid, axis: int, block: int, slab: slice) ->
     """Greatest fourth differences along an axis, and kinks, of the blocks in a slab."""
     nodes = _stretched(grid, axis, slab)  # in the grid's own memory order, with that axis first
     nodes /= grid.ambient_index
-    fourth = block_maxima(axis_back(np.abs(_differences(nodes, 4)), axis), block)
+    fourth = block_maxima(axis_back(np.abs(np.diff(nodes, 4, axis=0)), axis), block)
     if grid.interpolation == "cubic":
         return np.stack([fourth, np.zeros_like(fourth)])
     return np.stack([fourth, block_maxima(axis_back(np.abs(np.diff(nodes[1:-1], 2, axis=0)), axis), block)])
-
-
-def _differences(values: np.ndarray, order: int) -> np.ndarray:
-    """Differences along the first axis, as by np.diff, computed in the memory of one result."""
-    found = values[1:] - values[:-1]
-    for _ in range(order - 1):
-        np.subtract(found[1:], found[:-1], out=found[:-1])
-        found = found[:-1]
-    return found
 
 
 def _stretched(grid: UniformGrid, axis: int, slab: slice) -> np.ndarray:

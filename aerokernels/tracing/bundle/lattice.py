@@ -133,7 +133,7 @@ class Lattice:
         """Greatest displacement of the traced lines from their undisturbed ends [m]."""
         return float(np.nanmax(np.abs(self.lines.values[self.row[self.row > 0], 4:7]), initial=0.0))
 
-    def _rows(self, blocks: np.ndarray, beside: int = 0) -> np.ndarray:
+    def rows(self, blocks: np.ndarray, beside: int = 0) -> np.ndarray:
         """Rows of the nodes of blocks (n, 2) and of some beside them; 0 also where a node is outside the lattice."""
         node = np.arange(-beside, NODES + beside)
         wanted = [CELLS * blocks[:, axis, None] + node for axis in (0, 1)]
@@ -144,22 +144,14 @@ class Lattice:
 
     def are_uniform(self, blocks: np.ndarray) -> np.ndarray:
         """Whether all nodes of blocks (n, 2) are OK and of one class, shape (n,)."""
-        rows = self._rows(blocks)
+        rows = self.rows(blocks)
         line_class = self.lines.line_class[rows]
         is_good = np.isfinite(self.lines.values[rows, 0]) & (line_class == line_class[:, :1, :1])
         return np.asarray(is_good.all(axis=(1, 2)) & (line_class[:, 0, 0] >= 0))
 
-    def block_classes(self, blocks: np.ndarray) -> np.ndarray:
-        """Class of the lines of blocks (n, 2)."""
-        return np.asarray(self.lines.line_class[self.row[CELLS * blocks[:, 0], CELLS * blocks[:, 1]]])
-
-    def block_costs(self, blocks: np.ndarray) -> np.ndarray:
-        """Greatest step error [m], steps and evaluations of the nodes of blocks (n, 2), shape (n, 3)."""
-        return np.asarray(self.lines.costs[self._rows(blocks)].max(axis=(1, 2)))
-
     def patches(self, blocks: np.ndarray, channels: int) -> np.ndarray:
         """Patches of uniform blocks (n, 2): see hermite.patches."""
-        rows = self._rows(blocks, BESIDE)
+        rows = self.rows(blocks, BESIDE)
         line_class, values = self.lines.line_class[rows], self.lines.values[rows, :channels]
         middle = WINDOW // 2
         usable = np.isfinite(values[..., 0]) & (line_class == line_class[:, middle, middle, None, None])

@@ -37,14 +37,6 @@ HERMITE_WEIGHTS, SUM_ROUNDING, ROUNDING_SHARE = 1.6, 8.0 * 2.0**-24, 0.02
 COST, WORTH = 18.0, 0.8
 
 
-@dataclass(frozen=True, eq=False)
-class Limits:
-    """Limits of patches: of the OPD error [m], and of the error of each channel, shape (8,)."""
-
-    error: float
-    scale: np.ndarray
-
-
 @dataclass(eq=False)
 class _Level:
     """The blocks of one level, with the residuals of their parents."""
@@ -64,7 +56,7 @@ class Refinement:
     tracer: Tracer
     tubes: Tubes | None
     clearance: Clearance | None
-    limits: Limits
+    limits: np.ndarray  # of the error of each channel, shape (8,): that of the OPD [m] first
     channels: int
     traced: int = 0
     error: float = 0.0
@@ -80,7 +72,7 @@ class Refinement:
             good, divided, miss = self._judge(level, finer, number, self._counts(level.lattice, counted, share))
             if good.any():
                 blocks = level.blocks[good]
-                errors = miss[good] * self.limits.error
+                errors = miss[good] * self.limits[0]
                 self.error = max(self.error, float(errors.max(initial=0.0)))
                 accepted.append((level.lattice, blocks, errors))
             level = self._divided(level, finer, divided, counted)
@@ -130,7 +122,7 @@ class Refinement:
             near = self._near_body(lattice, blocks[rows])
             why[rows[near]] = "air near the body"
             rows = rows[~near]
-            bound = self._bound(lattice, blocks[rows]) / self.limits.error
+            bound = self._bound(lattice, blocks[rows]) / self.limits[0]
             within = bound <= 1.0
             why[rows[~within]] = "structure narrower than the spacing of traced rays"
             levels_to_go[rows[~within]] = self._until_resolved(lattice, blocks[rows])[~within]
@@ -187,7 +179,7 @@ class Refinement:
         nodes = nodes[finer.row[tuple(nodes.T)] == 0]
         self._trace(finer, nodes)
         made = lattice.patches(blocks, self.channels)
-        return lattice.surplus(blocks, made, finer, self.limits.scale).max(axis=(1, 2))
+        return lattice.surplus(blocks, made, finer, self.limits).max(axis=(1, 2))
 
     def _divided(self, level: _Level, finer: Lattice, divided: np.ndarray, counted: np.ndarray) -> _Level:
         """Return the quarters of divided blocks, with their lines traced and their parents' residuals."""
@@ -203,7 +195,7 @@ class Refinement:
         missed = np.full(len(quarters), np.nan)
         if uniform.any():
             made = level.lattice.patches(blocks[uniform], self.channels)
-            surplus = level.lattice.surplus(blocks[uniform], made, finer, self.limits.scale)
+            surplus = level.lattice.surplus(blocks[uniform], made, finer, self.limits)
             known = uniform[parents]
             missed[known] = level.lattice.spread(blocks[uniform], surplus, finer, quarters[known])
         before = level.miss[divided][parents]
@@ -223,18 +215,19 @@ class Refinement:
             first += len(blocks)
         headers, values = [], []
         for lattice, blocks, errors in accepted:
-            costs = lattice.block_costs(blocks)
+            costs = np.asarray(lattice.lines.costs[lattice.rows(blocks)].max(axis=(1, 2)))
             costs[:, 0] += errors
             first = lattice.parameters(4 * blocks)
             rate = np.broadcast_to(1.0 / lattice.step, first.shape)
-            headers.append(np.concatenate([first, rate, lattice.block_classes(blocks)[:, None], costs], axis=1))
+            line_class = lattice.lines.line_class[lattice.row[4 * blocks[:, 0], 4 * blocks[:, 1]]]
+            headers.append(np.concatenate([first, rate, line_class[:, None], costs], axis=1))
             values.append(lattice.patches(blocks, self.channels))
         header, whole = np.concatenate(headers), np.concatenate(values)
         # Single precision halves the data loaded for each ray; it is used where no channel shows the difference.
         single = whole.astype(np.float32)
         rounding = HERMITE_WEIGHTS * np.abs(single - whole).max(axis=(0, 1, 2, 3))
         rounding += SUM_ROUNDING * np.abs(whole).max(axis=(0, 1, 2, 3))
-        if (rounding <= ROUNDING_SHARE * self.limits.scale[: self.channels]).all():
+        if (rounding <= ROUNDING_SHARE * self.limits[: self.channels]).all():
             whole = single
             header[:, 5] += rounding[0]
             self.error += float(rounding[0])

@@ -22,7 +22,7 @@ from ..plan import BundleCounts, TracePlan
 from ..planning import make_plan, plan_bundle
 from ..status import NOT_DELIVERED
 from .lattice import CHANNELS, TRACED, channels_of
-from .refine import Limits, Refinement
+from .refine import Refinement
 from .tubes import Clearance, Tubes
 
 # Smaller bundles are traced ray by ray.
@@ -115,7 +115,7 @@ def find_table(request: BundleRequest, family: Family, channels: int) -> BundleT
     return refinement.run(counted, share)
 
 
-def _limits(request: BundleRequest, limit: float) -> Limits:
+def _limits(request: BundleRequest, limit: float) -> np.ndarray:
     """The error limits of patches; a direction's is the slope that changes the path by its limit over one cell."""
     error = PATCH_SHARE * limit
     lever_arms = lever_arms_of(request.field, request.rays.pilot, request.until)
@@ -123,7 +123,7 @@ def _limits(request: BundleRequest, limit: float) -> Limits:
     scale = np.full(CHANNELS, error)
     scale[1:4] = turn
     scale[4:7] = max(turn * (lever_arms.reach if lever_arms is not None else 0.0), error)
-    return Limits(error, scale)
+    return scale
 
 
 class _Tracer:

@@ -1,11 +1,9 @@
 """Bound the structure between the traced lines of a block from the field itself, so that none is missed.
 
-The error of a line integral of the contrast m, interpolated between lines a distance s apart, is at most
-
     E <= K / 384 int s^4 (|d4 m / du^4| + |d4 m / dv^4|) dl + int (kinks) / 8 dl
 
-with the greatest derivatives in the tube around them, tabulated for blocks of 1, 2, 4 ... widths. Tubes near a body are
-found by sphere tracing (J. C. Hart, The Visual Computer 12 (1996) 527).
+for the integral of the contrast m between lines s apart, by the greatest derivatives in the tube around them. Tubes
+near a body are found by sphere tracing (J. C. Hart, The Visual Computer 12 (1996) 527).
 """
 
 from dataclasses import dataclass

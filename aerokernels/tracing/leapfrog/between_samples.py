@@ -79,7 +79,9 @@ class MissedStructure:
         self.ends = disturbed_ends(field, self.lines, limit) if len(self.lines.length) else b""
         self._errors: dict[int, float] = {}
         # Both are rounded, so that other rays of the same kind find the tables of these.
-        self.length, self.steepness = _rounded_length(self.lines.length), _rounded_steepness(self.lines.direction)
+        longest = SPACING_MARGIN * float(self.lines.length.max(initial=0.0))
+        self.length = 2.0 ** (math.floor(LENGTHS * math.log2(longest)) / LENGTHS) if longest > 0.0 else 0.0
+        self.steepness = _rounded_steepness(self.lines.direction)
         if leaves_steepest and rays.ray_count > SPREAD_RAYS:
             self.steepness = _of_nearly_all(rays.direction, self.steepness)
 
@@ -176,12 +178,6 @@ class MissedStructure:
     def sampling(self, count: int) -> Sampling | None:
         """How this many samples are distributed along the rays; None where they miss no structure."""
         return None if self._greatest(count) <= NEGLIGIBLE * self.limit else self.sampled(count)
-
-
-def _rounded_length(lengths: np.ndarray) -> float:
-    """A length that no ray of the bundle exceeds, given those of examined rays; 0 where there are none."""
-    longest = SPACING_MARGIN * float(lengths.max(initial=0.0))
-    return 2.0 ** (math.floor(LENGTHS * math.log2(longest)) / LENGTHS) if longest > 0.0 else 0.0
 
 
 def _rounded_steepness(direction: np.ndarray) -> tuple[float, float, float]:

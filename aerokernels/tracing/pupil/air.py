@@ -31,25 +31,15 @@ class TruncationWarning(UserWarning):
 
 @dataclass(frozen=True, eq=False)
 class PupilAir:
-    """What a pupil's rays miss, by shares of its weight.
+    """What a pupil's rays miss, by shares of its weight."""
 
-    Attributes:
-        share: Lose more than the tolerance by cuts through the field's source.
-        lost_rms: Rms over the pupil, about the mean, of the OPD that is lost so [m].
-        place: The face by which most of these rays leave the field's box, in words.
-        is_outside: Whether the pupil's centre is outside the field, which is usually a mistake.
-        rays: The sample of the pupil's rays.
-        past: Pass beside the field's box, while others meet it.
-        ends: A sentence on the disturbed ends of the flow, or empty, see cuts.py.
-    """
-
-    share: float
-    lost_rms: float
-    place: str
-    is_outside: bool = False
-    rays: RayBundle | None = None
-    past: float = 0.0
-    ends: str = ""
+    share: float  # loses more than the tolerance by cuts through the field's source
+    lost_rms: float  # about the mean over the pupil, of the OPD that is lost so [m]
+    place: str  # the face by which most of these rays leave the field's box, in words
+    is_outside: bool = False  # whether the pupil's centre is outside the field, which is usually a mistake
+    rays: RayBundle | None = None  # the sample of the pupil's rays
+    past: float = 0.0  # passes beside the field's box, while others meet it
+    ends: str = ""  # a sentence on the disturbed ends of the flow, or empty, see cuts.py
 
     @property
     def is_truncated(self) -> bool:

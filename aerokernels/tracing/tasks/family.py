@@ -40,28 +40,17 @@ NO_PENCIL = "their lines are neither parallel nor meet in one point"
 
 @dataclass(frozen=True, eq=False)
 class Family:
-    """A two-parameter family of lines.
+    """A two-parameter family of lines."""
 
-    Attributes:
-        converges: Whether the lines pass through `origin` [m]; otherwise parameters are measured from there.
-        axes: Unit vectors along both parameters and the lines or their axis; shape (3, 3).
-        low: Least parameters [m, or 1], shape (2,).
-        high: Greatest parameters, shape (2,).
-        start_point: A point of the plane in which rays start [m]; None where they all start in `origin`.
-        start_normal: That plane's unit normal.
-        ahead: Rays that start up to this distance along the axis [m] may be shifted along their lines; -inf: none.
-        close: Distance within which two lines, or two starts, count as the same [m].
-    """
-
-    converges: bool
-    origin: np.ndarray
-    axes: np.ndarray
-    low: np.ndarray
-    high: np.ndarray
-    start_point: np.ndarray | None
-    start_normal: np.ndarray
-    ahead: float
-    close: float
+    converges: bool  # whether the lines pass through `origin`; otherwise they are parallel
+    origin: np.ndarray  # that point, or one of the plane in which the parameters are measured [m]
+    axes: np.ndarray  # unit vectors along both parameters and the lines or their axis; shape (3, 3)
+    low: np.ndarray  # least parameters [m, or 1], shape (2,)
+    high: np.ndarray  # greatest parameters, shape (2,)
+    start_point: np.ndarray | None  # of the plane in which rays start [m]; None where they all start in `origin`
+    start_normal: np.ndarray  # that plane's unit normal
+    ahead: float  # rays that start up to this distance along the axis [m] may be shifted along their lines; -inf: none
+    close: float  # distance within which two lines, or two starts, count as the same [m]
 
     def parameters(self, position: np.ndarray, direction: np.ndarray) -> np.ndarray:
         """Parameters of rays, both of shape (n, 3): shape (n, 2)."""
@@ -294,26 +283,19 @@ class FaceClasses:
 
 @dataclass(frozen=True, eq=False)
 class BundleTable(Derived):
-    """The patches of a family that meet the tolerance, with `channels` of CHANNELS, and how they were found.
-
-    Attributes:
-        map: Number of the block at each place of the parameter range, -1 where there is none, shape (mu, mv).
-        header: HEADER numbers of each block, shape (block_count, 8).
-        values: Value, slopes and mixed slope at the nodes of each block [per cell], shape (block_count, 5, 5, 4, c), in
-            float32 where its rounding is negligible.
-        error: Greatest estimated OPD error of the patches [m].
-        refused: Approximate number of rays that are not interpolated, by reason.
-    """
+    """The patches of a family that meet the tolerance, with `channels` of CHANNELS, and how they were found."""
 
     family: Family
     classes: FaceClasses
     channels: int
-    map: np.ndarray
-    header: np.ndarray
-    values: np.ndarray
-    traced: int
-    error: float
-    refused: dict[str, float]
+    map: np.ndarray  # number of the block at each place of the parameter range, -1 where there is none, shape (mu, mv)
+    header: np.ndarray  # HEADER numbers of each block, shape (block_count, 8)
+    values: (
+        np.ndarray
+    )  # value, slopes, mixed slope [per cell] at nodes, (block_count, 5, 5, 4, c); float32 if it suffices
+    traced: int  # number of traced lines
+    error: float  # greatest estimated OPD error of the patches [m]
+    refused: dict[str, float]  # approximate number of rays that are not interpolated, by reason
 
     @cached_property
     def precision(self) -> str:

@@ -1,13 +1,11 @@
-"""The part of a field's potential that evenly spaced samples along a ray do not resolve: a high pass on its grid.
+"""The part of a field's potential that samples H apart along a ray do not resolve: a high pass on its grid.
 
-A component of frequency f [1/m] has along a unit vector u at most phi = min(|f|, sum |u_i| f_i), in r and z f_r
-sqrt(u_x^2 + u_y^2) + f_z |u_z|; samples H apart do not resolve it from about phi = edge / H on. A cubic spline whose
-nodes oscillate at v < 1/2 cycles a cell has the share B(v) of it, and B(v + m) at each image v + m,
+A component of frequency f [1/m] has along a unit vector u at most phi = min(|f|, sum |u_i| f_i) and counts from about
+phi = edge / H on. A spline whose nodes oscillate at v < 1/2 cycles a cell has the share B(v) of it, B(v + m) at images,
 
     B(v) = 3 (sin(pi v) / (pi v))^4 / (2 + cos(2 pi v)).
 
-A transform takes values as even about each face. About faces that rays run along they are continued oddly about the
-value there, and faded out over a few cells, so that no kink counts as structure: rays never meet what is behind.
+About faces that rays run along values are continued oddly and faded out, so that no kink counts: no ray goes there.
 """
 
 import math

@@ -1,12 +1,9 @@
 r"""Quadrature over a pupil: radial where field, pupil and rays are symmetric, else by lattices where it is smooth.
 
-With u = (r / R)^2, from the square of an annulus' inner ratio to 1, a mean over the disc is one over a line, which the
-substitution u = p(t) makes periodic; on other pupils (pupils/square_map.py) it is made along both axes:
+    1 / (pi R^2) \int f dA = \int_0^1 f(u) du = \int_0^1 f(p(t)) p'(t) dt,   u = (r / R)^2,  p = t^3 (10 - 15 t + 6 t^2)
 
-    1 / (pi R^2) \int f dA = \int_0^1 f(u) du = \int_0^1 f(p(t)) p'(t) dt,    p = t^3 (10 - 15 t + 6 t^2)
-
-A replicate takes equidistant t, or a rank-1 lattice, at a random shift. Where W is smooth the error falls as n^-3 (I.
-H. Sloan, S. Joe, Lattice Methods for Multiple Integration (1994)). See docs/theory/quadrature.md.
+A replicate takes equidistant t, or a rank-1 lattice (I. H. Sloan, S. Joe, Lattice Methods for Multiple Integration
+(1994)), at a random shift: see docs/theory/quadrature.md.
 """
 
 import numpy as np

@@ -1,12 +1,10 @@
 """Bound, block by block, the structure of a field between leapfrog samples, so that no ray misses it unnoticed.
 
-The error of the midpoint rule with samples H apart comes from frequencies of 1 / H and above, E = sum over k != 0 of
-(-1)^k F(k / H), which no samples show, nor a pilot's rays elsewhere. It is at most 2 int |R| dt of the high-passed part
-R (high_pass.py), averaged over blocks along an axis that all rays run along; or the rule's own H^4 / 720 int |f''''|
-dt, if that is less. Where a ray ends in disturbed air a component a cos(2 pi phi t) costs a H / 2 and, with x = phi H
-small, 9.5 a H x^3: a table of its own, looked up at both ends, and up to 8 times the rule's bound there. An error of
-the slope, at most MISSED_SLOPE for each cell, counts in the second order of the contrast or by the lever arm to the
-stop.
+The midpoint rule with samples H apart misses frequencies of 1 / H and above, at most 2 int |R| dt of the high-passed
+part R (high_pass.py), or the rule's own H^4 / 720 int |f''''| dt if that is less. Where a ray ends in disturbed air a
+component a cos(2 pi phi t) costs a H / 2 and, with x = phi H small, 9.5 a H x^3. An error of the slope, at most
+MISSED_SLOPE for each cell, counts in the second order of the contrast or by the lever arm to the stop. See
+docs/theory/leapfrog.md.
 """
 
 from collections.abc import Callable
@@ -43,21 +41,13 @@ EVERYWHERE = b"everywhere"
 
 @dataclass(frozen=True)
 class Sampling:
-    """How a bundle is sampled.
+    """How a bundle is sampled."""
 
-    Attributes:
-        spacing: Greatest distance of a ray's samples [m].
-        steepness: Greatest absolute value of each component of the rays' unit vectors.
-        lever_arm: Change of the path by an error of direction where the stop is met at a right angle [m/rad].
-        is_fine: Whether rounding to single precision would be visible in the bound.
-        ends: Blocks in which rays end in disturbed air (`disturbed_ends`), or EVERYWHERE; empty where they do not.
-    """
-
-    spacing: float
-    steepness: tuple[float, float, float]
-    lever_arm: float
-    is_fine: bool = True
-    ends: bytes = b""
+    spacing: float  # greatest distance of a ray's samples [m]
+    steepness: tuple[float, float, float]  # greatest absolute components of the rays' unit vectors
+    lever_arm: float  # change of the path by an error of direction where the stop is met at a right angle [m/rad]
+    is_fine: bool = True  # whether rounding to single precision would be visible in the bound
+    ends: bytes = b""  # blocks in which rays end in disturbed air (`disturbed_ends`), or EVERYWHERE
 
 
 def with_neighbors(values: np.ndarray) -> np.ndarray:

@@ -1,16 +1,7 @@
-"""What differs, by cause, where one thing about a run is done another way, for some of its rays.
+"""What differs, by cause, where one thing about a run is done another way, for some of its rays: docs/theory/budget.md.
 
-    interpolation   the next order on the same nodes, of the field or, if the field was resampled, of its source
-    jumps           the place of jumps between nodes (jumps.py); what an interpolant of cell averages lacks of them
-    resampling      the source of a resampled field in place of it; draws of the optical path's error by
-                    the resampling of a volume's own cells
-    truncation      the source beyond the faces at which the resampled field was cut
-    step            steps in float64 with a tenth of the tolerance; of few rays
-    precision       the run's steps in float64; of few rays
-    bundle          rays traced one by one that were interpolated; of few rays
-    refractivity    the contrast times 1 + the model's relative uncertainty
-
-Changes of a uniform grid are integrated along the traced paths, to first order.
+Changes of a uniform grid are integrated along the traced paths, to first order; "step", "precision", "bundle" and, to a
+stop, "resampling" are of a few rays that are traced again.
 """
 
 from collections.abc import Callable, Mapping
@@ -129,7 +120,9 @@ def variants(
         change = traced.change(one, source)
         return replace(change, opd=change.opd - lost)
 
-    bent = Rays(base.opd, base.direction - rays.direction, _moved(base, rays))
+    way = base.position - rays.position  # of which the part across the undisturbed rays counts
+    moved = way - np.sum(way * rays.direction, axis=1, keepdims=True) * rays.direction
+    bent = Rays(base.opd, base.direction - rays.direction, moved)
     causes |= _of_field(field, paths, traced.change, to_source, bent, lost)
     weight = np.full(rays.ray_count, 1.0 / rays.ray_count) if weight is None else weight
     return Variants(
@@ -156,12 +149,6 @@ def along(paths: Paths) -> Change:
         return paths.integral(difference, min(shortest_cell(field, paths), shortest_cell(other, paths)))
 
     return change
-
-
-def _moved(base: Rays, rays: RayBundle) -> np.ndarray:
-    """Return the displacement of the ends across the undisturbed rays [m], shape (n, 3)."""
-    way = base.position - rays.position
-    return np.asarray(way - np.sum(way * rays.direction, axis=1, keepdims=True) * rays.direction)
 
 
 def _of_field(

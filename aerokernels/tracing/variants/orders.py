@@ -22,15 +22,10 @@ THINNED = (2, 3, 4)
 
 @dataclass(frozen=True, eq=False)
 class Crossings:
-    """Where k planes of nodes are crossed by the paths of n rays, `rows` of all.
+    """Where k planes of nodes across an `axis` of the grid (`space` of x, y, z) are crossed by the paths of n rays.
 
-    Attributes:
-        axis: The grid's axis across the planes, which in x, y and z is `space`.
-        plane: Numbers of the planes, shape (k,).
-        share: Where the paths cross them, as shares of their lengths, shape (n, k).
-        weight: Length of the path that each crossing stands for [m], shape (n, k); 0 where a path ends before.
-        points: The crossings [m], shape (n, k, 3).
-        place: Places within the planes [nodes], shape (n, k, 2), 0 along a second axis that the grid has not.
+    `share` of the lengths, and `weight`, the length that each stands for [m] (0 where a path ends before), have shape
+    (n, k), `points` [m] (n, k, 3), and `place` within the planes [nodes] (n, k, 2).
     """
 
     rows: np.ndarray
@@ -122,7 +117,7 @@ def change_in_planes(field: IndexField, paths: Paths, orders: tuple[int, int]) -
     for found in crossings(field, paths):
         value, slope = _own_values(field, found)
         after, slope_after = values_at(finer, found, orders[1])
-        _put(change, found, after - value, slope_after - slope, found.weight)
+        change.put(found.rows, found.paths.carried(after - value, slope_after - slope, found.share, found.weight))
     return change
 
 
@@ -146,22 +141,13 @@ def thinned_sums(field: IndexField, paths: Paths, order: int) -> tuple[Rays, dic
                 pattern = np.where(found.plane % thin == first, thin - 1.0, -1.0)
                 square[thin][found.rows] += np.sum(taper * pattern * value, axis=1) ** 2 / thin
         pattern = np.where(found.plane % 2 == 0, 1.0, -1.0)
-        _put(sums, found, value, slope, weight * _taper(found, 2) * pattern)
+        sums.put(found.rows, found.paths.carried(value, slope, found.share, weight * _taper(found, 2) * pattern))
     return sums, {thin: np.sqrt(total) / step_size(thin) for thin, total in square.items()}
 
 
 def step_size(thin: int) -> float:
     """Return the rms change of a sum over every `thin`-th plane by a step of 1 at a random place [cells]."""
     return float(np.sqrt((thin**2 - 1.0) / 12.0))
-
-
-def _put(whole: Rays, found: Crossings, value: np.ndarray, slope: np.ndarray, weight: np.ndarray) -> None:
-    part = found.paths.carried(value, slope, found.share, weight)
-    whole.opd[found.rows], whole.direction[found.rows], whole.position[found.rows] = (
-        part.opd,
-        part.direction,
-        part.position,
-    )
 
 
 def _taper(found: Crossings, thin: int) -> np.ndarray:
@@ -385,11 +371,7 @@ def thinned_along_r(field: IndexField, paths: Paths, order: int) -> tuple[Rays, 
         for thin in THINNED
     }
     sums = Rays.still(count)
-    sums.opd[rows], sums.direction[rows], sums.position[rows] = (
-        thinned[2].opd,
-        thinned[2].direction,
-        thinned[2].position,
-    )
+    sums.put(rows, thinned[2])
     size = {thin: np.zeros(count) for thin in THINNED}
     for thin, one in thinned.items():
         size[thin][rows] = np.abs(one.opd) / step_size(thin)

@@ -57,6 +57,10 @@ class Rays:
         """Return the rays with a length added to every path [m]."""
         return Rays(self.opd + piston, self.direction, self.position)
 
+    def put(self, rows: np.ndarray, part: "Rays") -> None:
+        """Overwrite some of the rays."""
+        self.opd[rows], self.direction[rows], self.position[rows] = part.opd, part.direction, part.position
+
     def _with(self, other: "Rays", call: Callable) -> "Rays":
         path, direction = call(self.opd, other.opd), call(self.direction, other.direction)
         return Rays(path, direction, call(self.position, other.position))
@@ -123,11 +127,7 @@ class Paths:
         points = some.at(share)
         value, slope = contrast(points.reshape(-1, 3))
         weight = np.repeat(some.length[:, None] / len(share), len(share), axis=1)
-        added = some.carried(value.reshape(weight.shape), slope.reshape(*weight.shape, 3), share, weight)
-        for whole, part in zip(
-            (found.opd, found.direction, found.position), (added.opd, added.direction, added.position), strict=True
-        ):
-            whole[rows] = part
+        found.put(rows, some.carried(value.reshape(weight.shape), slope.reshape(*weight.shape, 3), share, weight))
         return found
 
     def carried(self, value: np.ndarray, slope: np.ndarray, share: np.ndarray, weight: np.ndarray) -> Rays:
