@@ -54,7 +54,10 @@ def cached_on(owner: str, most: int = 1) -> Callable[[Callable[P, R]], Cached[P,
 
 def keys_of(values: Iterable[Any]) -> tuple[Hashable, ...]:
     """Return what identifies values by `key_of`; a text is its own key."""
-    return tuple([one if one is None or type(one) is str else key_of(one) for one in values])
+    keys: list[Hashable] = []
+    for one in values:
+        keys.append(one if one is None or type(one) is str else key_of(one))
+    return tuple(keys)
 
 
 def key_of(value: Any) -> Hashable:

@@ -41,40 +41,22 @@ COLUMNS = ("peer", "how", "rays", "M rays/s, kernel", "end to end", "per CPU s",
 
 @dataclass(frozen=True, eq=False)
 class RayEnds:
-    """The ends of rays on the face z = +8 mm.
+    """The ends of rays on the face z = +8 mm."""
 
-    Attributes:
-        direction: Unit tangents, shape (ray_count, 3).
-        opd: Optical path less that of the undisturbed ray [m], shape (ray_count,).
-        evaluations: Field evaluations of a ray.
-        seconds: Time for tracing alone, before results are converted to this form.
-    """
-
-    direction: np.ndarray
-    opd: np.ndarray
-    evaluations: float
-    seconds: float
-
-
-def ray_ends(momentum_x: Any, momentum_y: Any, opd: Any, potential: Any, evaluations: float, seconds: float) -> RayEnds:
-    """Directions and OPDs [m] from transverse momenta and the potential at the ends."""
-    direction = end_direction(momentum_x, momentum_y, potential, CONE_AMBIENT)
-    return RayEnds(direction, np.asarray(opd, dtype=np.float64), evaluations, seconds)
+    direction: np.ndarray  # unit tangents, shape (ray_count, 3)
+    opd: np.ndarray  # optical path less that of the undisturbed ray [m], shape (ray_count,)
+    evaluations: float  # field evaluations of a ray
+    seconds: float  # for tracing alone, before results are converted to this form
 
 
 @dataclass(frozen=True, eq=False)
 class Scheme:
-    """One scheme of a peer: its description, precision and device, and a call that traces all rays.
-
-    `start` starts the kernels without waiting for them, and `wait` waits, where the peer can do so.
-    """
+    """One scheme of a peer: its description, precision and device, and a call that traces all rays."""
 
     text: str
     precision: str
     device: str
     run: Callable[[], RayEnds]
-    start: Callable[[], Any] | None = None
-    wait: Callable[[], None] | None = None
 
 
 def bundle_runs(ray_count: int, repeats: int) -> Iterator[dict]:
@@ -212,9 +194,10 @@ def drjit_schemes(field: IndexField, rays: RayBundle) -> Iterator[Scheme]:
             momentum_x, momentum_y, opd, value = start()
             dr.sync_thread()
             spent = time.perf_counter() - begin
-            return ray_ends(momentum_x.numpy(), momentum_y.numpy(), opd.numpy(), value.numpy(), float(steps), spent)
+            direction = end_direction(momentum_x.numpy(), momentum_y.numpy(), value.numpy(), CONE_AMBIENT)
+            return RayEnds(direction, np.asarray(opd.numpy(), dtype=np.float64), float(steps), spent)
 
-        return Scheme(text, "float32", "cuda" if on_gpu else "cpu (LLVM)", run, start, dr.sync_thread)
+        return Scheme(text, "float32", "cuda" if on_gpu else "cpu (LLVM)", run)
 
     for steps in STEPS:
         yield scheme(f"{steps} fixed steps, cubic texture", cubic_lookup, steps)

@@ -14,12 +14,12 @@ import pytest
 PACKAGE = Path(__file__).resolve().parents[1] / "aerokernels"
 # Lines of Python in the modules of each folder and in folders below it.
 LINES = {
-    ".": 1900,
+    ".": 1564,
     "benches": 2235,
-    "benchmark": 980,
-    "commands": 1490,
+    "benchmark": 607,
+    "commands": 1351,
     "device_arrays": 1190,
-    "display": 450,
+    "display": 421,
     "files": 422,
     "fldi": 615,
     "flow": 12420,
@@ -27,7 +27,7 @@ LINES = {
     "hardware": 2390,
     "imaging": 1460,
     "inputs": 991,
-    "jobs": 6030,
+    "jobs": 5021,
     "lidar": 3100,
     "medium": 3560,
     "process": 1145,
@@ -81,7 +81,7 @@ def test_no_folder_grows():
 
 @pytest.mark.parametrize(
     ("body", "limits"),
-    [(COLD_STREHL, (86, 10_000, 1_700)), (COLD_RUN, (218, 60_000, 19_500))],
+    [(COLD_STREHL, (86, 10_000, 1_700)), (COLD_RUN, (200, 40_000, 16_000))],
     ids=["estimate_strehl", "simulate"],
 )
 def test_the_path_of_an_answer_grows_no_longer(body, limits):

@@ -117,7 +117,10 @@ def _readable_ranges() -> list[tuple[int, int]]:
 
 
 def _within(address: int, size: int, ranges: list[tuple[int, int]]) -> bool:
-    return any(low <= address and address + size <= high for low, high in ranges)
+    for low, high in ranges:
+        if low <= address and address + size <= high:
+            return True
+    return False
 
 
 def linker_trouble(device) -> str:

@@ -62,7 +62,7 @@ def remove_damaged(folder: Path) -> list[Path]:
     begun, checked = time.time(), folder / CHECKED
     last = checked.stat().st_mtime - SETTLED if checked.exists() else 0.0
     damaged: dict[Path, None] = {}
-    for path in (path for kind in ("bc", "so") for path in folder.glob(f"??/**/*.{kind}")):
+    for path in [*folder.glob("??/**/*.bc"), *folder.glob("??/**/*.so")]:
         with suppress(FileNotFoundError):  # another process removed it
             if path.stat().st_mtime >= last and not _is_whole(path):
                 damaged[folder.joinpath(*path.relative_to(folder).parts[:2])] = None
