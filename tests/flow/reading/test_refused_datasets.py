@@ -7,7 +7,6 @@ import writers
 from aerokernels import DensityField, flow
 from aerokernels.flow.reading.dataset import (
     HEXAHEDRON,
-    LINE,
     QUAD,
     Block,
     Cells,
@@ -53,8 +52,8 @@ BAD_COUNTS = Cells(np.full(4, QUAD, np.uint8), np.array([0, 4, 8, 12]), QUADS.ra
         (lambda: read(flat(), geometry="volume"), "its points are in a plane: it is not a volume"),
         (lambda: read(solid(), geometry="axisymmetric"), "its points fill a volume, it is not axisymmetric"),
         (lambda: read(flat(cells=None)), "has points and no cells"),
-        (lambda: read(flat(cells=Cells.of_one_type(LINE, QUADS[:, :2]))), "has no triangles, quadrilaterals or pol"),
-        (lambda: read(solid(LINE, BRICKS[:, :2])), "it has no solid cells"),
+        (lambda: read(flat(cells=Cells.of_one_type(3, QUADS[:, :2]))), "has no triangles, quadrilaterals or pol"),
+        (lambda: read(solid(3, BRICKS[:, :2])), "it has no solid cells"),
         (lambda: read(solid(corners=BRICKS[:, [0, 1, 2, 3, 0, 1, 2, 3]])), "have no volume"),
         (lambda: read(flat(point_data={"rho": np.ones((9, 2))})), r"array 'rho' has shape \(9, 2\) for 9 points"),
         (lambda: read(flat(point_data={"p": np.ones(9)}, cell_data={"T": np.ones(4)}),
