@@ -49,12 +49,6 @@ class RayEnds:
     seconds: float  # for tracing alone, before results are converted to this form
 
 
-def ray_ends(momentum_x: Any, momentum_y: Any, opd: Any, potential: Any, evaluations: float, seconds: float) -> RayEnds:
-    """Directions and OPDs [m] from transverse momenta and the potential at the ends."""
-    direction = end_direction(momentum_x, momentum_y, potential, CONE_AMBIENT)
-    return RayEnds(direction, np.asarray(opd, dtype=np.float64), evaluations, seconds)
-
-
 @dataclass(frozen=True, eq=False)
 class Scheme:
     """One scheme of a peer: its description, precision and device, and a call that traces all rays."""
@@ -200,7 +194,8 @@ def drjit_schemes(field: IndexField, rays: RayBundle) -> Iterator[Scheme]:
             momentum_x, momentum_y, opd, value = start()
             dr.sync_thread()
             spent = time.perf_counter() - begin
-            return ray_ends(momentum_x.numpy(), momentum_y.numpy(), opd.numpy(), value.numpy(), float(steps), spent)
+            direction = end_direction(momentum_x.numpy(), momentum_y.numpy(), value.numpy(), CONE_AMBIENT)
+            return RayEnds(direction, np.asarray(opd.numpy(), dtype=np.float64), float(steps), spent)
 
         return Scheme(text, "float32", "cuda" if on_gpu else "cpu (LLVM)", run)
 

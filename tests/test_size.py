@@ -81,7 +81,7 @@ def test_no_folder_grows():
 
 @pytest.mark.parametrize(
     ("body", "limits"),
-    [(COLD_STREHL, (112, 10_000, 2_300)), (COLD_RUN, (200, 40_000, 16_000))],
+    [(COLD_STREHL, (86, 10_000, 1_700)), (COLD_RUN, (200, 40_000, 16_000))],
     ids=["estimate_strehl", "simulate"],
 )
 def test_the_path_of_an_answer_grows_no_longer(body, limits):

@@ -86,10 +86,13 @@ class PupilRequest:
         check_choices(field, **{name: choices[name] for name in ("method", "precision", "tolerance", "step")})
         pilot, air_rays = (None, None) if like is None else like.samples
         if like is not None and isinstance(field.samples, UniformGrid):
-            field = _bare(field)
+            # Without what is cached on it: tables of a device, rounded otherwise, must not meet other calls.
+            grid = copy(field.samples)
+            vars(grid)["extremes"] = field.samples.extremes
+            field = replace(field, samples=grid)
             if like.plan.sample_count:
                 with memory_of(like.plan.device):
-                    prepare_grid(engine_of(like.plan.backend, like.plan.device), field.samples)
+                    prepare_grid(engine_of(like.plan.backend, like.plan.device), grid)
         air = pupil_air(field, pupil, look, choices["tolerance"] * wavelength, air_rays)
         until, quadrature = plane_beyond(field, pupil, look), self._quadrature(field, like)
         is_radial = quadrature.radial > 0
@@ -263,13 +266,6 @@ def _plan_of(
         sure_count=sure_count,
         **choices,
     )
-
-
-def _bare(field: IndexField) -> IndexField:
-    """The same field with nothing cached on it: tables of a device, rounded otherwise, must not meet other calls."""
-    grid = copy(field.samples)
-    vars(grid)["extremes"] = field.samples.extremes
-    return replace(field, samples=grid)
 
 
 def _check_size(field: IndexField, pupil: Pupil) -> None:
