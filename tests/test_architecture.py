@@ -40,6 +40,8 @@ RANK = {
             ("benchmark",),
             ("commands",),
             ("cli",),
+            ("old_modules",),
+            ("echo", "schlieren", "strehl", "wavefront"),
             ("__main__",),
         ]
     )
@@ -230,7 +232,7 @@ def test_public_names_are_there_and_documented():
 
 NAMES = (
     "import warnings; warnings.simplefilter('error')\n"
-    "import aerokernels as ak, inspect, pickle\n"
+    "import aerokernels as ak, importlib, inspect, pickle\n"
     "for name in ('echo', 'schlieren', 'strehl', 'wavefront'):\n"
     "    function = getattr(ak, name)\n"
     "    assert inspect.isfunction(function) and pickle.loads(pickle.dumps(function)) is function\n"
@@ -239,11 +241,20 @@ NAMES = (
     "import aerokernels.lidar, aerokernels.focus, aerokernels.wavefronts, aerokernels.benches\n"
     "assert inspect.isfunction(ak.echo)\n"
 )
+OLD = (
+    "with warnings.catch_warnings(record=True) as told:\n"
+    "    warnings.simplefilter('always')\n"
+    "    names = ('echo', 'schlieren', 'strehl', 'wavefront')\n"
+    "    old = [importlib.import_module(f'aerokernels.{name}') for name in names]\n"
+    "assert [one.category for one in told] == 4 * [DeprecationWarning] and 'lidar' in str(told[0].message), told\n"
+    "assert callable(old[0].plane_target_echo) and callable(old[1].shadowgraph) and callable(old[3].Wavefront)\n"
+    "assert abs(ak.strehl([0.0, 0.0], 1e-6) - 1.0) < 1e-12 and callable(ak.echo)\n"
+)
 
 
-def test_names_of_functions_are_functions():
-    """No name or call warns, also after packages are imported."""
-    done = subprocess.run([sys.executable, "-c", NAMES], capture_output=True, encoding="utf-8")
+def test_names_of_functions_are_functions_and_old_modules_warn():
+    """No name or call warns; an import of a package by its old name does, and the name can be called after it too."""
+    done = subprocess.run([sys.executable, "-c", NAMES + OLD], capture_output=True, encoding="utf-8")
     assert done.returncode == 0, done.stderr
 
 

@@ -14,31 +14,31 @@ import pytest
 PACKAGE = Path(__file__).resolve().parents[1] / "aerokernels"
 # Lines of Python in the modules of each folder and in folders below it.
 LINES = {
-    ".": 1564,
-    "benches": 2235,
-    "benchmark": 607,
-    "commands": 1351,
+    ".": 1630,
+    "benches": 2240,
+    "benchmark": 610,
+    "commands": 1360,
     "device_arrays": 1190,
-    "display": 421,
-    "files": 422,
-    "fldi": 615,
-    "flow": 12420,
-    "focus": 595,
-    "hardware": 2390,
+    "display": 830,
+    "files": 430,
+    "fldi": 620,
+    "flow": 12340,
+    "focus": 600,
+    "hardware": 2380,
     "imaging": 1460,
-    "inputs": 991,
-    "jobs": 5021,
+    "inputs": 1000,
+    "jobs": 5910,
     "lidar": 3100,
     "medium": 3560,
-    "process": 1145,
-    "pupils": 1015,
+    "process": 1150,
+    "pupils": 1020,
     "scene": 1490,
-    "series": 2842,
-    "tracing": 17600,
+    "series": 2850,
+    "tracing": 17570,
     "wavefronts": 2170,
-    "waves": 1045,
+    "waves": 1050,
 }
-FILES = 376
+FILES = 340
 # What a call passes through in a new process: files, calls of functions, changes of file.
 WATCHED = """
 import contextlib, os, sys, warnings
