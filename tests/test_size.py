@@ -35,7 +35,7 @@ LINES = {
     "scene": 1490,
     "series": 2850,
     "tracing": 17570,
-    "wavefronts": 2170,
+    "wavefronts": 2465,
     "waves": 1050,
 }
 FILES = 340
