@@ -5,7 +5,7 @@ Errors of two wavefronts are independent, unless they are equal or of the same r
 
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from typing import TYPE_CHECKING, Any
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 
@@ -17,11 +17,10 @@ from ..tracing.variants.paths import Cause
 from .changes import finer, of_changes, of_pixels
 from .terms import weighted_mean
 
-if TYPE_CHECKING:
-    from .result import Wavefront
+W = TypeVar("W", bound=Any)  # Wavefront, whose methods these are
 
 
-def times(wave: "Wavefront", factor: float) -> "Wavefront":
+def times(wave: W, factor: float) -> W:
     """Return a wavefront with its OPD, and the errors of it, times a number."""
     if not isinstance(factor, (int, float, np.number)):
         return NotImplemented
@@ -30,17 +29,17 @@ def times(wave: "Wavefront", factor: float) -> "Wavefront":
     return replace(wave, opd=wave.opd * factor, varied=varied, budget=budget, seconds={})
 
 
-def over(wave: "Wavefront", divisor: float) -> "Wavefront":
+def over(wave: W, divisor: float) -> W:
     """Return a wavefront with its OPD divided by a number."""
     return times(wave, 1.0 / divisor) if isinstance(divisor, (int, float, np.number)) else NotImplemented
 
 
-def minus(one: "Wavefront", other: "Wavefront") -> "Wavefront":
+def minus(one: W, other: W) -> W:
     """Return the difference of two wavefronts; a ValueError refuses other pixels, pupils, directions, wavelengths."""
     return plus(one, other, -1.0)
 
 
-def plus(one: "Wavefront", other: "Wavefront", sign: float = 1.0) -> "Wavefront":
+def plus(one: W, other: W, sign: float = 1.0) -> W:
     """Return the sum of two wavefronts, dark where either is; a ValueError refuses what `minus` refuses."""
     if type(other) is not type(one):
         return NotImplemented
@@ -59,12 +58,12 @@ def plus(one: "Wavefront", other: "Wavefront", sign: float = 1.0) -> "Wavefront"
     )
 
 
-def equal(one: "Wavefront", other: "Wavefront") -> bool:
+def equal(one: W, other: W) -> bool:
     """Return whether two wavefronts are the same."""
     return one is other or one.key == other.key
 
 
-def shared(one: "Wavefront", other: "Wavefront") -> tuple["Wavefront", "Wavefront"]:
+def shared(one: W, other: W) -> tuple[W, W]:
     """Return two wavefronts without the pixels that are dark in either of them.
 
     Raises:
@@ -105,7 +104,7 @@ def _scaled(varied: Any, factor: float) -> Variants | None:
     return replace(found, base=found.base * factor, causes=causes)
 
 
-def _joined(waves: tuple["Wavefront", ...], factors: tuple[float, ...], join: Any) -> ErrorBudget:
+def _joined(waves: tuple[W, ...], factors: tuple[float, ...], join: Any) -> ErrorBudget:
     """Return the error budget of a sum of multiples of wavefronts, by the causes that all of them have."""
     budgets = [{TOTAL: np.nan, **wave.error} for wave in waves]
     names = [name for name in budgets[0] if all(name in own for own in budgets)]
@@ -115,12 +114,12 @@ def _joined(waves: tuple["Wavefront", ...], factors: tuple[float, ...], join: An
 
 @shown
 @dataclass(frozen=True, eq=False, repr=False)
-class WavefrontComparison:
+class WavefrontComparison(Generic[W]):
     """Two wavefronts over one pupil, `first` and `second`, and `difference`, the first minus the second."""
 
-    first: "Wavefront"
-    second: "Wavefront"
-    difference: "Wavefront"
+    first: W
+    second: W
+    difference: W
 
     @cached_property
     def quantities(self) -> dict[str, Quantity]:
@@ -155,7 +154,7 @@ class WavefrontComparison:
         return "\n  ".join(["WavefrontComparison", *(f"{name}: {one}" for name, one in shown.items())])
 
 
-def correlation(one: "Wavefront", other: "Wavefront") -> float:
+def correlation(one: W, other: W) -> float:
     """Return the correlation of two OPD maps on the same pixels; NaN where either is flat."""
     (first, weight), (second, _) = one.samples, other.samples
     first, second = (values - weighted_mean(weight, values) for values in (first, second))
@@ -163,7 +162,7 @@ def correlation(one: "Wavefront", other: "Wavefront") -> float:
     return float(weighted_mean(weight, first * second)) / size if size > 0.0 else float("nan")
 
 
-def compare(wavefront: "Wavefront", other: "Wavefront") -> WavefrontComparison:
+def compare(wavefront: W, other: W) -> WavefrontComparison[W]:
     """Return both wavefronts, their difference, and in `quantities` their Strehl ratios, rms and correlation.
 
     Each number has its error: `print(wave.compare(other))` shows them.
