@@ -26,7 +26,7 @@ LINES = {
     "focus": 600,
     "hardware": 2380,
     "imaging": 1460,
-    "inputs": 1000,
+    "inputs": 1125,
     "jobs": 5910,
     "lidar": 3100,
     "medium": 3560,

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ..inputs.kinds import refuse_masked
+from ..inputs.kinds import refuse_masked, wrong_kind
 from ..pupils import Pupil
 from ..tracing.variants.causes import FACTOR, Variants
 from ..tracing.variants.paths import Cause, Rays
@@ -35,7 +35,7 @@ def from_scattered(
 ) -> dict[str, Any]:
     """Return the attributes of the wavefront by name; see `Wavefront.from_samples`."""
     if not isinstance(pupil, Pupil):
-        raise TypeError(f"pupil must be a Disc, Annulus, Rectangle, Polygon or Mask, got {type(pupil).__name__}")
+        raise wrong_kind(pupil, "pupil", "a Disc, Annulus, Rectangle, Polygon or Mask")
     if opd_error is not None and not (np.ndim(opd_error) == 0 and np.isfinite(opd_error) and opd_error >= 0.0):
         raise ValueError(f"opd_error must be a length of at least 0 m, or None, got {opd_error!r}")
     place, values = _checked(points, opd, pupil)
