@@ -32,10 +32,10 @@ LINES = {
     "medium": 3560,
     "process": 1150,
     "pupils": 1020,
-    "scene": 1490,
+    "scene": 1560,
     "series": 2850,
     "tracing": 17570,
-    "wavefronts": 2170,
+    "wavefronts": 2180,
     "waves": 1050,
 }
 FILES = 340
