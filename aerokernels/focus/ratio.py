@@ -19,7 +19,8 @@ from ..inputs.arguments import Numbers, checked
 from ..inputs.wavelength import check_wavelength
 from ..medium import IndexField
 from ..process.clock import clocked, stage
-from ..tracing.lines import box_size, greatest_contrast
+from ..tracing.lines import box_size
+from ..tracing.stop import greatest_contrast
 from ..wavefronts.terms import (
     check_metres,
     check_terms,

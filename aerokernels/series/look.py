@@ -276,7 +276,7 @@ def tell_errors(found: list[Look], looks: np.ndarray) -> np.ndarray:
     along = axes.copy()
     if len(rows):
         few, nearest = few_of(looks[rows], np.array([found[k].numbers["opd_rms"] for k in rows]))
-        model[rows] = np.stack([found[k].model() for k in rows[few]])[nearest]  # type: ignore[misc]
+        model[rows] = np.stack([found[k].model() for k in rows[few]])[nearest]
         along[rows] = axes[rows[few]][nearest]
     total = np.hypot(model, np.stack([one.sampling for one in found]))
     for one, error in zip(found, total, strict=True):  # in the order of NUMBERS

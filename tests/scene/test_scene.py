@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 import tomllib
 from pathlib import Path
 
@@ -323,26 +324,13 @@ def test_shipped_scenes_are_written_for_newcomers(name):
 
 
 @pytest.mark.parametrize("table", ["beam", "target", "receiver", "atmosphere", "detector"])
-def test_every_key_of_the_echo_is_on_its_page_with_its_default(table, root: Path):
-    """docs/echo.md lists keys, defaults as they are written, and the keys' own words."""
+def test_every_key_of_the_echo_is_on_its_page(table, root: Path):
+    """docs/echo.md names each key in the table of what it describes; the reference has defaults and words."""
     page = (root / "docs" / "echo.md").read_text(encoding="utf-8")
-    rows = {
-        cells[0].strip("` "): (cells[1].strip(), cells[2].strip())
-        for line in page.splitlines()
-        if line.startswith("| `") and len(cells := line.strip("| ").split(" | ")) == 3
-    }
+    rows = "".join(line for line in page.splitlines() if line.startswith("| "))
     model = Scene.model_fields[table].annotation
     assert isinstance(model, type) and issubclass(model, BaseModel)
-    assert {key for key in rows if key.startswith(f"{table}.")} == {f"{table}.{name}" for name in model.model_fields}
-    for name, field in model.model_fields.items():
-        default, words = rows[f"{table}.{name}"]
-        assert words == field.description
-        if field.default is None:
-            assert default == "absent"
-        elif isinstance(field.default, str):
-            assert default == field.default
-        else:  # numbers, switches and lists are written as in JSON
-            assert json.loads(default) == (list(field.default) if isinstance(field.default, tuple) else field.default)
+    assert set(re.findall(rf"`({table}\.\w+)`", rows)) == {f"{table}.{name}" for name in model.model_fields}
 
 
 @pytest.mark.parametrize(

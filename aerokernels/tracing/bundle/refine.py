@@ -217,10 +217,10 @@ class Refinement:
         for lattice, blocks, errors in accepted:
             costs = np.asarray(lattice.lines.costs[lattice.rows(blocks)].max(axis=(1, 2)))
             costs[:, 0] += errors
-            first = lattice.parameters(4 * blocks)
-            rate = np.broadcast_to(1.0 / lattice.step, first.shape)
+            start = lattice.parameters(4 * blocks)
+            rate = np.broadcast_to(1.0 / lattice.step, start.shape)
             line_class = lattice.lines.line_class[lattice.row[4 * blocks[:, 0], 4 * blocks[:, 1]]]
-            headers.append(np.concatenate([first, rate, line_class[:, None], costs], axis=1))
+            headers.append(np.concatenate([start, rate, line_class[:, None], costs], axis=1))
             values.append(lattice.patches(blocks, self.channels))
         header, whole = np.concatenate(headers), np.concatenate(values)
         # Single precision halves the data loaded for each ray; it is used where no channel shows the difference.

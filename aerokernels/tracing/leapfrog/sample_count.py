@@ -100,7 +100,7 @@ def fit_leapfrog(
     plan = replace(plan, lever_arms=lever_arms_of(field, pilot, until))
     part = support_box(field, error_limit(field, plan.tolerance * wavelength), plan.lever_arms)
     some = pilot if rays is None else rays
-    if some.ray_count > SPREAD_RAYS:
+    if rays is not None and some.ray_count > SPREAD_RAYS:
         some = _some_of(rays, field.geometry, until, *part)
     given = field, pilot, plan, until, wavelength, some
     # Not the number confirmed last, which may be a few samples more: each confirmation would add a few again.
