@@ -14,7 +14,7 @@ from ..display.shown import drawn_on, is_flat, say_flat, shown
 from ..files.netcdf_reading import open_netcdf
 from ..inputs.arguments import Numbers, checked
 from ..inputs.checks import check_count, check_positive, check_share
-from ..inputs.kinds import refuse_masked
+from ..inputs.kinds import refuse_masked, wrong_kind
 from ..inputs.wavelength import check_wavelength
 from ..process.clock import clocked, stage
 from ..pupils import Projected, Pupil, seen_along
@@ -115,7 +115,7 @@ class Wavefront:
     def __post_init__(self):
         """Check the values and store read-only copies."""
         if not (self.pupil is None or isinstance(self.pupil, Pupil)):
-            raise TypeError(f"pupil must be one of the pupils, or None, got {type(self.pupil).__name__}")
+            raise wrong_kind(self.pupil, "pupil", "one of the pupils, or None")
         for name in ("opd", "weight", "intensity"):
             refuse_masked(getattr(self, name), name)
         opd, weight = np.array(self.opd, dtype=np.float64), np.array(self.weight, dtype=np.float64)

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ..inputs.kinds import refuse_masked
+from ..inputs.kinds import refuse_masked, wrong_kind
 from ..pupils import Pupil
 from ..tracing.variants.causes import FACTOR, Variants
 from ..tracing.variants.paths import Cause, Rays
@@ -33,7 +33,7 @@ ABOUT = 14
 def from_scattered(points: Any, opd: Any, pupil: Pupil, pixel_count: int | None, error: Any) -> dict[str, Any]:
     """Return the attributes of the wavefront by name; see `Wavefront.from_samples`."""
     if not isinstance(pupil, Pupil):
-        raise TypeError(f"pupil must be a Disc, Annulus, Rectangle, Polygon or Mask, got {type(pupil).__name__}")
+        raise wrong_kind(pupil, "pupil", "a Disc, Annulus, Rectangle, Polygon or Mask")
     place, values = _checked(points, opd, pupil)
     sizes = np.array(0.0 if error is None else error, dtype=np.float64)
     if sizes.shape not in ((), values.shape) or not (np.isfinite(sizes) & (sizes >= 0.0)).all():
