@@ -119,7 +119,7 @@ def _is_float(value: Any) -> bool:
 
 def are_numbers(value: Any) -> bool:
     """Return whether NumPy converts a value to an array of real numbers."""
-    if not hasattr(value, "dtype"):
+    if getattr(getattr(value, "dtype", None), "kind", None) is None:
         if hasattr(value, "__dlpack__"):  # an array of another library or device: the function that uses it checks it
             return True
         if isinstance(value, (str, bytes, dict, set, type)) or callable(value):
