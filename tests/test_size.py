@@ -14,7 +14,7 @@ import pytest
 PACKAGE = Path(__file__).resolve().parents[1] / "aerokernels"
 # Lines of Python in the modules of each folder and in folders below it.
 LINES = {
-    ".": 1630,
+    ".": 1640,
     "benches": 2240,
     "benchmark": 610,
     "commands": 1360,
