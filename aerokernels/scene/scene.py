@@ -6,6 +6,7 @@ from typing import Any
 
 from pydantic import BaseModel, Field, ValidationError, model_validator
 
+from aerokernels.display.shown import as_html
 from aerokernels.flow import SEA_LEVEL_DENSITY, DensityField, read, shipped, shipped_names, uniform_air
 from aerokernels.inputs.arguments import checked
 from aerokernels.inputs.checks import warn_caller
@@ -132,6 +133,19 @@ class Scene(Table):
             return cls.model_validate(tables)
         except ValidationError as fault:
             raise scene_error(fault, tables, str(place), (), cls) from None
+
+    def _repr_html_(self) -> str:
+        lines = []
+        for name, value in self.model_dump(mode="json", exclude_unset=True).items():
+            keys = {f"{name}.{key}": one for key, one in value.items()} if isinstance(value, Mapping) else {name: value}
+            for key, one in keys.items():
+                unit = key_unit(key) if isinstance(one, float) else "1"
+                lines.append(f"  {key}: {one}{'' if unit == '1' else f' {unit}'}")
+        try:
+            picture = self.density_field()._picture()
+        except (ValueError, OSError):  # a flow that is not there, or snapshots alone
+            picture = None
+        return as_html("\n".join(["Scene", *lines]), picture)
 
     def density_field(self) -> DensityField:
         """Return the scene's flow at its density; "static" is air at rest around the model, by default at sea level.

@@ -207,12 +207,25 @@ class TraceResult:
         if self.direction is None or not self.ok.any():
             raise ValueError("a spot diagram needs the output direction, and rays that reached the stop")
         axes = drawn_on(axes)
+        axes.plot(*self._spots(), ".", markersize=2)
+        axes.set(xlabel="angle from the mean, first axis [urad]", ylabel="second axis [urad]", aspect="equal")
+        return axes
+
+    def _spots(self) -> tuple[np.ndarray, np.ndarray]:
+        assert self.direction is not None
         there = self.direction[self.ok]
         mean = there.mean(axis=0)
         first, second = transverse_axes(mean / np.linalg.norm(mean))
-        axes.plot(1e6 * (there @ first), 1e6 * (there @ second), ".", markersize=2)
-        axes.set(xlabel="angle from the mean, first axis [urad]", ylabel="second axis [urad]", aspect="equal")
-        return axes
+        return 1e6 * (there @ first), 1e6 * (there @ second)
+
+    def _picture(self) -> Any:
+        from ..display.figures import Axis, Line, Lines
+
+        if self.direction is None or not self.ok.any():
+            return None
+        x, y = (one[:: max(len(one) // 500, 1)] for one in self._spots())
+        first, second = (Axis(f"angle from the mean, {name} axis [µrad]") for name in ("first", "second"))
+        return Lines(first, second, [Line(x, y, dots=True)])
 
     def __repr__(self) -> str:
         """Rays, their status, the OPD with its error and the plan.

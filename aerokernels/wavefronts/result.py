@@ -10,7 +10,7 @@ import numpy as np
 
 from ..derived import key_of
 from ..display.quantities import ErrorBudget, Quantity
-from ..display.shown import drawn_on, is_flat, say_flat, shown
+from ..display.shown import drawn_on, is_flat, map_picture, say_flat, shown
 from ..inputs.arguments import Numbers, checked
 from ..inputs.checks import check_count, check_positive, check_share
 from ..inputs.kinds import refuse_masked, wrong_kind
@@ -412,6 +412,11 @@ class Wavefront:
     to_prysm = to_prysm
     to_fits = to_fits
     to_zemax = to_zemax
+
+    def _picture(self) -> Any:
+        half = 0.5 * len(self.opd) * self.pixel
+        opd = 1e9 * (self.opd - np.nanmean(self.opd))
+        return map_picture(opd, (-half, half, -half, half), ("x", "y"), "OPD from the mean [nm]", "delay")
 
     def plot(self, axes=None):
         """Draw the OPD map on matplotlib axes; returns the axes."""
