@@ -1,4 +1,7 @@
-"""Make the source paper's Figure 1, on a medium with exactly known rays; see scripts/studies/paper."""
+"""Make the source paper's Figure 1, on a medium with exactly known rays, and the same on one that no polynomial fits.
+
+docs/paper.md has the figure and its table for one start height.
+"""
 
 import argparse
 from pathlib import Path
@@ -7,24 +10,16 @@ import numpy as np
 
 from aerokernels.inputs.units import quantity
 from scripts.studies.paper import figure1
-from scripts.studies.report import filled, markdown_table, write_csv
-
-PAGE = Path(__file__).resolve().parents[1] / "docs" / "figure1.md"
+from scripts.studies.report import markdown_table, write_csv
 
 
 def main() -> None:
     """Run all schemes and write table, CSV and picture."""
     parser = argparse.ArgumentParser(prog="scripts/figure1", description=__doc__.splitlines()[0])
-    parser.add_argument("--out", type=Path, default=Path(__file__).resolve().parents[1] / "docs" / "figure1")
+    parser.add_argument("--out", type=Path, default=Path("out/figure1"))
     parser.add_argument("--planes", type=int, default=124, help="planes along z at which the error is taken")
     parser.add_argument("--height", default="0.5 mm", help='start height x0 of the curves, such as "1.6 mm"')
-    parser.add_argument("--page", action="store_true", help="put the table into docs/figure1.md too")
     options = parser.parse_args()
-    try:
-        if options.page:  # before the work, not after it
-            filled(PAGE, {"figure1": ""})
-    except ValueError as fault:
-        parser.error(str(fault))
     try:
         first = quantity(options.height, "length")
     except ValueError as fault:
@@ -58,8 +53,6 @@ def main() -> None:
     ]
     text = markdown_table(heading, rows, text_columns=2)
     (options.out / "table.md").write_text(text, encoding="utf-8")
-    if options.page:
-        PAGE.write_text(filled(PAGE, {"figure1": text}), encoding="utf-8")
     names = [f"{outcome.scheme.name}: {outcome.scheme.rule}" for outcome in outcomes]
     write_csv(
         options.out / "error_along_z.csv",

@@ -17,7 +17,7 @@ from scripts.studies.paper.printed import SIMULATED, TABLE_3
 from scripts.studies.report import filled, markdown_table, saved_figure, write_csv
 
 ROOT = Path(__file__).resolve().parents[1]
-PAGE = ROOT / "docs" / "sweep-mach.md"
+PAGE = ROOT / "docs" / "questions.md"
 
 SCENES = ["wind-tunnel-static", *(f"{air}-mach{mach}" for air in ("wind-tunnel", "sea-level") for mach in (2, 3, 4))]
 LOOK = {"wind-tunnel": ("#0b6e99", "tunnel density"), "sea-level": ("#c2410c", "sea-level density")}
@@ -67,19 +67,15 @@ def read_range(distance: float) -> str:
 
 def table(points: list[Point]) -> str:
     """Return the table for the documents."""
-    heading = ["scene", "Strehl ratio", "Maréchal", "OPD rms [nm]", "boresight [µrad]", "peak [V]", "paper, test [V]"]
-    heading += ["paper, simulated [V]", "range, leading edge [m]", "range, constant fraction [m]"]
+    heading = ["scene", "Strehl ratio", "Maréchal", "OPD rms [nm]", "peak [V]"]
+    heading += ["range, leading edge [m]", "range, constant fraction [m]"]
     rows = [
         [
             point.scene,
             f"{point.strehl:.4f}",
             f"{point.marechal:.4f}",
             f"{1e9 * point.opd_rms:.1f}",
-            # Flow and pupil are symmetric about the axis, so the boresight shown is the sampling error.
-            f"{1e6 * point.boresight:.3f}" if point.boresight >= 1e-9 else "< 0.001",
             f"{point.peak:.3f}",
-            f"{TABLE_3[point.mach]:.3f}",
-            f"{SIMULATED[point.mach]:.3f}",
             read_range(point.leading_edge),
             read_range(point.constant_fraction),
         ]
@@ -125,7 +121,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="scripts/sweep_mach", description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, default=ROOT / "docs" / "sweep_mach")
     parser.add_argument("--rays", type=int, metavar="COUNT", help="rays for each Strehl ratio, fewer for a quick look")
-    parser.add_argument("--page", action="store_true", help="put the table into docs/sweep-mach.md too")
+    parser.add_argument("--page", action="store_true", help="put the table into docs/questions.md too")
     options = parser.parse_args()
     points = []
     try:

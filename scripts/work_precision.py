@@ -1,6 +1,6 @@
 """Measure error against run time and field evaluations, for methods, precisions, interpolants and tolerances.
 
-The five fields and the two kinds of error are those of scripts/studies/work_precision. Writes runs.csv, one row
+The six fields and the two kinds of error are those of scripts/studies/work_precision. Writes runs.csv, one row
 per setting; table.md; and for each field two pictures, error against evaluations and against time.
 """
 
@@ -14,10 +14,8 @@ from scripts.studies.work_precision.figures import draw, evaluations
 from scripts.studies.work_precision.measuring import measure, measure_peers
 from scripts.studies.work_precision.runs import HEADING, Error, Run
 from scripts.studies.work_precision.tables import (
-    TIGHTER,
     check_table,
     default_table,
-    floor_table,
     need_table,
     peer_table,
     report_table,
@@ -66,30 +64,21 @@ def main() -> None:
     write_csv(options.out / "runs.csv", HEADING, [run.row() for run in runs])
 
     tables = {
-        "evaluations-rms": need_table(runs, lambda run: run.evaluations, "opd_rms"),
-        "evaluations-tighter": need_table(
-            runs, lambda run: run.evaluations, "opd_rms", targets=TIGHTER, precisions=("float64",)
-        ),
-        "evaluations-max": need_table(runs, lambda run: run.evaluations, "opd_max"),
-        "time": need_table(runs, lambda run: run.microseconds()[0], "opd_rms"),
+        "evaluations": need_table(runs),
         "default": default_table(runs),
         "reported": report_table(runs),
-        "floors": floor_table(runs),
     }
     if not options.quick:
-        tables |= {"peers": peer_table(measure_peers(options.rays)), "checks": check_table(checks)}
+        tables["peers"] = peer_table(measure_peers(options.rays))
     captions = {
-        "evaluations-rms": "Field evaluations per ray for an rms tracing error [waves]",
-        "evaluations-tighter": "The same for tighter targets, float64",
-        "evaluations-max": "Field evaluations per ray for a greatest tracing error [waves]",
-        "time": "Kernel time per ray [µs] for an rms tracing error [waves]",
+        "evaluations": "Field evaluations per ray for an rms tracing error [waves]",
         "default": "The default call: method auto, tolerance 1e-3 waves, float32; errors in waves",
         "reported": "Reported against made, over all runs",
-        "floors": "The least error of any setting, rms [waves]",
         "peers": "Beside others' best: greatest total errors",
         "checks": "The tight traces against two others [waves]",
     }
-    text = "\n".join(f"## {captions[name]}\n\n{table}" for name, table in tables.items())
+    shown = tables if options.quick else {**tables, "checks": check_table(checks)}  # checks are for table.md alone
+    text = "\n".join(f"## {captions[name]}\n\n{table}" for name, table in shown.items())
     (options.out / "table.md").write_text(text, encoding="utf-8")
     if options.page is not None:
         try:

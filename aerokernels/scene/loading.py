@@ -14,7 +14,7 @@ from pydantic import BaseModel, ValidationError
 
 from aerokernels.display.plain_text import cut
 from aerokernels.flow.shipped import shipped_names
-from aerokernels.inputs.units import si_unit
+from aerokernels.inputs.units import quantity, si_unit
 from aerokernels.scene.values import dimension_of
 
 _SHIPPED = files("aerokernels") / "scenes"
@@ -205,7 +205,13 @@ def _describe(fault: Mapping[str, Any], key: str, value: Any, model: type[BaseMo
         bare = isinstance(value, (int, float)) or (isinstance(value, str) and value[-1:].isdigit())
         hint = f"; a number without a unit is in radians: is it '{value} deg'?" if bare and unit == " rad" else ""
         limit = f"{bound:g}{unit}" + (f" ({math.degrees(bound):.4g} deg)" if unit == " rad" else "")
-        return f"{key} = {cut(repr(value))} must be {words} {limit}{hint}"
+        given = cut(repr(value))
+        if unit == " rad" and isinstance(value, str) and value.strip().endswith(("deg", "°")):
+            limit = f"{math.degrees(bound):.4g} deg"
+        if unit == " rad" and isinstance(value, str) and value.endswith("rad"):
+            given = f"{quantity(value, 'angle'):.6g} rad ({math.degrees(quantity(value, 'angle')):.6g} deg)"
+            hint = "; a number without a unit is in radians, and '30 deg' is in degrees"
+        return f"{key} = {given} must be {words} {limit}{hint}"
     if kind in ("tuple_type", "list_type"):
         return f'{key} = {cut(repr(value))}: write a list in brackets, such as ["piston"]'
     text = fault["msg"]

@@ -145,7 +145,7 @@ def radial() -> Case:
 
 
 def parallel_rays(ray_count: int) -> RayBundle:
-    """Rays parallel to the axis, 0.5 to 2 mm off it: the heights of docs/figure1.md."""
+    """Rays parallel to the axis, 0.5 to 2 mm off it: the heights of the paper's Figure 1."""
     share = 0.5 * (1.0 + scattered(ray_count, 2))
     radius, angle = 0.5e-3 + 1.5e-3 * share[:, 0], 2.0 * np.pi * share[:, 1]
     return along_z(radius[:, None] * np.c_[np.cos(angle), np.sin(angle)], 0.0)

@@ -1,6 +1,6 @@
 """Tables of work-precision runs."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,9 +8,7 @@ import numpy as np
 from ..report import markdown_table
 from .runs import Error, Run
 
-TARGETS = (1e-2, 1e-3, 1e-4)  # [waves]
-TIGHTER = (1e-5, 1e-6, 1e-7, 1e-8)  # [waves]
-PRECISIONS = ("float64", "float32")
+TARGETS = (1e-3, 1e-5, 1e-7)  # [waves]
 DEFAULT_TOLERANCE = 1e-3  # [waves]
 
 
@@ -74,65 +72,58 @@ def names(runs: Iterable[Run]) -> list[str]:
     return list(dict.fromkeys(run.case for run in runs))
 
 
-def need_table(
-    runs: list[Run], amount: Callable[[Run], float], error: str, targets=TARGETS, precisions=PRECISIONS
-) -> str:
-    """The amount for each target with error control and with the best fixed step, cubic interpolant."""
-    heading = ["field", "precision"]
-    for target in targets:
+def need_table(runs: list[Run]) -> str:
+    """Evaluations for each rms error with error control and with the best fixed step, float64, cubic interpolant."""
+    heading = ["field"]
+    for target in TARGETS:
         heading += [f"adaptive, {target:.0e}", f"fixed, {target:.0e}", "ratio"]
     rows = []
     for case in names(runs):
-        for precision in precisions:
-            some = select(runs, case=case, precision=precision, interpolation="cubic")
-            if not some:
-                continue
-            row = [case, precision]
-            for target in targets:
-                adaptive, fixed = (
-                    need([amount(r) for r in chosen], [getattr(r.tracing, error) for r in chosen], target)
-                    if (chosen := of_method(some, method))
-                    else None
-                    for method in ("adaptive", "fixed")
-                )
-                row += [str(adaptive or "–"), str(fixed or "–"), ratio(fixed, adaptive)]
-            rows.append(row)
-    return markdown_table(heading, rows, text_columns=2)
+        some = select(runs, case=case, precision="float64", interpolation="cubic")
+        row = [case]
+        for target in TARGETS:
+            adaptive, fixed = (
+                need([r.evaluations for r in chosen], [r.tracing.opd_rms for r in chosen], target)
+                if (chosen := of_method(some, method))
+                else None
+                for method in ("adaptive", "fixed")
+            )
+            row += [str(adaptive or "–"), str(fixed or "–"), ratio(fixed, adaptive)]
+        rows.append(row)
+    return markdown_table(heading, rows)
 
 
 def default_table(runs: list[Run]) -> str:
-    """The default call, "auto" at 1e-3 waves in float32: its choice, its cost, and its reported and actual errors."""
-    heading = ["field", "interpolant", "chosen", "evaluations", "µs per ray", "tracing error, rms"]
-    heading += ["tracing error, max", "total error, rms", "total error, max", "reported, total"]
+    """The default call, "auto" at 1e-3 waves in float32: its cost, and its reported and actual errors."""
+    heading = ["field", "interpolant", "evaluations", "µs per ray", "tracing error, rms"]
+    heading += ["total error, rms", "reported, total"]
     rows = [
         [
             run.case,
             run.interpolation,
-            run.chosen,
             f"{run.evaluations:.0f}",
             f"{run.microseconds()[0]:.2g}",
-            *(short(value) for value in (run.tracing.opd_rms, run.tracing.opd_max)),
-            *(short(value) for value in (run.total.opd_rms, run.total.opd_max, run.reported_total)),
+            *(short(value) for value in (run.tracing.opd_rms, run.total.opd_rms, run.reported_total)),
         ]
         for run in of_method(select(runs, precision="float32"), "auto")
         if run.setting.value == DEFAULT_TOLERANCE
     ]
-    return markdown_table(heading, rows, text_columns=3)
+    return markdown_table(heading, rows, text_columns=2)
 
 
 def report_table(runs: list[Run]) -> str:
-    """Compare reported with actual errors over all runs of a method."""
+    """Compare reported with actual errors over all runs of a method; "adaptive" is what "auto" takes."""
     heading = ["method", "interpolant", "runs", "step error covers tracing error, max"]
-    heading += ["median of their ratio", "budget covers total error, rms", "total error, max", "median ratio to rms"]
+    heading += ["budget covers total error, rms", "total error, max", "median ratio to rms"]
     rows = []
-    for method in dict.fromkeys(run.setting.method for run in runs):
+    for method in dict.fromkeys(run.setting.method for run in runs if run.setting.method != "adaptive"):
         for interpolation in dict.fromkeys(run.interpolation for run in runs):
             some = of_method(select(runs, interpolation=interpolation), method)
             step = ratios([(run.reported_step, run.tracing.opd_max) for run in some])
             known = [run for run in some if np.isfinite(run.total.opd_rms)]
             budget = ratios([(run.reported_total, run.total.opd_rms) for run in known])
             greatest = ratios([(run.reported_total, run.total.opd_max) for run in known])
-            row = [method, interpolation, str(len(some)), covered(step), middle(step)]
+            row = [method, interpolation, str(len(some)), covered(step)]
             rows.append([*row, covered(budget), covered(greatest), middle(budget)])
     return markdown_table(heading, rows, text_columns=2)
 
@@ -150,31 +141,6 @@ def covered(ratios: np.ndarray) -> str:
 def middle(ratios: np.ndarray) -> str:
     """The median."""
     return f"{np.median(ratios):.2g}" if len(ratios) else "–"
-
-
-def floor_table(runs: list[Run]) -> str:
-    """The least errors that any setting reached: the errors of the samples and of the precision."""
-    heading = ["field", "interpolant", "total OPD error, float64", "total OPD error, float32"]
-    heading += ["total direction error, float64 [µrad]", "tracing OPD error, float32"]
-    rows = []
-    for case in names(runs):
-        for interpolation in dict.fromkeys(run.interpolation for run in runs):
-            row = [case, interpolation]
-            for precision, kind, error in (
-                ("float64", "total", "opd_rms"),
-                ("float32", "total", "opd_rms"),
-                ("float64", "total", "direction_rms"),
-                ("float32", "tracing", "opd_rms"),
-            ):
-                some = select(runs, case=case, interpolation=interpolation, precision=precision)
-                values = [
-                    getattr(getattr(run, kind), error)
-                    for method in ("adaptive", "fixed")
-                    for run in of_method(some, method)
-                ]
-                row.append(short(min(values, default=np.nan)))
-            rows.append(row)
-    return markdown_table(heading, rows, text_columns=2)
 
 
 def check_table(checks: dict[tuple[str, str], tuple[Error, Error]]) -> str:
@@ -197,6 +163,7 @@ def peer_table(runs: list[Run]) -> str:
             f"{run.total.direction_max:.2g}",
         ]
         for run in runs
+        if run.setting.value == DEFAULT_TOLERANCE
     ]
     return markdown_table(heading, rows, text_columns=2)
 
