@@ -34,7 +34,7 @@ LINES = {
     "pupils": 1020,
     "scene": 1560,
     "series": 2850,
-    "tracing": 17570,
+    "tracing": 17615,
     "wavefronts": 2465,
     "waves": 1050,
 }

@@ -11,7 +11,6 @@ import numpy as np
 from ..derived import key_of
 from ..display.quantities import ErrorBudget, Quantity
 from ..display.shown import drawn_on, is_flat, say_flat, shown
-from ..files.netcdf_reading import open_netcdf
 from ..inputs.arguments import Numbers, checked
 from ..inputs.checks import check_count, check_positive, check_share
 from ..inputs.kinds import refuse_masked, wrong_kind
@@ -31,7 +30,7 @@ from .exports import (
     to_xarray,
     to_zemax,
 )
-from .modes import centroid, structure_function, zernike, zernike_errors
+from .modes import centroid, structure_function, zernike, zernike_errors, zernike_table
 from .point_spread import PointSpread, point_spread_function
 from .scattered import from_scattered
 from .terms import check_metres, check_terms, fit_tilt, mean_phasor, weighted_mean
@@ -48,7 +47,6 @@ from .transfer import (
     transfer_errors,
     transfer_function,
 )
-from .zernike_table import zernike_table
 
 
 @shown
@@ -404,6 +402,8 @@ class Wavefront:
         Raises:
             ValueError: A file that does not exist, is damaged, or was not written so.
         """
+        from ..files.netcdf_reading import open_netcdf
+
         return cls.from_xarray(open_netcdf(Path(path), str(path), whole=True))
 
     to_xarray = to_xarray
