@@ -18,7 +18,11 @@ __all__ = sorted(_MODULE_OF)
 def __getattr__(name: str):
     """Import a public name from its module."""
     if name not in _MODULE_OF:
-        raise AttributeError(f"module 'aerokernels' has no attribute {name!r}")
+        from difflib import get_close_matches
+
+        near = get_close_matches(name, __all__, 1)
+        hint = f": did you mean {near[0]}?" if near else ""
+        raise AttributeError(f"module 'aerokernels' has no attribute {name!r}{hint}")
     module = _MODULE_OF[name]
     value = getattr(import_module(f".{module}", __name__), name) if module else import_module(f".{name}", __name__)
     globals()[name] = value

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from aerokernels.flow import CellDensity, ConicalFlow, DensityField, GridDensity, VertexDensity
+from aerokernels.inputs.kinds import wrong_kind
 from aerokernels.medium import IndexField, ResamplingError
 from aerokernels.pupils import Pupil
 from aerokernels.scene import Scene
@@ -113,7 +114,7 @@ def prepare_field(scene: Scene, field: IndexField | DensityField | None = None) 
     `field` is a flow to use unchanged in place of the scene's.
     """
     if field is not None and not isinstance(field, (IndexField, DensityField)):
-        raise TypeError(f"field must be an IndexField or a DensityField, got {type(field).__name__}")
+        raise wrong_kind(field, "field", "an IndexField or a DensityField")
     seconds = {}
     start = time.perf_counter()
     density = None if isinstance(field, IndexField) else scene.density_field() if field is None else field

@@ -10,6 +10,7 @@ import numpy as np
 
 from aerokernels.inputs.arguments import checked
 from aerokernels.inputs.checks import check_count
+from aerokernels.inputs.kinds import wrong_kind
 from aerokernels.medium import IndexField
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import Plane, RayStatus, trace
@@ -29,7 +30,7 @@ def field_to_vtk(field: IndexField, path: str | Path) -> Path:
         ValueError: The path's folder does not exist.
     """
     if not isinstance(field, IndexField):
-        raise TypeError(f"field must be an IndexField, got {type(field).__name__}")
+        raise wrong_kind(field, "field", "an IndexField")
     vtk = _vtk()
     if field.is_uniform:
         values = np.asarray(field.samples.samples, dtype=np.float64)  # type: ignore[union-attr]

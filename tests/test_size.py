@@ -26,20 +26,20 @@ LINES = {
     "focus": 600,
     "hardware": 2380,
     "imaging": 1460,
-    "inputs": 1000,
+    "inputs": 1125,
     "jobs": 5910,
     "lidar": 3100,
     "medium": 3560,
     "process": 1150,
     "pupils": 1020,
-    "scene": 1490,
+    "scene": 1560,
     "series": 2850,
-    "tracing": 17570,
-    "wavefronts": 2170,
+    "tracing": 17615,
+    "wavefronts": 2465,
     "waves": 1050,
 }
-FILES = 340
-# What a call passes through in a new process: files, calls of functions, changes of file.
+FILES = 342
+# What a call passes through in a new process: files, calls of functions, changes of file; more on some machines.
 WATCHED = """
 import contextlib, os, sys, warnings
 warnings.simplefilter("ignore")
@@ -81,7 +81,7 @@ def test_no_folder_grows():
 
 @pytest.mark.parametrize(
     ("body", "limits"),
-    [(COLD_STREHL, (86, 10_000, 1_700)), (COLD_RUN, (200, 40_000, 16_000))],
+    [(COLD_STREHL, (88, 10_000, 2_300)), (COLD_RUN, (205, 42_000, 17_000))],
     ids=["estimate_strehl", "simulate"],
 )
 def test_the_path_of_an_answer_grows_no_longer(body, limits):

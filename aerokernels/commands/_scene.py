@@ -8,7 +8,11 @@ from typing import Annotated
 import typer
 
 SceneName = Annotated[
-    str, typer.Argument(metavar="SCENE", help="A TOML file, the name of a shipped scene, or - for standard input.")
+    str,
+    typer.Argument(
+        metavar="SCENE",
+        help="A TOML file, the summary.json of a run, the name of a shipped scene, or - for standard input.",
+    ),
 ]
 Backend = Annotated[str | None, typer.Option(help="auto, warp, opencl or reference.")]
 Device = Annotated[str | None, typer.Option(help="cpu, cuda:0, or an OpenCL device's name; see `backends`.")]

@@ -16,6 +16,7 @@ from ..display.shown import drawn_on
 from ..flow import DensityField, Series
 from ..inputs.arguments import Numbers, checked
 from ..inputs.checks import check_count, warn_caller
+from ..inputs.kinds import wrong_kind
 from ..medium import IndexField
 from ..rays import RayBundle
 from ..tracing.cuts import lost
@@ -169,9 +170,7 @@ def fldi_response(
     elif isinstance(field, (IndexField, DensityField)):
         fields = [field]
     elif not isinstance(field, Iterable):
-        raise TypeError(
-            f"field must be an IndexField, a DensityField, a Series or several fields, got {type(field).__name__}"
-        )
+        raise wrong_kind(field, "field", "an IndexField, a DensityField, a Series or several fields")
     else:
         fields = list(field)
         times = np.arange(len(fields), dtype=np.float64) if time is None else np.asarray(time, dtype=np.float64)
@@ -205,7 +204,7 @@ def _read(field: Any, instrument: FLDI, offsets: np.ndarray, rays: int | None, r
         index = field.index_field(wavelength=instrument.wavelength, **relation)
         field = index if index.is_uniform else index.resample(tolerance=1e-3)
     if not isinstance(field, IndexField):
-        raise TypeError(f"field must be an IndexField, a DensityField or a Series, got {type(field).__name__}")
+        raise wrong_kind(field, "field", "an IndexField, a DensityField or a Series")
     if given is field and relation:
         raise TypeError(
             f"fldi_response has no argument {next(iter(relation))!r} for an index field: it takes offsets, time and "

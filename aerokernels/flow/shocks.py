@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from aerokernels.flow.gas import GAMMA_AIR, check_gamma, stagnation_ratio
 from aerokernels.inputs.arguments import checked
+from aerokernels.inputs.checks import remedy_of_angle
 
 
 @dataclass(frozen=True)
@@ -89,7 +90,8 @@ def oblique_shock(mach: float, deflection: float, *, strong: bool = False, gamma
     if deflection > greatest:
         raise ValueError(
             f"the shock detaches: deflection {deflection:.6g} rad ({math.degrees(deflection):.4g} deg) is above the "
-            f"greatest that Mach {mach:g} allows, {greatest:.6g} rad ({math.degrees(greatest):.4g} deg)"
+            f"greatest that Mach {mach:g} allows, {greatest:.6g} rad ({math.degrees(greatest):.4g} deg): "
+            f"{remedy_of_angle(deflection)}"
         )
     flat = 0.5 * math.pi if strong else math.asin(1.0 / mach)
     # The deflection rises from zero at the Mach angle to the summit and falls to zero at the normal shock.

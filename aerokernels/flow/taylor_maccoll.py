@@ -15,6 +15,7 @@ import numpy as np
 from aerokernels.flow.gas import GAMMA_AIR, stagnation_ratio
 from aerokernels.flow.shocks import Shock, check_supersonic, density_jump, maximum_deflection, oblique_shock
 from aerokernels.inputs.arguments import Numbers, checked
+from aerokernels.inputs.checks import remedy_of_angle
 
 # Below this half angle the shock's strength is less than 1e-24 and the flow is the free stream to double precision.
 LEAST_HALF_ANGLE = 1e-6
@@ -126,7 +127,8 @@ def _strength(mach: float, half_angle: float, gamma: float) -> float:
         if half_angle > greatest:
             raise ValueError(
                 f"the shock detaches: half angle {half_angle:.6g} rad ({math.degrees(half_angle):.4g} deg) is above "
-                f"the greatest that Mach {mach:g} allows, {greatest:.6g} rad ({math.degrees(greatest):.4g} deg)"
+                f"the greatest that Mach {mach:g} allows, {greatest:.6g} rad ({math.degrees(greatest):.4g} deg): "
+                f"{remedy_of_angle(half_angle)}"
             )
 
     def excess(logarithm: float) -> float:

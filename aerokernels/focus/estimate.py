@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Unpack
 import numpy as np
 
 from aerokernels.inputs.checks import warn_caller
+from aerokernels.inputs.kinds import wrong_kind
 from aerokernels.tracing.tasks.sums import fit_moments, fit_terms
 
 from ..display.quantities import ErrorBudget, combine, unknown
@@ -143,9 +144,9 @@ class PreparedStrehl:
     ):
         """Check the arguments and plan."""
         if not isinstance(field, IndexField):
-            raise TypeError(f"field must be an IndexField, got {type(field).__name__}")
+            raise wrong_kind(field, "field", "an IndexField")
         if not isinstance(pupil, Pupil):
-            raise TypeError(f"pupil must be a Disc, Annulus, Rectangle, Polygon or Mask, got {type(pupil).__name__}")
+            raise wrong_kind(pupil, "pupil", "a Disc, Annulus, Rectangle, Polygon or Mask")
         options = complete(options)
         self.field, self.pupil, self.options = field, pupil, options
         self.wavelength, self.asked_wavelength = field.wavelength_for(wavelength), wavelength
@@ -194,7 +195,7 @@ class PreparedStrehl:
             ValueError: As for `estimate_strehl`.
         """
         if not isinstance(field, IndexField):
-            raise TypeError(f"field must be an IndexField, got {type(field).__name__}")
+            raise wrong_kind(field, "field", "an IndexField")
         other = object.__new__(PreparedStrehl)  # a copy without preparing again
         vars(other).update(vars(self))
         other._turn = threading.Lock()

@@ -12,6 +12,7 @@ import numpy as np
 
 from ..inputs.arguments import checked
 from ..inputs.checks import check_count, check_positive
+from ..inputs.kinds import wrong_kind
 from ..pupils import Pupil
 from ..rays import RayBundle
 from ..tracing import Plane
@@ -49,9 +50,7 @@ class Camera:
     def __post_init__(self):
         """Check the values."""
         if not isinstance(self.pupil, Pupil):
-            raise TypeError(
-                f"pupil must be a Disc, Annulus, Rectangle, Polygon or Mask, got {type(self.pupil).__name__}"
-            )
+            raise wrong_kind(self.pupil, "pupil", "a Disc, Annulus, Rectangle, Polygon or Mask")
         check_positive(self.focal_length, "focal_length", "m")
         check_positive(self.pixel, "pixel", "m")
         if not (np.ndim(self.distance) == 0 and self.distance > 0.0):

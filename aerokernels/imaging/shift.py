@@ -15,6 +15,7 @@ import numpy as np
 from ..display.shown import drawn_on, is_flat, say_flat
 from ..inputs.arguments import checked
 from ..inputs.checks import check_positive, warn_caller
+from ..inputs.kinds import wrong_kind
 from ..medium import IndexField
 from ..process.clock import clocked, stage
 from ..rays import RayBundle
@@ -364,7 +365,7 @@ def view_options(
 ) -> dict[str, Any]:
     """Return all options of a view; check types and tolerance, and that light from a far scene leaves the field."""
     if not isinstance(field, IndexField):
-        raise TypeError(f"field must be an IndexField, got {type(field).__name__}")
+        raise wrong_kind(field, "field", "an IndexField")
     if not isinstance(camera, Camera):
         raise TypeError(f"camera must be a Camera, got {type(camera).__name__}")
     if sensor is not None and not isinstance(sensor, Sensor):

@@ -67,9 +67,7 @@ def _checking(function: Callable, name: str, described: Any, documented: Any) ->
         try:
             bound = signature.bind(*given, **named)
         except TypeError:
-            if wrong := _unknown_name(signature, named):
-                raise TypeError(f"{name} has no argument {wrong}") from None
-            return function(*given, **named)  # raises Python's own message for missing or extra arguments
+            raise TypeError(_wrong_arguments(name, signature, given, named, _documents(documented, function))) from None
         arguments = bound.arguments
         is_changed = False
         for parameter, value in list(arguments.items()):
@@ -143,16 +141,67 @@ def _accepted(value: Any, parameter: str, taken: Kinds | None, name: str) -> Any
     return taken.plain(value, parameter, name)
 
 
-def _unknown_name(signature: inspect.Signature, named: Iterable[str]) -> str:
-    """Return the first named argument that a function does not take, with a suggestion; empty if it takes all."""
-    known = [one.name for one in signature.parameters.values() if one.kind is not one.POSITIONAL_ONLY]
-    if any(one.kind is one.VAR_KEYWORD for one in signature.parameters.values()):
-        return ""
-    for one in named:
-        if one not in known:
-            near = get_close_matches(one, known, 1, 0.5)
-            return f"{one!r}: did you mean {near[0]}?" if near else f"{one!r}: it takes {', '.join(known)}"
-    return ""
+def _wrong_arguments(
+    name: str, signature: inspect.Signature, given: Iterable[Any], named: dict[str, Any], text: str
+) -> str:
+    """Return a message for arguments that do not fit a signature: unknown, given twice, too many or missing."""
+    taken = [one for one in signature.parameters.values() if one.name != "self"]
+    known = [one.name for one in taken if one.kind is not one.POSITIONAL_ONLY]
+    if not any(one.kind is one.VAR_KEYWORD for one in taken):
+        for one in named:
+            if one not in known:
+                return f"{name} has no argument {one!r}: {_suggested(one, known)}"
+    try:
+        bound = signature.bind_partial(*given, **named)
+    except TypeError as fault:  # too many, or one given twice
+        first = ", ".join(one.name for one in taken if one.kind in (one.POSITIONAL_ONLY, one.POSITIONAL_OR_KEYWORD))
+        return f"{name}: {fault}: in order it takes {first or 'nothing'}; give all others by name, name=value"
+    absent = [one for one in taken if one.default is one.empty and one.name not in bound.arguments]
+    needed = [one for one in absent if one.kind not in (one.VAR_POSITIONAL, one.VAR_KEYWORD)]
+    return f"{name} needs {', and '.join(_about(one.name, text if len(needed) < 4 else '') for one in needed)}"
+
+
+# What users write, as in other packages, for arguments of this one.
+_MEANT = {
+    "ray_count": "rays n n_rays num_rays samples",
+    "wavelength": "wl lam lambda_",
+    "pixel_count": "pixels npix resolution size",
+    "tolerance": "tol",
+    "spacing": "dx pitch",
+    "precision": "dtype",
+    "device": "gpu",
+    "density": "rho",
+    "center": "position",
+    "normal": "axis",
+}
+
+
+def _suggested(name: str, known: list[str]) -> str:
+    """Return what to write in place of the name of an argument that a function does not take."""
+    if name == "diameter" and "radius" in known:
+        return "give radius, half of it"
+    near = [one for one in known if name in _MEANT.get(one, "").split()] or get_close_matches(name, known, 1, 0.65)
+    if near:
+        return f"did you mean {near[0]}?"
+    of_scene = "; Scene.load(name, {'strehl.ray_count': 1e5}) changes the scene itself" if "scene" in known else ""
+    return f"it takes {', '.join(known)}{of_scene}"
+
+
+_EXAMPLES = {
+    "field": 'flow.shipped("mach3").index_field(905e-9)', "pupil": "Disc(radius=6e-3)", "wavelength": "905e-9",
+    "rays": "RayBundle.collimated(pupil, 10_000)", "normal": "(0, 0, 1)", "direction": "(0, 0, 1)", "radius": "6e-3",
+    "point": "(0, 0, 10e-3)", "scene": '"wind-tunnel-mach3"', "spacing": "(1e-3, 1e-3, 1e-3)", "origin": "(0, 0, 0)",
+    "geometry": '"volume"', "ambient_density": "1.225",
+}  # fmt: skip
+
+
+def _about(name: str, text: str) -> str:
+    """Return a parameter's name with an example, or with the first sentence about it in a docstring."""
+    if name in _EXAMPLES:
+        return f"{name}, such as {name}={_EXAMPLES[name]}"
+    end = r"(?:[.;](?:\s|$)|\n\s*\n|\Z)"
+    found = re.search(rf"^\s*`{{0,2}}{name}`{{0,2}}:\s+(.+?){end}", text, re.MULTILINE | re.DOTALL)
+    return f"{name} ({' '.join(found[1].split())})" if found else name
 
 
 def _out_of_range(name: str, arguments: dict[str, Any], error: Exception) -> str:
@@ -192,9 +241,14 @@ def units_in(text: str) -> dict[str, str]:
     return {name: unit for name, unit in _UNIT.findall(text) if len(unit) <= 24 and " of " not in unit}
 
 
+def _documents(*described: Any) -> str:
+    """Return the docstrings of functions and classes, and of the options that they take."""
+    return "\n".join(one.__doc__ or "" for each in described for one in (each, _options(each)) if one)
+
+
 def _taken(function: Callable, documented: Any) -> dict[str, Kinds]:
     """Return the kinds that each parameter accepts, if all of them are known."""
-    units = units_in("\n".join(one.__doc__ or "" for one in (documented, function, _options(function)) if one))
+    units = units_in(_documents(documented, function))
     found = {}
     for name, annotation in _annotations(function, documented).items():
         members = members_of(annotation)

@@ -71,6 +71,13 @@ def check_tilt(value: float) -> float:
     return number
 
 
+def remedy_of_angle(angle: float) -> str:
+    """Return the remedy for an angle [rad] that is too great: beyond a right angle it was given in degrees."""
+    if angle > 0.5 * math.pi:
+        return f"the Mach number comes first, then the angle in radians, np.radians({angle:g})"
+    return "take a smaller angle or a faster flow"
+
+
 def check_aperture(diameter: float, distance: float) -> None:
     """Refuse a receiver that is wider than its target is far [m], because more light would return than was sent."""
     if diameter > distance:

@@ -57,7 +57,8 @@ class Kinds:
             if _takes(kind, value):
                 return ""
         wanted = " or ".join(dict.fromkeys(_described(kind, self.unit) for kind in self.members))
-        given = f"{shown(value)}{_remedy(value, self.members)}"
+        remedy = _remedy(value, self.members) or _made_from(value, parameter)
+        given = f"{shown(value)}{remedy}"
         if np.ndarray in self.members and array_kind(value) == "c":
             given += ", which is complex"
         return f"{parameter} must be {wanted}, got {given} (in {owner})"
@@ -118,7 +119,7 @@ def _is_float(value: Any) -> bool:
 
 def are_numbers(value: Any) -> bool:
     """Return whether NumPy converts a value to an array of real numbers."""
-    if not hasattr(value, "dtype"):
+    if getattr(getattr(value, "dtype", None), "kind", None) is None:
         if hasattr(value, "__dlpack__"):  # an array of another library or device: the function that uses it checks it
             return True
         if isinstance(value, (str, bytes, dict, set, type)) or callable(value):
@@ -152,6 +153,52 @@ _WORDS = {"m": "metres", "rad": "radians", "s": "seconds", "K": "kelvins", "Pa":
 _NOUNS = {str: "a text", bool: "True or False", type(None): "None", np.ndarray: "real numbers", Callable: "a function"}
 
 
+# What makes the wanted object of a given one: by parameter and the given object's class; {0} is the value.
+_SWAPPED = "the field comes first, then the pupil or the rays"
+_NUMBER, _ARRAY, _FIELD, _FLOW = ("float", "int"), ("ndarray", "list", "tuple"), "IndexField", "DensityField"
+_MADE_FROM = (
+    ("field", (_FLOW,), "call .index_field(wavelength) of it"),
+    ("field", ("Series",), "take one snapshot, series[0].index_field(wavelength)"),
+    ("field", ("Scene",), "call .density_field().index_field(wavelength) of it"),
+    ("field", ("Pupil", "RayBundle"), _SWAPPED),
+    ("field", ("str", "Path"), "flow.shipped({0}) or flow.read({0}), then .index_field(wavelength), makes one"),
+    ("field", _ARRAY, "IndexField.from_samples(contrast, origin=..., spacing=..., geometry=...) makes one"),
+    ("pupil", _NUMBER, "write Disc(radius={0}), in meters"),
+    ("pupil", (_FIELD, _FLOW), _SWAPPED),
+    ("pupil", ("RayBundle",), "give the pupil itself, and the number of rays as ray_count"),
+    ("pupil", _ARRAY, "Mask(weights, pixel) makes a pupil of an array, Disc(radius=...) a disc"),
+    ("pupil", (), "Disc(radius=6e-3) makes one"),
+    ("rays", ("Pupil",), "RayBundle.collimated(pupil, 10_000) makes rays of it"),
+    ("rays", _NUMBER, "RayBundle.collimated(pupil, {0}) makes so many"),
+    ("rays", (_FIELD, _FLOW), _SWAPPED),
+    ("rays", _ARRAY, "RayBundle(position, direction) makes them of two arrays of shape (ray_count, 3)"),
+    ("ray_count", ("Pupil",), "the pupil comes first, then the number of rays"),
+    ("scene", (_FIELD, _FLOW), 'give a scene, such as "wind-tunnel-mach3", and this as field=...'),
+    ("scene", ("str", "Path"), "Scene.load({0}) makes one"),
+    ("series", (_FIELD, _FLOW), "it is one field in time; flow.open_series(pattern) opens its snapshots"),
+    ("series", ("str", "Path"), "flow.open_series({0}) opens one"),
+    ("series", (), "flow.open_series opens one"),
+    ("contrast", ("str", "Path"), "np.load({0}) reads an array"),
+    ("density", ("str", "Path"), "np.load({0}) reads an array"),
+    ("until", _NUMBER, "write Plane((0, 0, {0}), (0, 0, 1)) or ArcLength({0}), in meters"),
+    ("until", _ARRAY, "write Plane(point, normal)"),
+)  # fmt: skip
+
+
+def wrong_kind(value: Any, name: str, wanted: str) -> TypeError:
+    """Return the error for an object of a wrong class; its message says how to make the wanted one."""
+    return TypeError(f"{name} must be {wanted}, got {type(value).__name__}{_made_from(value, name)}")
+
+
+def _made_from(value: Any, name: str) -> str:
+    """Return what makes the object that a parameter needs of a value, after a colon; empty where that is not known."""
+    classes = {one.__name__ for one in type(value).__mro__}
+    for parameter, kinds, remedy in _MADE_FROM:
+        if parameter == name and (not kinds or classes & set(kinds)):
+            return f": {remedy.format(shown(value))}"
+    return ""
+
+
 def _described(kind: Any, unit: str) -> str:
     of_unit = f" of {_WORDS.get(unit, unit)}" if unit else ""
     if kind is float:
@@ -174,7 +221,8 @@ def shown(value: Any) -> str:
     if isinstance(value, int) and abs(value) >= 10**30:
         return f"a whole number of {int(math.log10(abs(value))) + 1} digits"
     try:
-        text = " ".join(repr(value).split())
+        text = repr(value)
+        text = f"a {type(value).__name__}" if "\n" in text else text
     except Exception:
         text = f"a {type(value).__name__}"
     return text if len(text) <= 60 else f"{text[:57]}..."
@@ -182,7 +230,7 @@ def shown(value: Any) -> str:
 
 def _remedy(value: Any, members: Sequence[Any]) -> str:
     """Return the SI number for a text with a unit, given where a number is needed, as a suggestion."""
-    if not (isinstance(value, str) and {float, int} & set(members)):
+    if not (isinstance(value, str) and {float, int, np.ndarray} & set(members)):
         return ""
     from .units import DIMENSIONS, quantity
 

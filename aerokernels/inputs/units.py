@@ -81,7 +81,8 @@ def quantity(value: float | str, dimension: str) -> float:
     for written, meant in _SPELLING.items():
         unit = unit.replace(written, meant)
     if unit and unit not in units:
-        raise ValueError(f"{value!r} is not {noun}, {_what_unit_is(unit)}: {_accepted(dimension)}")
+        remedy = _in_si(float(match[1].replace("_", "")), unit, dimension) or _accepted(dimension)
+        raise ValueError(f"{value!r} is not {noun}, {_what_unit_is(unit)}: {remedy}")
     try:
         # Multiply as decimals, so that "6 ns" is the float 6e-9 and not its neighbour.
         zero = Decimal(repr(_CELSIUS if unit == "degC" else 0.0))
@@ -107,6 +108,14 @@ def _accepted(dimension: str) -> str:
     if not si_unit:
         return "give a number such as 0.3, or a percentage such as '30 %'"
     return f"give {noun} such as '1 {si_unit}', in one of {', '.join(units)}; a bare number is in {si_unit}"
+
+
+def _in_si(number: float, unit: str, dimension: str) -> str:
+    """Return a quantity in a unit that files may have, but not scenes, as what to write; empty for other units."""
+    written = written_unit(unit)
+    if written is None or written.exponents != EXPONENTS.get(dimension):
+        return ""
+    return f"write '{number * written.factor + written.offset:.9g} {si_unit(dimension)}'"
 
 
 def _what_unit_is(unit: str) -> str:

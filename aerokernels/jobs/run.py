@@ -13,6 +13,7 @@ from aerokernels.flow import DensityField
 from aerokernels.focus import StrehlEstimate
 from aerokernels.focus.estimate import estimate_strehl
 from aerokernels.inputs.arguments import checked
+from aerokernels.inputs.kinds import wrong_kind
 from aerokernels.jobs.pages.run_page import run_page
 from aerokernels.jobs.run_files import RayFan, RunResult
 from aerokernels.jobs.store import (
@@ -141,7 +142,7 @@ def simulate(
     if isinstance(scene, (str, os.PathLike)):
         scene = Scene.load(scene)
     if not isinstance(scene, Scene):
-        raise TypeError(f"scene must be a Scene, a path or a shipped scene's name, got {type(scene).__name__}")
+        raise wrong_kind(scene, "scene", "a Scene, a path or a shipped scene's name")
     warn_of_unused(scene, "run")
     return run_stages(
         scene,

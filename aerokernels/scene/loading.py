@@ -1,5 +1,6 @@
 """Find and read a scene file, set single keys, and say what is wrong: one line with file, key, value and remedy."""
 
+import json
 import math
 import os
 import sys
@@ -14,7 +15,7 @@ from pydantic import BaseModel, ValidationError
 
 from aerokernels.display.plain_text import cut
 from aerokernels.flow.shipped import shipped_names
-from aerokernels.inputs.units import si_unit
+from aerokernels.inputs.units import quantity, si_unit
 from aerokernels.scene.values import dimension_of
 
 _SHIPPED = files("aerokernels") / "scenes"
@@ -38,13 +39,30 @@ def shipped_scene_text(name: str) -> str:
     return "\n".join(part.read_text(encoding="utf-8") for part in (_SHIPPED / f"{name}.toml", _COMMON))
 
 
+def read_summary(place: Path) -> dict[str, Any]:
+    """Return the values of the scene in a run's summary.json, without those that are not set."""
+    try:
+        text = place.read_text(encoding="utf-8")
+        return dict(json.loads(text, object_pairs_hook=_set_values)["scene_values"])
+    except OSError as fault:
+        raise SceneError(f"{place}: cannot be read, {fault.strerror}: give the summary.json of a run") from None
+    except (ValueError, KeyError, TypeError, RecursionError):
+        raise SceneError(f"{place}: holds no values of a scene: give the summary.json of a run") from None
+
+
+def _set_values(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    return {key: value for key, value in pairs if value is not None}
+
+
 def read_scene(place: str | Path) -> tuple[str, str, dict[str, Any]]:
-    """Read a scene file, a shipped scene by its name, or, for "-", the scene on standard input.
+    """Read a scene file, a run's summary.json, a shipped scene by its name, or, for "-", the scene on standard input.
 
     Returns:
         The source's name for messages, the scene's default name, and its tables.
     """
     path, name = Path(place), str(place)
+    if path.suffix == ".json":
+        return name, path.parent.name, read_summary(path)
     if name == "-":
         read, label, stem = sys.stdin.buffer.read, "standard input", "scene"
     elif os.path.isfile(path):
@@ -78,7 +96,7 @@ def resolve_paths(tables: dict[str, Any], place: str | Path) -> None:
 
     Paths in changes are applied afterwards and are relative to the working directory.
     """
-    if not os.path.isfile(place):
+    if not os.path.isfile(place) or str(place).endswith(".json"):  # the paths in a summary are resolved
         return
     flow, series, folder = tables.get("flow"), tables.get("series"), Path(place).parent
     file = flow.get("file") if isinstance(flow, dict) else None
@@ -205,7 +223,13 @@ def _describe(fault: Mapping[str, Any], key: str, value: Any, model: type[BaseMo
         bare = isinstance(value, (int, float)) or (isinstance(value, str) and value[-1:].isdigit())
         hint = f"; a number without a unit is in radians: is it '{value} deg'?" if bare and unit == " rad" else ""
         limit = f"{bound:g}{unit}" + (f" ({math.degrees(bound):.4g} deg)" if unit == " rad" else "")
-        return f"{key} = {cut(repr(value))} must be {words} {limit}{hint}"
+        given = cut(repr(value))
+        if unit == " rad" and isinstance(value, str) and value.strip().endswith(("deg", "°")):
+            limit = f"{math.degrees(bound):.4g} deg"
+        if unit == " rad" and isinstance(value, str) and value.endswith("rad"):
+            given = f"{quantity(value, 'angle'):.6g} rad ({math.degrees(quantity(value, 'angle')):.6g} deg)"
+            hint = "; a number without a unit is in radians, and '30 deg' is in degrees"
+        return f"{key} = {given} must be {words} {limit}{hint}"
     if kind in ("tuple_type", "list_type"):
         return f'{key} = {cut(repr(value))}: write a list in brackets, such as ["piston"]'
     text = fault["msg"]

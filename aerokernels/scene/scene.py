@@ -1,6 +1,5 @@
 """A scene: the checked description, in SI units, of everything that one run needs; and changes of its keys."""
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -13,7 +12,14 @@ from aerokernels.inputs.checks import warn_caller
 from aerokernels.inputs.units import quantity, si_unit
 from aerokernels.pupils import Pupil
 from aerokernels.scene.echo_tables import AtmosphereTable, BeamTable, DetectorTable, ReceiverTable, TargetTable
-from aerokernels.scene.loading import SceneError, override, read_scene, resolve_paths, scene_error, toml_value
+from aerokernels.scene.loading import (
+    override,
+    read_scene,
+    read_summary,
+    resolve_paths,
+    scene_error,
+    toml_value,
+)
 from aerokernels.scene.pupil_table import PupilTable
 from aerokernels.scene.tables import STATIC, FlowTable, GridTable, SeriesTable, StrehlTable, TraceTable
 from aerokernels.scene.values import Table, dimension_of
@@ -87,10 +93,10 @@ class Scene(Table):
     @classmethod
     @checked
     def load(cls, place: str | Path, overrides: Mapping[str, Any] | None = None) -> "Scene":
-        """Read a scene file, or a shipped scene by its name.
+        """Read a scene file, the scene of a finished run, or a shipped scene by its name.
 
         Args:
-            place: Path of a TOML file, or a name from `shipped_scenes()`.
+            place: Path of a TOML file or of a run's summary.json, or a name from `shipped_scenes()`.
             overrides: Values that replace the file's, by dotted key: {"target.distance": "1.2 m"}. A text that is a
                 TOML value ("1e-4", '["piston", "tilt"]') is parsed, any other stays a text.
 
@@ -121,15 +127,11 @@ class Scene(Table):
             SceneError: A file that does not exist, or is not the summary of a run by this version.
         """
         place = Path(path) / "summary.json" if Path(path).is_dir() else Path(path)
+        tables = read_summary(place)
         try:
-            tables = json.loads(place.read_text(encoding="utf-8"))["scene_values"]
             return cls.model_validate(tables)
-        except OSError as fault:
-            raise SceneError(f"{place}: cannot be read, {fault.strerror}: give the summary.json of a run") from None
         except ValidationError as fault:
             raise scene_error(fault, tables, str(place), (), cls) from None
-        except (ValueError, KeyError, TypeError):
-            raise SceneError(f"{place}: holds no values of a scene: give the summary.json of a run") from None
 
     def density_field(self) -> DensityField:
         """Return the scene's flow at its density; "static" is air at rest around the model, by default at sea level.

@@ -20,8 +20,8 @@ from aerokernels.tracing.tasks.quadrature import asymmetry
 from ..flow import DensityField, Series
 from ..focus.estimate import PreparedStrehl
 from ..focus.ratio import NoRayArrived
-from ..inputs.arguments import checked
-from ..inputs.kinds import shown
+from ..inputs.arguments import Numbers, checked
+from ..inputs.kinds import shown, wrong_kind
 from ..inputs.wavelength import DEFAULT_WAVELENGTH
 from ..medium import IndexField
 from ..pupils import direction_of
@@ -70,8 +70,8 @@ class Look:
 @checked
 def look_map(
     field: IndexField | DensityField | Series,
-    azimuth: Any,
-    elevation: Any,
+    azimuth: Numbers,
+    elevation: Numbers,
     pupil: Any,
     *,
     wavelength: float | None = None,
@@ -123,7 +123,7 @@ def look_map(
     """
     angles = [_angles("azimuth", azimuth, np.pi), _angles("elevation", elevation, 0.5 * np.pi)]
     if not (hasattr(pupil, "center") and hasattr(pupil, "normal")):
-        raise TypeError(f"pupil must be a Disc or another pupil, got {type(pupil).__name__}")
+        raise wrong_kind(pupil, "pupil", "a Disc or another pupil")
     options: dict[str, Any] = {"ray_count": ray_count, "tolerance": tolerance, "remove": remove}
     options |= {"backend": backend, "device": device, "precision": precision}
     length = DEFAULT_WAVELENGTH if wavelength is None else wavelength
@@ -135,7 +135,7 @@ def look_map(
     elif isinstance(field, Series):
         fields, times = field, field.time  # type: ignore[assignment]
     else:
-        raise TypeError(f"field must be an IndexField, a DensityField or a Series, got {type(field).__name__}")
+        raise wrong_kind(field, "field", "an IndexField, a DensityField or a Series")
     maps = []
     for number, one in enumerate(fields):
         index = one if isinstance(one, IndexField) else one.index_field(length, relation, constant=constant)

@@ -11,6 +11,7 @@ import numpy as np
 
 from aerokernels import __version__
 from aerokernels.inputs.checks import warn_caller
+from aerokernels.inputs.kinds import wrong_kind
 from aerokernels.series.snapshot import NAMES, WRONG, Chosen
 
 from ..flow import GridMesh, Series
@@ -104,7 +105,7 @@ def optical_series(
         ImportError: `out` without Zarr.
     """
     if not isinstance(series, Series):
-        raise TypeError(f"series must be a Series, got {type(series).__name__}: see flow.open_series")
+        raise wrong_kind(series, "series", "a Series")
     check_choice(method, "method", METHODS)
     check_choice(precision, "precision", PRECISIONS)
     check_positive(tolerance, "tolerance", "waves")

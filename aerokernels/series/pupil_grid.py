@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from aerokernels.inputs.checks import check_count
+from aerokernels.inputs.kinds import wrong_kind
 from aerokernels.pupils import Projected, Pupil, seen_along
 from aerokernels.wavefronts import remove_terms, weighted_mean
 from aerokernels.wavefronts.pixels import PARTS, STEPS, repeated, three_in_a_row, values_of_parts
@@ -56,7 +57,7 @@ class PupilGrid:
 def pupil_grid(pupil: Any, pixel_count: int, look: np.ndarray | None = None) -> PupilGrid:
     """Cover a pupil with `pixel_count` square pixels along its greater side, across a look direction if given one."""
     if not isinstance(pupil, Pupil):
-        raise TypeError(f"pupil must be a Disc or another pupil, got {type(pupil).__name__}")
+        raise wrong_kind(pupil, "pupil", "a Disc or another pupil")
     check_count(pixel_count, "pixel_count", 2)
     aperture = seen_along(pupil, look)
     half = aperture.half_extent

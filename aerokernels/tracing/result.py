@@ -1,7 +1,8 @@
 """The result of a trace: per-ray arrays, statuses and the error budget."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from ..device_arrays import DeviceArray, read_on_touch
 from ..display.quantities import ErrorBudget, Quantity, unknown
 from ..display.shown import drawn_on, shown
+from ..inputs.arguments import checked
 from ..process.clock import clocked, stage
 from ..pupils import transverse_axes
 from .plan import RAY_OUTPUTS
@@ -19,6 +21,13 @@ if TYPE_CHECKING:
 
 # Names that `on_device` accepts.
 ON_DEVICE = (*RAY_OUTPUTS, "status", "start_position", "start_direction")
+
+
+# What is computed when it is first read, as RAY_OUTPUTS.
+COMPUTED = {
+    "group_path": ("m", "integral of the group index ds from the start to the stop"),
+    "truncation": ("m", "OPD that the ray lacks because its field was cut from a larger one"),
+}
 
 
 def _rms(opd: np.ndarray, share: np.ndarray) -> float:
@@ -169,7 +178,7 @@ class TraceResult:
         self.seconds["error"] = spent["total"]
         return found
 
-    @property
+    @cached_property
     def quantities(self) -> dict[str, Quantity]:
         """The bundle's numbers with their errors: "opd_rms" [m], where "opd" is among the outputs.
 
@@ -221,13 +230,15 @@ class TraceResult:
         return {RayStatus(int(c)).name: int(n) for c, n in zip(code, count, strict=True)}
 
     def to_xarray(self):
-        """The result as an xarray.Dataset with units."""
+        """The result as an xarray.Dataset with units, the OPD's error budget among its attributes.
+
+        `result.to_xarray().to_netcdf(path)` saves it, and `TraceResult.open(path)` opens it.
+        """
         import xarray
 
         variables: dict[str, tuple] = {}
         starts = {"start_position": ("m", "position at the start"), "start_direction": ("1", "direction at the start")}
-        group = {"group_path": ("m", "integral of the group index ds from the start to the stop")}
-        for name, (unit, meaning) in {**RAY_OUTPUTS, **group, **starts}.items():
+        for name, (unit, meaning) in {**RAY_OUTPUTS, **COMPUTED, **starts}.items():
             array = getattr(self, name)
             if array is not None:
                 dims = ("ray", "axis") if array.ndim == 2 else ("ray",)
@@ -235,5 +246,33 @@ class TraceResult:
         codes = " ".join(f"{int(s)}={s.name}" for s in RayStatus)
         variables["status"] = (("ray",), self.status, {"long_name": f"ray status: {codes}"})
         variables["weight"] = (("ray",), self.weight, {"units": "1", "long_name": "share of the bundle"})
-        attributes = {"wavelength": self.wavelength, "plan": str(self.plan)}
+        attributes = {"wavelength": self.wavelength, "wavelength_units": "m", "plan": str(self.plan)}
+        if "opd" in variables:
+            rms = self.quantities["opd_rms"].error
+            attributes |= {"causes": " ".join(self.error), "opd_error": [*self.error.values()], "opd_rms_error": rms}
         return xarray.Dataset(variables, coords={"axis": ["x", "y", "z"]}, attrs=attributes)
+
+    @classmethod
+    @checked
+    def open(cls, path: str | Path) -> "TraceResult":
+        """Open the NetCDF file of a result, which `result.to_xarray().to_netcdf(path)` wrote.
+
+        All arrays and errors are those of the file; `plan` is its text, and nothing can be traced again.
+
+        Raises:
+            ValueError: A file that does not exist, is damaged, or is of something else.
+        """
+        from ..files.netcdf_reading import open_netcdf
+
+        data = open_netcdf(Path(path), str(path), whole=True)
+        if not {"status", "weight"} <= set(data.variables) or not {"wavelength", "plan"} <= set(data.attrs):
+            raise ValueError(f"{path} is no file of TraceResult.to_xarray: it lacks status, weight, wavelength or plan")
+        arrays = {str(name): np.asarray(one) for name, one in data.data_vars.items()}
+        own = {name: array for name, array in arrays.items() if name in ON_DEVICE and name != "status"}
+        found = cls(arrays["status"], data.attrs["plan"], {}, float(data.attrs["wavelength"]), arrays["weight"], **own)
+        vars(found).update({name: arrays[name] for name in COMPUTED if name in arrays}, error=unknown("m"))
+        if "opd_error" in data.attrs:
+            found.error.update(zip(str(data.attrs["causes"]).split(), map(float, data.attrs["opd_error"]), strict=True))
+            rms = replace(found.quantities["opd_rms"], error=float(data.attrs["opd_rms_error"]))
+            found.quantities["opd_rms"] = rms
+        return found

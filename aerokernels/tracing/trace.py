@@ -9,6 +9,7 @@ import numpy as np
 from ..device_arrays import rows_where
 from ..inputs.arguments import checked
 from ..inputs.checks import check_choice
+from ..inputs.kinds import wrong_kind
 from ..medium import IndexField
 from ..process.clock import clocked, stage
 from ..rays import RayBundle
@@ -79,11 +80,11 @@ def trace(
         MemoryError: The device's free memory is not enough for the field and a few rays.
     """
     if not isinstance(field, IndexField):
-        raise TypeError(f"field must be an IndexField, got {type(field).__name__}")
+        raise wrong_kind(field, "field", "an IndexField")
     if not isinstance(rays, RayBundle):
-        raise TypeError(f"rays must be a RayBundle, got {type(rays).__name__}")
+        raise wrong_kind(rays, "rays", "a RayBundle")
     if until is not None and not isinstance(until, (Plane, ArcLength)):
-        raise TypeError(f"until must be None, a Plane or an ArcLength, got {type(until).__name__}")
+        raise wrong_kind(until, "until", "None, a Plane or an ArcLength")
     wavelength = field.wavelength_for(wavelength)
     wanted = check_outputs(outputs)
     check_choice(bundle, "bundle", BUNDLES)

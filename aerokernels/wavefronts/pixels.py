@@ -1,5 +1,7 @@
 """Square grid of pixels of a wavefront over its pupil."""
 
+import math
+
 import numpy as np
 
 from ..inputs.checks import check_count
@@ -21,8 +23,11 @@ def pupil_grid(pupil: Pupil | Projected, pixel_count: int | None) -> tuple[np.nd
         if isinstance(pupil, Mask) and np.ptp(pupil.pixel) == 0.0 and max(pupil.weights.shape) > 1:
             pixel_count = max(pupil.weights.shape)
     pixel_count, half = check_count(pixel_count, "pixel_count", 2), max(pupil.half_extent)
-    if (memory := 64 * pixel_count**2) > free_memory():
-        raise ValueError(f"pixel_count = {pixel_count} needs {memory / 2**30:.1f} GiB or more: take a smaller one")
+    if pixel_count > (most := math.isqrt(int(free_memory()) // 64)):
+        raise ValueError(
+            f"pixel_count = {pixel_count} is the number of pixels along one side, and this machine's memory holds "
+            f"{most} at most: take a smaller one, such as 256"
+        )
     edges = np.linspace(-half, half, pixel_count + 1)
     weight = pupil.coverage(edges, edges)
     weight[weight < LEAST_COVER * weight.max()] = 0.0

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property, partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,11 +13,12 @@ from ..display.quantities import ErrorBudget, Quantity
 from ..display.shown import drawn_on, is_flat, say_flat, shown
 from ..inputs.arguments import Numbers, checked
 from ..inputs.checks import check_count, check_positive, check_share
-from ..inputs.kinds import refuse_masked
+from ..inputs.kinds import refuse_masked, wrong_kind
 from ..inputs.wavelength import check_wavelength
 from ..process.clock import clocked, stage
 from ..pupils import Projected, Pupil, seen_along
 from ..tracing.variants.causes import Variants
+from .arithmetic import compare, minus, over, plus, times
 from .changes import Changes, changes_of, of_extremes, of_opd, of_samples, without_named
 from .exports import (
     SIGN_CONVENTION,
@@ -28,7 +30,7 @@ from .exports import (
     to_xarray,
     to_zemax,
 )
-from .modes import centroid, structure_function, zernike, zernike_errors
+from .modes import centroid, structure_function, zernike, zernike_errors, zernike_table
 from .point_spread import PointSpread, point_spread_function
 from .scattered import from_scattered
 from .terms import check_metres, check_terms, fit_tilt, mean_phasor, weighted_mean
@@ -56,6 +58,9 @@ class Wavefront:
     Angles are those of the beam that leaves the pupil along the look direction: OPD = a x, light delayed at +x, turns
     the beam by +a toward +x, and the peak of `psf` is at +a. A distant point seen through the same air appears at -a.
     All are angles in vacuum: in an ambient medium of index n the beam is turned by a / n.
+
+    `a + b`, `a - b` (over one pupil, at one wavelength), `a * 2.0`, `a / 2.0` and `-a` are wavefronts too, of the OPDs'
+    sum, difference and so on, with errors: see arithmetic.py.
 
     Attributes:
         opd: Optical path difference [m], positive where light is delayed, shape (n, n), axes [y, x]: rows along the
@@ -108,7 +113,7 @@ class Wavefront:
     def __post_init__(self):
         """Check the values and store read-only copies."""
         if not (self.pupil is None or isinstance(self.pupil, Pupil)):
-            raise TypeError(f"pupil must be one of the pupils, or None, got {type(self.pupil).__name__}")
+            raise wrong_kind(self.pupil, "pupil", "one of the pupils, or None")
         for name in ("opd", "weight", "intensity"):
             refuse_masked(getattr(self, name), name)
         opd, weight = np.array(self.opd, dtype=np.float64), np.array(self.weight, dtype=np.float64)
@@ -194,6 +199,7 @@ class Wavefront:
                 found = ErrorBudget() if self.budget is None else ErrorBudget(self.budget())
             else:
                 found = ErrorBudget() if self.changes is None else of_opd(self)
+        found.unit = "m"
         self.seconds["error"] = spent["total"]
         return found
 
@@ -212,7 +218,7 @@ class Wavefront:
         wavelength: float,
         *,
         pixel_count: int | None = None,
-        opd_error: float | None = None,
+        error: Numbers | None = None,
     ) -> "Wavefront":
         """Interpolate samples scattered over a pupil to a map: see scattered.py. The error is measured on the samples.
 
@@ -223,14 +229,14 @@ class Wavefront:
             pupil: The pupil, whose transmission weights the map.
             wavelength: Vacuum wavelength [m].
             pixel_count: As for `wavefront`.
-            opd_error: Error of each sample [m], if known; it is added to the error budget.
+            error: Error of all samples, a number, or of each, shape (n,) [m], if known; "sampling" in the budget.
 
         Raises:
             TypeError: The wavelength is not a number, or `pupil` is not a pupil.
             ValueError: Shapes disagree; samples are not finite, too few, duplicated or do not cover the pupil; or a
                 number is out of range.
         """
-        return cls(wavelength=wavelength, **from_scattered(points, opd, pupil, pixel_count, opd_error))
+        return cls(wavelength=wavelength, **from_scattered(points, opd, pupil, pixel_count, error))
 
     def remove(self, *terms: str) -> "Wavefront":
         """Return the wavefront without "piston", "tilt", "focus" or several of them, fitted together by least squares.
@@ -251,6 +257,15 @@ class Wavefront:
         indices = tuple(check_count(index, "a Noll index") for index in indices)
         self.zernike(max(indices))  # refuses more than the samples can distinguish
         return without_named(self, tuple(f"Z{index}" for index in indices))
+
+    __array_ufunc__ = None  # np.float64(2.0) * wavefront is a wavefront
+
+    __add__, __sub__, __mul__, __rmul__, __truediv__ = plus, minus, times, times, over
+    compare = checked(compare)
+
+    def __neg__(self) -> "Wavefront":
+        """The opposite OPD."""
+        return times(self, -1.0)
 
     def at_wavelength(self, wavelength: float) -> "Wavefront":
         """Return the same OPD at another wavelength [m].
@@ -284,6 +299,7 @@ class Wavefront:
 
     zernike = zernike
     zernike_errors = zernike_errors
+    zernike_table = zernike_table
 
     @checked
     def psf(
@@ -377,6 +393,18 @@ class Wavefront:
     def from_xarray(cls, dataset) -> "Wavefront":
         """Make the wavefront of a dataset of `to_xarray`, or of one read from its NetCDF file."""
         return cls(**from_xarray(dataset))
+
+    @classmethod
+    @checked
+    def read(cls, path: str | Path) -> "Wavefront":
+        """Read the wavefront of a file that `wave.to_xarray().to_netcdf(path)` wrote, with the error of its OPD.
+
+        Raises:
+            ValueError: A file that does not exist, is damaged, or was not written so.
+        """
+        from ..files.netcdf_reading import open_netcdf
+
+        return cls.from_xarray(open_netcdf(Path(path), str(path), whole=True))
 
     to_xarray = to_xarray
     to_poppy = to_poppy

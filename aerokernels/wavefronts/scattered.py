@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ..inputs.kinds import refuse_masked
+from ..inputs.kinds import refuse_masked, wrong_kind
 from ..pupils import Pupil
 from ..tracing.variants.causes import FACTOR, Variants
 from ..tracing.variants.paths import Cause, Rays
@@ -30,15 +30,14 @@ HOLE = 4.0
 ABOUT = 14
 
 
-def from_scattered(
-    points: Any, opd: Any, pupil: Pupil, pixel_count: int | None, opd_error: float | None
-) -> dict[str, Any]:
+def from_scattered(points: Any, opd: Any, pupil: Pupil, pixel_count: int | None, error: Any) -> dict[str, Any]:
     """Return the attributes of the wavefront by name; see `Wavefront.from_samples`."""
     if not isinstance(pupil, Pupil):
-        raise TypeError(f"pupil must be a Disc, Annulus, Rectangle, Polygon or Mask, got {type(pupil).__name__}")
-    if opd_error is not None and not (np.ndim(opd_error) == 0 and np.isfinite(opd_error) and opd_error >= 0.0):
-        raise ValueError(f"opd_error must be a length of at least 0 m, or None, got {opd_error!r}")
+        raise wrong_kind(pupil, "pupil", "a Disc, Annulus, Rectangle, Polygon or Mask")
     place, values = _checked(points, opd, pupil)
+    sizes = np.array(0.0 if error is None else error, dtype=np.float64)
+    if sizes.shape not in ((), values.shape) or not (np.isfinite(sizes) & (sizes >= 0.0)).all():
+        raise ValueError(f"error must be a length of at least 0 m, or one for each sample, or None, got {error!r}")
     coordinate, pixel, weight, intensity = pupil_grid(pupil, pixel_count)
     lit = weight > 0.0
     wanted = np.stack([axis[lit] for axis in np.meshgrid(coordinate, coordinate)], axis=1)
@@ -52,11 +51,11 @@ def from_scattered(
         "intensity": intensity,
         "radius": pupil.reach,
         "pupil": pupil,
-        "varied": partial(_varied, place, values, pupil, opd_error),
+        "varied": partial(_varied, place, values, pupil, np.broadcast_to(sizes, values.shape)),
     }
 
 
-def _varied(place: np.ndarray, values: np.ndarray, pupil: Pupil, opd_error: float | None) -> Variants:
+def _varied(place: np.ndarray, values: np.ndarray, pupil: Pupil, sizes: np.ndarray) -> Variants:
     """Return some samples and how they change: to what the others predict, and by patterns of their own error."""
     turns = min(max(LEFT_OUT * EACH_LEFT_OUT // len(values), 1), LEFT_OUT)
     rows, changes = [], []
@@ -68,8 +67,9 @@ def _varied(place: np.ndarray, values: np.ndarray, pupil: Pupil, opd_error: floa
     some, change = (np.concatenate(one)[order] for one in (rows, changes))
     still = Rays.still(len(some))
     causes = {"interpolation": Cause(like=(replace(still, opd=change),))}
-    if opd_error:
-        causes["sampling"] = Cause(draws=smooth_draws(place[some], pupil.reach, opd_error / FACTOR))
+    if sizes.any():
+        draws = smooth_draws(place[some], pupil.reach, 1.0 / FACTOR)
+        causes["sampling"] = Cause(draws=tuple(one * sizes[some] for one in draws))
     start, look = pupil.center + place[some] @ np.stack(pupil.axes), np.tile(pupil.normal, (len(some), 1))
     base = replace(still, opd=values[some])
     return Variants(start, look, np.full(len(some), 1.0 / len(some)), base, causes)

@@ -180,7 +180,9 @@ def check_terms(remove) -> tuple[str, ...]:
     remove = (remove,) if isinstance(remove, str) else tuple(remove)
     unknown = [term for term in remove if not isinstance(term, str) or term not in TERMS]
     if unknown:
-        raise ValueError(f"cannot remove {unknown}: choose from {', '.join(TERMS)}")
+        parts = tuple(" ".join(map(str, remove)).replace(",", " ").replace("+", " ").split())
+        remedy = f"write {parts}" if set(parts) <= set(TERMS) else f"choose from {', '.join(TERMS)}"
+        raise ValueError(f"cannot remove {unknown}: {remedy}")
     return remove
 
 

@@ -7,6 +7,7 @@ from typing import Any, Unpack
 import numpy as np
 
 from ..inputs.arguments import Numbers, checked
+from ..inputs.kinds import wrong_kind
 from ..medium import IndexField
 from ..pupils import Pupil, as_unit_vector, seen_along
 from ..rays import RayBundle
@@ -54,9 +55,9 @@ def wavefront(
             field or arrives; or the view is truncated and `allow_truncation` is not set.
     """
     if not isinstance(field, IndexField):
-        raise TypeError(f"field must be an IndexField, got {type(field).__name__}")
+        raise wrong_kind(field, "field", "an IndexField")
     if not isinstance(pupil, Pupil):
-        raise TypeError(f"pupil must be a Disc, Annulus, Rectangle, Polygon or Mask, got {type(pupil).__name__}")
+        raise wrong_kind(pupil, "pupil", "a Disc, Annulus, Rectangle, Polygon or Mask")
     wavelength = field.wavelength_for(wavelength)
     look = pupil.normal if direction is None else as_unit_vector(direction, "direction")
     whole: dict[str, Any] = dict(complete(options))

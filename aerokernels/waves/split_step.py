@@ -11,6 +11,7 @@ import numpy as np
 
 from ..inputs.arguments import checked
 from ..inputs.checks import check_choice, check_count, check_positive
+from ..inputs.kinds import wrong_kind
 from ..medium import IndexField
 from ..process.clock import clocked, stage
 from ..pupils import Pupil
@@ -66,7 +67,7 @@ def split_step(
         ValueError: The wave does not meet the field, a number is out of range, or the window needs too much memory.
     """
     if not isinstance(field, IndexField):
-        raise TypeError(f"field must be an IndexField, got {type(field).__name__}")
+        raise wrong_kind(field, "field", "an IndexField")
     if isinstance(light, Pupil):
         check_memory(FEWEST_STEPS, pixel_count**2)
         wave = plane_wave(light, field.wavelength_for(wavelength), pixel_count, window, field.ambient_index)

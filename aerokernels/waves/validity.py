@@ -16,6 +16,7 @@ from ..derived import key_of
 from ..display.quantities import Quantity
 from ..inputs.arguments import checked
 from ..inputs.checks import check_positive
+from ..inputs.kinds import wrong_kind
 from ..medium import IndexField
 from ..pupils import Pupil
 from ..tracing.lines import box_size
@@ -112,9 +113,9 @@ def validity(
         ValueError: The pupil does not see the field, or is not the wavefront's; or a number is out of range.
     """
     if not isinstance(field, IndexField):
-        raise TypeError(f"field must be an IndexField, got {type(field).__name__}")
+        raise wrong_kind(field, "field", "an IndexField")
     if not isinstance(pupil, Pupil):
-        raise TypeError(f"pupil must be a Disc, Annulus, Rectangle, Polygon or Mask, got {type(pupil).__name__}")
+        raise wrong_kind(pupil, "pupil", "a Disc, Annulus, Rectangle, Polygon or Mask")
     check_positive(limit, "limit")
     wavelength = field.wavelength_for(wavelength)
     if wavefront is not None and wavefront.pupil is not None and key_of(wavefront.pupil) != key_of(pupil):

@@ -101,7 +101,7 @@ def test_a_pipe_that_closes_does_not_end_the_work(tmp_path):
         (["export", ".", "--out", "x.nc"], "store .: a folder or a device, not a file; give the file that `record`"),
         (["export", "text", "--out", "x.nc"], "store text: file is not a database; give "),
         (["sweep", "wind-tunnel-mach3", "--vary", "target.tilt=0:10:5", "--out", "o"],
-         "target.tilt = '2.5 rad' must be below 1.5706 rad"),
+         "target.tilt = 2.5 rad (143.239 deg) must be below 1.5706 rad"),
         (["explain", "odd.toml"], "unknown key pupil.radius = '3 mm': did you mean beam.radius? [pupil] has shape, "),
     ],
 )  # fmt: skip

@@ -1,6 +1,8 @@
 """The parts of a rangefinder made in Python: the same echo as a scene's, what they refuse, and the scene of a run."""
 
 import json
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -76,3 +78,27 @@ def test_a_run_gives_its_scene_back(tmp_path):
     for name, words in (("other.json", "holds no values of a scene"), ("none.json", "cannot be read")):
         with pytest.raises(ValueError, match=words):
             Scene.from_summary(tmp_path / name)
+        with pytest.raises(ValueError, match=words):
+            Scene.load(tmp_path / name)
+    assert Scene.load(tmp_path / "summary.json") == scene
+    other = Scene.load(tmp_path / "summary.json", {"target.tilt": "20 deg", "flow.source": "mach2"})
+    assert other.target.tilt == pytest.approx(np.radians(20.0)) and other.flow.source == "mach2"
+    assert other.receiver == scene.receiver and other.title.endswith("with target.tilt = 20 deg, flow.source = mach2")
+    with pytest.raises(ValueError, match=r"summary.json \(changed\): unknown key target.tild"):
+        Scene.load(tmp_path / "summary.json", {"target.tild": 1.0})
+
+
+def test_the_command_line_repeats_a_run_from_its_summary(tmp_path):
+    """The same Strehl ratio again, and that of a changed wavelength where that is changed."""
+
+    def strehl(scene, *more) -> float:
+        line = [sys.executable, "-m", "aerokernels", "strehl", str(scene), "--rays", "2000", "--json", *more]
+        done = subprocess.run(line, capture_output=True, encoding="utf-8", check=False)
+        assert done.returncode == 0, done.stderr
+        return json.loads(done.stdout)["value"]["value"]
+
+    scene = Scene.load("wind-tunnel-mach3", {"flow.wavelength": "1064 nm"})
+    (tmp_path / "summary.json").write_text(json.dumps({"scene_values": scene.as_dict()}))
+    first = strehl("wind-tunnel-mach3", "--set", "flow.wavelength=1064 nm")
+    assert strehl(tmp_path / "summary.json") == first
+    assert strehl(tmp_path / "summary.json", "--set", "flow.wavelength=905 nm") == strehl("wind-tunnel-mach3")

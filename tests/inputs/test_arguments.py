@@ -152,7 +152,7 @@ def test_what_is_right_passes_unchanged():
     for wrong in ({"length": True}, {"length": 1.0, "on": "no"}, {"length": 1.0, "points": [[1], [1, 2]]}):
         with pytest.raises(TypeError, match=r"must be .*\(in .*take\)"):
             take(**wrong)
-    with pytest.raises(TypeError, match="missing"):
+    with pytest.raises(TypeError, match=r"take needs length \(A length \[m\]\)"):
         take()
 
 

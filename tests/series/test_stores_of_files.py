@@ -195,8 +195,7 @@ def test_the_air_around_a_series_of_files_does_not_fluctuate(tmp_path: Path):
         density[:, :, -3:] += more
         np.savez(tmp_path / f"f{number}.npz", rho=density, **dict(zip("xyz", axes, strict=True)))
     series = flow.open_series(tmp_path / "f*.npz", time_step=1e-5)
-    with pytest.warns(UserWarning, match=r"f1\.npz: the density at its upstream end is 1\.212 kg/m3"):
-        assert [field.ambient_density for field in series] == [1.2] * 4
+    assert [field.ambient_density for field in series] == [1.2] * 4
     pupil = Disc(0.03, center=(0.0, 0.0, 0.05), normal=(np.sin(0.5), 0.0, np.cos(0.5)))
     found = optical_series(series, pupil, direction=(0.0, 0.0, 1.0), pixel_count=16, method="linear")
     assert np.abs(found.boresight_x.values).max() < 1e-12 and np.ptp(found.piston.values) > 1e-8

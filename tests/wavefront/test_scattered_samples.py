@@ -38,7 +38,7 @@ def test_scattered_samples_make_the_wavefront():
         assert off.max() < greatest and made.opd_error < 5.0 * greatest
         assert form is plane or np.mean(off < made.opd_error) > 0.9
         assert made.radius == 1e-3 and made.weight.sum() == pytest.approx(0.91 * np.pi * 256, rel=1e-9)
-    told = Wavefront.from_samples(places, form(x, y), pupil, WAVELENGTH, pixel_count=32, opd_error=1e-8)
+    told = Wavefront.from_samples(places, form(x, y), pupil, WAVELENGTH, pixel_count=32, error=1e-8)
     assert told.opd_error == pytest.approx(1e-8, rel=0.1) and off.max() < told.opd_error
     for bad, message in (
         ((places[:5], x[:5]), "at least 9 samples, got 5"),
@@ -95,9 +95,9 @@ def test_a_map_of_scattered_samples_can_be_pickled_and_keeps_its_samples():
     """Its error is measured when it is first read: in another process, or after the caller has reused the arrays."""
     places = in_disc(np.random.default_rng(2).random((2, 120))).T
     values = 5e-8 * np.sin(3.0 * places[:, 0] / 1e-3)
-    made = Wavefront.from_samples(places, values, Disc(1e-3), WAVELENGTH, pixel_count=16, opd_error=1e-9)
+    made = Wavefront.from_samples(places, values, Disc(1e-3), WAVELENGTH, pixel_count=16, error=1e-9)
     again = pickle.loads(pickle.dumps(made))
-    same = Wavefront.from_samples(places, values, Disc(1e-3), WAVELENGTH, pixel_count=16, opd_error=1e-9)
+    same = Wavefront.from_samples(places, values, Disc(1e-3), WAVELENGTH, pixel_count=16, error=1e-9)
     expected = dict(same.error)
     places[:], values[:] = 0.0, 1.0
     assert made.error == again.error == expected

@@ -283,7 +283,7 @@ def test_what_is_refused():
         wavefront(1.0, Disc(1e-3))
     with pytest.raises(ValueError, match="pixel_count must be a whole number of at least 2, got 1"):
         wavefront(field, Disc(1e-3, BEHIND), pixel_count=1)
-    with pytest.raises(ValueError, match=r"pixel_count = 10000000 needs 5960464\.5 GiB or more: take a smaller one"):
+    with pytest.raises(ValueError, match=r"pixel_count = 10000000 .* memory holds \d+ at most: take a smaller one"):
         wavefront(field, Disc(1e-3, BEHIND), pixel_count=10_000_000)
     with pytest.raises(ValueError, match="opd and weight must be square and have the same shape"):
         Wavefront(np.zeros((2, 3)), np.ones((2, 3)), 1.0, WAVELENGTH)

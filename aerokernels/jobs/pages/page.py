@@ -237,17 +237,14 @@ def flat(tree: Mapping[str, Any], prefix: str = "") -> "list[tuple[str, str]]":
     return rows
 
 
-def _script_json(data: Mapping[str, Any]) -> Any:
+def _script_json(data: Mapping[str, Any]) -> str:
     """Return data as JSON that may stand in a script element: nothing in it ends the element."""
-    from markupsafe import Markup
-
     text = json.dumps(data, separators=(",", ":"), allow_nan=False)
-    return Markup(text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026"))
+    return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
 
 
 def _template() -> "tuple[jinja2.Template, dict[str, Any]]":
     import jinja2
-    from markupsafe import Markup
 
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("aerokernels.jobs.pages"),
@@ -259,7 +256,7 @@ def _template() -> "tuple[jinja2.Template, dict[str, Any]]":
     environment.filters["link"] = _link
     read = environment.loader.get_source if environment.loader is not None else None
     assert read is not None
-    parts = {name: Markup(read(environment, f"page.{name}")[0]) for name in ("css", "js")}
+    parts = {name: read(environment, f"page.{name}")[0] for name in ("css", "js")}
     return environment.get_template("page.html"), parts
 
 

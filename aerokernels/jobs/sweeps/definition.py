@@ -19,7 +19,7 @@ import numpy as np
 
 from aerokernels import __version__
 from aerokernels.flow.reading.formats import files_behind
-from aerokernels.inputs.kinds import is_number
+from aerokernels.inputs.kinds import is_number, wrong_kind
 from aerokernels.jobs.store import to_json
 from aerokernels.scene import Scene, SceneError
 from aerokernels.scene.scene import changed_scene, key_unit, key_value, with_units
@@ -120,7 +120,7 @@ def define(
 ) -> Definition:
     """Check a request and make the sweep's definition; arguments as for `sweep`, whose `zip` is `together`."""
     if not isinstance(scene, (Scene, str, Path)):
-        raise TypeError(f"scene must be a Scene, a path or a shipped scene's name, got {type(scene).__name__}")
+        raise wrong_kind(scene, "scene", "a Scene, a path or a shipped scene's name")
     if not isinstance(vary, Mapping):
         raise TypeError(f"vary must map keys to values, as in {{'target.tilt': [0.0, 0.1]}}, got {type(vary).__name__}")
     if not vary:

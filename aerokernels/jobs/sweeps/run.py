@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from aerokernels.files.writing import only_writer
+from aerokernels.inputs.arguments import checked
 from aerokernels.inputs.checks import check_path
 from aerokernels.inputs.kinds import as_whole
 from aerokernels.jobs.store import REPORT_FILE, check_output_folder, read_result, replace_result, write_text
@@ -34,6 +35,7 @@ Progress = Callable[[str, float], None]
 EXECUTORS = ("local", "dask")
 
 
+@checked
 def sweep(
     scene: Scene | str | Path,
     vary: Mapping[str, Iterable[Any]],

@@ -32,6 +32,8 @@ def at_once(work: Callable[[], object]) -> list:
 
 def test_one_thread_makes_the_context_of_a_device(monkeypatch):
     """Set-up: a device that takes 50 ms to make its context, as Warp's without a lock. Expected: one, whole for all."""
+    import warp
+
     from aerokernels.process import quiet_warp
 
     class Device:
@@ -46,7 +48,7 @@ def test_one_thread_makes_the_context_of_a_device(monkeypatch):
             return self.begun
 
     device = Device()
-    monkeypatch.setattr(quiet_warp.wp, "get_device", lambda name: device)
+    monkeypatch.setattr(warp, "get_device", lambda name: device)
     assert at_once(lambda: quiet_warp.open_device("cuda:stand-in").made) == [1] * THREADS
 
 
