@@ -342,7 +342,7 @@ class IndexField(Derived):
         wavelength: float | None = None,
         region: Any = None,
         interpolation: str = "cubic",
-    ):
+    ) -> "IndexField":
         """Return the same field on a uniform grid, with the measured resampling error.
 
         Args:

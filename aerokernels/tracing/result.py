@@ -17,6 +17,9 @@ from .plan import RAY_OUTPUTS
 from .status import RayStatus, reached
 
 if TYPE_CHECKING:
+    import xarray
+    from matplotlib.axes import Axes
+
     from .variants.causes import Variants
 
 # Names that `on_device` accepts.
@@ -198,7 +201,7 @@ class TraceResult:
             error = budget(lambda rays: _rms(rays.opd, found.weight), found, "m")["total"]
         return {"opd_rms": Quantity(_rms(self.opd[good], share), error, "m")}
 
-    def plot(self, axes=None):
+    def plot(self, axes: "Axes | None" = None) -> "Axes":
         """Draw the spot diagram, the ray directions about their mean [urad], on matplotlib axes; returns the axes.
 
         Raises:
@@ -242,7 +245,7 @@ class TraceResult:
         code, count = np.unique(self.status, return_counts=True)
         return {RayStatus(int(c)).name: int(n) for c, n in zip(code, count, strict=True)}
 
-    def to_xarray(self):
+    def to_xarray(self) -> "xarray.Dataset":
         """The result as an xarray.Dataset with units, the OPD's error budget among its attributes.
 
         `result.to_xarray().to_netcdf(path)` saves it, and `TraceResult.open(path)` opens it.
