@@ -13,8 +13,9 @@ from aerokernels.inputs.checks import check_count
 from aerokernels.inputs.kinds import wrong_kind
 from aerokernels.medium import IndexField
 from aerokernels.rays import RayBundle
-from aerokernels.tracing import Plane, RayStatus, trace
+from aerokernels.tracing import ArcLength, Plane, RayStatus, trace
 from aerokernels.tracing.status import reached
+from aerokernels.tracing.stop import way_beyond
 
 
 @checked
@@ -59,19 +60,26 @@ def field_to_vtk(field: IndexField, path: str | Path) -> Path:
 
 @checked
 def rays_to_vtk(
-    field: IndexField, rays: RayBundle, path: str | Path, *, length: float, point_count: int = 33, **options
+    field: IndexField,
+    rays: RayBundle,
+    path: str | Path,
+    *,
+    until: Plane | ArcLength | None = None,
+    point_count: int = 33,
+    **options,
 ) -> Path:
     """Write the paths of rays through a field as polylines (.vtp), with the OPD [m] accumulated up to each point.
 
-    Rays are traced from plane to plane normal to the bundle's mean direction; a ray that ends stays where it ended.
+    Rays are traced to evenly spaced stops before the last one; a ray that ends stays where it ended.
 
     Args:
         field: The refractive index.
         rays: The rays; some hundreds are enough for a picture.
         path: The file.
-        length: Distance along the mean direction from the mean start position [m].
+        until: The last stop, a `Plane` or an `ArcLength` as for `trace`; None takes the plane across the bundle's mean
+            direction beyond the field.
         point_count: Points of each polyline.
-        **options: As for `trace`, except `until` and `outputs`.
+        **options: As for `trace`, except `outputs`.
 
     Returns:
         The path written to.
@@ -79,31 +87,35 @@ def rays_to_vtk(
     Raises:
         ImportError: VTK is not installed.
         TypeError: An argument of the wrong kind, or an unknown option of `trace`.
-        ValueError: A length or number that makes no sense, rays without a mean direction, or as for `trace`.
+        ValueError: A number that makes no sense, rays without a mean direction where it is needed, or as for `trace`.
     """
-    if not (np.isfinite(length) and length > 0.0):
-        raise ValueError(f"length must be a positive number of metres, got {length!r}")
     check_count(point_count, "point_count", 2)
-    if given := sorted({"until", "outputs"} & set(options)):
-        raise TypeError(
-            f"{given[0]} is not for rays_to_vtk: rays end on planes up to `length`, and their OPD is written"
-        )
+    if not isinstance(until, (Plane, ArcLength, type(None))):
+        raise TypeError(f"until must be a Plane, an ArcLength or None, got {type(until).__name__}")
+    if "outputs" in options:
+        raise TypeError("outputs is not for rays_to_vtk: positions and OPD are written")
     vtk = _vtk()
     along = rays.direction.mean(axis=0)
-    if not np.linalg.norm(along) > 1e-6:
-        raise ValueError(
-            "the rays' directions have no mean to follow them along: write those of either way on their own"
-        )
-    along /= np.linalg.norm(along)
-    middle = rays.position.mean(axis=0)
+    if until is None:
+        if not np.linalg.norm(along) > 1e-6:
+            raise ValueError("the rays' directions have no mean: give until=, or write those of either way alone")
+        along, middle = along / np.linalg.norm(along), rays.position.mean(axis=0)
+        reach = float(np.linalg.norm(rays.position - middle, axis=1).max())
+        until = Plane(middle + way_beyond(field.box, middle, reach, along) * along, along)
     place = np.full((point_count, rays.ray_count, 3), np.nan)
     opd = np.zeros((point_count, rays.ray_count))
     place[0] = rays.position
     for number in range(1, point_count):
-        plane = Plane(middle + length * number / (point_count - 1) * along, along)
-        ahead = (np.asarray(plane.point) - rays.position) @ along > 0.0
+        share, ahead = number / (point_count - 1), np.full(rays.ray_count, True)
+        if isinstance(until, Plane):
+            normal = until.normal if along @ until.normal >= 0.0 else -until.normal
+            height = (until.point - rays.position) @ normal
+            stop: Plane | ArcLength = Plane(until.point - (1.0 - share) * height.max() * normal, normal)
+            ahead = height > (1.0 - share) * height.max()
+        else:
+            stop = ArcLength(share * until.length)
         place[number], opd[number] = place[number - 1], opd[number - 1]
-        found = trace(field, rays, until=plane, outputs=("position", "opd"), **options)
+        found = trace(field, rays, until=stop, outputs=("position", "opd"), **options)
         assert found.position is not None and found.opd is not None  # requested outputs
         known = (reached(found.traced_status) | (found.traced_status == RayStatus.HIT_BODY)) & ahead
         place[number, known], opd[number, known] = found.position[known], found.opd[known]

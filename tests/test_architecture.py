@@ -280,3 +280,16 @@ def test_every_name_on_the_architecture_page_is_a_name_of_the_code():
     words = set(re.findall(r"\b(?:def|class) (\w+)", sources))
     reported = {name for name in re.findall(r"`([A-Za-z_]\w+)`", page) if name not in ("engines",)}
     assert len(reported) > 5 and not sorted(reported - words)
+
+
+def test_every_answer_of_the_architecture_page_is_in_the_two_files_it_names():
+    """The table of questions: names in an answer are in one of its files, of which there are at most two."""
+    page = (PACKAGE.parent / "docs" / "architecture.md").read_text(encoding="utf-8")
+    table = page.partition("## Questions and answers")[2].partition("\n## ")[0]
+    rows = [line.strip("| ").split(" | ") for line in table.splitlines() if line.startswith("| ") and "?" in line]
+    assert len(rows) >= 10
+    for question, answer, files in rows:
+        paths = [PACKAGE.parent / name for name in re.findall(r"`([^`]+)`", files)]
+        texts = "".join(path.read_text(encoding="utf-8") for path in paths)
+        missing = [name for name in re.findall(r"`(\w+)`", answer) if not re.search(rf"\b{name}\b", texts)]
+        assert 1 <= len(paths) <= 2 and not missing, f"{question} {missing}"

@@ -27,6 +27,8 @@ from aerokernels import (
 from aerokernels.pupils import direction_of
 from aerokernels.tracing.stop import plane_beyond
 
+pytestmark = pytest.mark.slow
+
 WAVELENGTH = 905e-9
 SIDE, FINER, RAYS = 0.0613, 3, 32768  # boxes [m]; cells of the truth's grid in one; rays
 AMBIENT, RATIO = 1.0, 1.3

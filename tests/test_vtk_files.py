@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from aerokernels import Disc, IndexField, RayBundle, field_to_vtk, rays_to_vtk, trace
+from aerokernels import ArcLength, Disc, IndexField, Plane, RayBundle, field_to_vtk, rays_to_vtk, trace
 
 pytest.importorskip("vtkmodules")
 
@@ -44,15 +44,23 @@ def test_rays_are_polylines(tmp_path):
         np.repeat(1e-3 * y[:, None], 9, axis=1), origin=(-0.1, 0.0), spacing=(0.025, 0.025), geometry="planar"
     )
     rays = RayBundle.collimated(Disc(0.01, center=(0.0, 0.0, -0.1)), 8)
-    data, place, arrays = read(rays_to_vtk(field, rays, tmp_path / "rays", length=0.4, point_count=5), "PolyData")
+    stop = Plane((0.0, 0.0, 0.3), (0.0, 0.0, 1.0))
+    data, place, arrays = read(rays_to_vtk(field, rays, tmp_path / "rays", until=stop, point_count=5), "PolyData")
     assert data.GetNumberOfLines() == rays.ray_count and len(place) == 5 * rays.ray_count
-    from aerokernels import Plane
-
-    ends = trace(field, rays, until=Plane((0.0, 0.0, 0.3), (0.0, 0.0, 1.0)))
+    ends = trace(field, rays, until=stop)
     assert place.reshape(-1, 5, 3)[:, -1] == pytest.approx(ends.position, abs=1e-9)
     assert arrays["opd"].reshape(-1, 5)[:, -1] == pytest.approx(ends.opd, abs=1e-12)
-    with pytest.raises(ValueError, match="length"):
-        rays_to_vtk(field, rays, tmp_path / "rays", length=0.0)
+    assert np.ptp(place.reshape(-1, 5, 3)[0, :, 2]) == pytest.approx(0.4) and place[1, 2] == pytest.approx(0.0)
+    back = rays_to_vtk(field, rays, tmp_path / "same", until=Plane(stop.point, -stop.normal), point_count=5)
+    assert np.array_equal(read(back, "PolyData")[1], place)
+    length = ArcLength(0.35)
+    _, place, arrays = read(rays_to_vtk(field, rays, tmp_path / "arc", until=length, point_count=8), "PolyData")
+    ends, steps = trace(field, rays, until=length), np.diff(place.reshape(-1, 8, 3), axis=1)
+    assert place.reshape(-1, 8, 3)[:, -1] == pytest.approx(ends.position, abs=1e-9)
+    assert np.linalg.norm(steps, axis=2) == pytest.approx(0.05, rel=1e-5)
+    for wrong in ({"until": 5e-3}, {"outputs": ("opd",)}):
+        with pytest.raises(TypeError, match=r"until must be a Plane|outputs is not"):
+            rays_to_vtk(field, rays, tmp_path / "rays", **wrong)
 
 
 def test_a_ray_stays_where_it_met_a_body(tmp_path):
@@ -64,8 +72,8 @@ def test_a_ray_stays_where_it_met_a_body(tmp_path):
     contrast = 1e-4 * np.exp(-(y[:, None] ** 2 + y**2) / 2e-6)
     field = IndexField.from_samples(contrast, origin=(y[0], y[0]), spacing=(1e-4, 1e-4), geometry="planar", body=rod)
     rays = RayBundle([[0.0, 0.0, -2e-3], [0.0, 1e-3, -2e-3]], [[0.0, 0.0, 1.0], [0.0, 0.0, 1.0]])
-    _, place, arrays = read(rays_to_vtk(field, rays, tmp_path / "rays", length=4e-3, point_count=8), "PolyData")
+    _, place, arrays = read(rays_to_vtk(field, rays, tmp_path / "rays", point_count=8), "PolyData")
     ends = trace(field, rays)
     assert place[:, 2].reshape(2, 8)[0, 3:] == pytest.approx(-5e-4, abs=1e-8)
     assert arrays["opd"].reshape(2, 8)[0, -1] == pytest.approx(ends.opd[0], rel=1e-3)
-    assert place[15, 2] == pytest.approx(2e-3)
+    assert 3e-3 < place[15, 2] < 4e-3

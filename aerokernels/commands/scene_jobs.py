@@ -46,7 +46,7 @@ def run(
     written, but the answer is not meaningful: the error allows any Strehl ratio, or is above the echo's peak.
     """
     from aerokernels.files.writing import only_writer
-    from aerokernels.jobs.numbers import headline_rows, remark_rows
+    from aerokernels.jobs.numbers import table_rows
     from aerokernels.jobs.run import simulate, write_run
     from aerokernels.jobs.store import check_output_folder
     from aerokernels.scene import Scene
@@ -59,19 +59,9 @@ def run(
             result = simulate(loaded, progress=progress, with_echo=not no_echo)
         progress("writing the report", 0.9)
         summary = write_run(result, out)
-    rows = [*headline_rows(summary), *remark_rows(summary), *_cost_rows(summary)]
-    print_table(loaded.title or loaded.name, ("quantity", "value"), rows, summary)
+    print_table(loaded.title or loaded.name, ("quantity", "value"), table_rows(summary), summary)
     note(f"wrote {out / 'report.html'}, summary.json and result.nc")
     leave_with(result.verdict)
-
-
-def _cost_rows(summary: dict) -> list[tuple[str, str]]:
-    where = f"{summary['backend']} on {summary['device']}, {summary['precision']}"
-    return [
-        ("Rays for the Strehl ratio", f"{summary['ray_count']:,} requested, {summary['traced_ray_count']:,} traced"),
-        ("Computed by", where),
-        ("Time", f"{summary['total_seconds']:.2f} s, of which {summary['compile_seconds']:.2f} s compiling kernels"),
-    ]
 
 
 def explain(

@@ -80,7 +80,41 @@ def extent_of(x: Any, y: Any) -> tuple[float, float, float, float]:
 
 
 def _as_html(thing: Any) -> str:
-    return f"<pre>{html.escape(repr(thing))}</pre>"
+    picture = thing._picture() if hasattr(thing, "_picture") else None
+    return as_html(repr(thing), picture)
+
+
+def as_html(text: str, picture: Any = None) -> str:
+    """Return a text, and a picture of figures.py below it, for a notebook."""
+    drawn = "" if picture is None else f'<img src="{picture.static()}" style="max-width: 36em">'
+    return f"<pre>{html.escape(text)}</pre>{drawn}"
+
+
+def map_picture(values: np.ndarray, ends: tuple[Any, ...], axes: tuple[str, str], label: str, colors: str) -> Any:
+    """Return the picture of a map [row, column] between `ends` along both axes (left, right, low, high) [m]."""
+    from .figures import Axis, Raster
+
+    left, right, low, high = (1e3 * float(end) for end in ends)
+    most = float(np.nanmax(np.abs(values), initial=0.0)) or 1.0
+    limits = (-most, most) if colors == "delay" else Axis(label).around(values)
+    x, y = Axis(f"{axes[0]} [mm]", (left, right)), Axis(f"{axes[1]} [mm]", (low, high))
+    even = 0.3 < (high - low) / (right - left) < 1.5
+    return Raster(x, y, values[None], Axis(label, limits), colors, even=even)
+
+
+def plane_picture(values: Any, box: tuple[Any, Any], geometry: str, label: str) -> Any:
+    """Return the picture of a field in the plane of the axes y and z, through the middle of its box along x.
+
+    `values` returns the numbers at points (n, 3) [m]; `box` has the lowest and highest corner along the field's axes.
+    """
+    low, high = np.array(box[0][-2:]), np.array(box[1][-2:])
+    low[0] = -high[0] if geometry == "axisymmetric" else low[0]
+    count = np.maximum(np.rint(200.0 * (high - low) / (high - low).max()), 2).astype(int)
+    y, z = (a + (b - a) * (np.arange(n) + 0.5) / n for a, b, n in zip(low, high, count, strict=True))
+    points = np.full((*count, 3), 0.5 * (box[0][0] + box[1][0]) if geometry == "volume" else 0.0)
+    points[..., 1], points[..., 2] = y[:, None], z
+    found = np.reshape(values(points.reshape(-1, 3)), count)
+    return map_picture(found, (low[1], high[1], low[0], high[0]), ("z", "y"), label, "density")
 
 
 def is_flat(values: Any, unit: str | None = None, error: float = float("nan")) -> bool:

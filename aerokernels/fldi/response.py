@@ -8,7 +8,7 @@ Deflection is neglected: over the few millimetres around a focus it displaces ra
 from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -27,6 +27,10 @@ from ..tracing.stop import Plane
 from ..tracing.variants.causes import line_variants, of_each
 from ..tracing.variants.paths import Paths, Rays, paths_of
 from .instrument import BEYOND_REACH, FLDI, REACH, beam_grid, crossed, gathered, ray_points, truncated_share
+
+if TYPE_CHECKING:
+    import xarray
+    from matplotlib.axes import Axes
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -84,7 +88,7 @@ class FLDIResponse:
         frequency, power = welch(self.phase, 1.0 / step.mean(), nperseg=length, axis=0)
         return np.asarray(frequency), np.asarray(power)
 
-    def to_xarray(self):
+    def to_xarray(self) -> "xarray.Dataset":
         """Return the response as a dataset with units."""
         import xarray
 
@@ -107,7 +111,7 @@ class FLDIResponse:
         attributes["wavelength"] = self.instrument.wavelength
         return xarray.Dataset(variables, coordinates, attributes)
 
-    def plot(self, axes=None):
+    def plot(self, axes: "Axes | None" = None) -> "Axes":
         """Draw the phase on matplotlib axes, over time if there is one; return the axes."""
         axes = drawn_on(axes)
         place = np.arange(len(np.atleast_1d(self.phase))) if self.time is None else 1e6 * self.time

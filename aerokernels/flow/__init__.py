@@ -9,10 +9,12 @@ from aerokernels.flow.gas import (
     GAMMA_AIR,
     GAS_CONSTANT_AIR,
     SEA_LEVEL_DENSITY,
+    Atmosphere,
     FreeStream,
     Isentropic,
     free_stream,
     isentropic,
+    standard_atmosphere,
     tunnel_conditions,
 )
 from aerokernels.flow.plane_flows import (
@@ -49,6 +51,7 @@ __all__ = [
     "SEA_LEVEL_DENSITY",
     "SPECIES",
     "SPECIES_NAMES",
+    "Atmosphere",
     "BluntBodyFlow",
     "BowShock",
     "CellDensity",
@@ -103,6 +106,7 @@ __all__ = [
     "shipped",
     "shipped_names",
     "species_constant",
+    "standard_atmosphere",
     "tunnel_conditions",
     "uniform_air",
     "vortex",

@@ -77,7 +77,8 @@ class ConicalFlow(DensityField):
     def provenance(self) -> str:
         """Where the field comes from, in words."""
         degrees = math.degrees(self.half_angle)
-        return f"exact flow over a cone of half angle {degrees:.6g} deg at Mach {self.mach:g} (Taylor-Maccoll)"
+        stream = f"Mach {self.mach:g}, {self.ambient_density:.6g} kg/m3"
+        return f"exact flow over a cone of half angle {degrees:.6g} deg at {stream} (Taylor-Maccoll)"
 
     @cached_property
     def body(self) -> Body:

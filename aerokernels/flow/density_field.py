@@ -2,12 +2,13 @@
 
 from abc import ABC, abstractmethod
 from importlib import import_module
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from aerokernels.derived import ReadOnly
 from aerokernels.device_arrays import plain_array
+from aerokernels.display.shown import plane_picture
 from aerokernels.inputs.arguments import Numbers, checked
 from aerokernels.inputs.wavelength import DEFAULT_WAVELENGTH
 from aerokernels.medium import Body, IndexField, SolidBody
@@ -123,6 +124,9 @@ class DensityField(ReadOnly, ABC):
         The arguments are those of `flow.read` except time, walls and those for one file format.
         """
         return import_module("aerokernels.flow.reading.read").from_pyvista(dataset, **arguments)
+
+    def _picture(self) -> Any:
+        return plane_picture(self.density_at, self.box, self.geometry, "density [kg/m3]")
 
     @abstractmethod
     def density_at(self, points) -> np.ndarray:

@@ -1,6 +1,10 @@
-"""Perfect-gas relations along a streamline without shocks, and the free stream of a wind tunnel.
+"""Perfect-gas relations along a streamline without shocks, the free stream of a wind tunnel, and standard air.
 
 Reference: J. D. Anderson, Modern Compressible Flow, 3rd ed., eq 3.28, 3.30, 3.31.
+
+The US Standard Atmosphere 1976 (NOAA-S/T 76-1562): in each layer the temperature is linear in the geopotential altitude
+H = r z / (r + z), and hydrostatic balance gives p = p_b (T_b / T)^(g M / (R L)) for a lapse rate L, or
+p = p_b exp(-g M (H - H_b) / (R T_b)) where L = 0.
 """
 
 import math
@@ -9,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from aerokernels.inputs.arguments import checked
-from aerokernels.inputs.checks import check_positive
+from aerokernels.inputs.checks import check_at_least, check_positive
 
 GAMMA_AIR = 1.4
 # Universal gas constant over the molar mass of dry air, 8314.4626 / 28.9644 [J/(kg K)].
@@ -241,3 +245,51 @@ def check_gamma(gamma: float) -> None:
     """Raise ValueError for a ratio of specific heats that is not above 1."""
     if not (math.isfinite(gamma) and gamma > 1.0):
         raise ValueError(f"gamma must be above 1, got {gamma!r}: air has 1.4")
+
+
+# The standard atmosphere's constants.
+EARTH_RADIUS = 6_356_766.0  # [m], of the geopotential
+HYDROSTATIC = 9.80665 * 28.9644e-3 / 8.31432  # g M / R [K/m]
+GAS_CONSTANT = 8.31432 / 28.9644e-3  # of the standard's air [J/(kg K)]
+HIGHEST = 86e3  # [m]
+# Geopotential altitude of each layer's base [m], and its lapse rate [K/m].
+LAYERS = ((0.0, -6.5e-3), (11e3, 0.0), (20e3, 1e-3), (32e3, 2.8e-3), (47e3, 0.0), (51e3, -2.8e-3), (71e3, -2e-3))
+
+
+@dataclass(frozen=True)
+class Atmosphere:
+    """Air at rest: `density` [kg/m3], `pressure` [Pa] and `temperature` [K]."""
+
+    density: float
+    pressure: float
+    temperature: float
+
+
+@checked
+def standard_atmosphere(altitude: float) -> Atmosphere:
+    """Return the air of the US Standard Atmosphere 1976.
+
+    Args:
+        altitude: Geometric altitude above sea level [m], from 0 to 86 km.
+
+    Raises:
+        ValueError: An altitude out of range.
+
+    Example:
+        >>> round(standard_atmosphere(10e3).density, 5)
+        0.41351
+    """
+    if not check_at_least(altitude, "altitude", 0.0) <= HIGHEST:
+        raise ValueError(f"altitude = {altitude:g} m is above the standard atmosphere: give meters, at most 86e3")
+    height = EARTH_RADIUS * altitude / (EARTH_RADIUS + altitude)
+    temperature, pressure = 288.15, 101325.0
+    for number, (base, lapse) in enumerate(LAYERS):
+        top = min(height, LAYERS[number + 1][0] if number + 1 < len(LAYERS) else math.inf)
+        below, temperature = temperature, temperature + lapse * (top - base)
+        if lapse:
+            pressure *= (below / temperature) ** (HYDROSTATIC / lapse)
+        else:
+            pressure *= math.exp(-HYDROSTATIC * (top - base) / below)
+        if top == height:
+            break
+    return Atmosphere(pressure / (GAS_CONSTANT * temperature), pressure, temperature)

@@ -3,7 +3,7 @@
 from abc import abstractmethod
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import NoReturn
+from typing import NoReturn, Self
 
 import numpy as np
 
@@ -39,7 +39,7 @@ class SampledDensity(DensityField):
         return 0.0 if self.conditions is None else self.conditions.mach
 
     @checked
-    def scaled(self, ambient_density: float):
+    def scaled(self, ambient_density: float) -> Self:
         """Return the same flow at another ambient density [kg/m3], with every density ratio unchanged.
 
         A solution of the Euler equations remains one, at the same Mach number and temperature.

@@ -45,7 +45,7 @@ COUNTERS, DECIMALS = r"([0-9]+)", r"([0-9]+(?:\.[0-9]+)?)"
 def open_series(
     source: Any,
     *,
-    time: Sequence[float] | None = None,
+    time: Sequence[float] | np.ndarray | None = None,
     time_step: float | None = None,
     start_time: float = 0.0,
     count: int | None = None,
@@ -170,7 +170,9 @@ class _Call:
         return self.only("density", "ambient_density", "geometry", "spacing", "mesh", "species") | self.options
 
 
-def times_of(time: Sequence[float] | None, step: float | None, start: float, count: int | None) -> np.ndarray:
+def times_of(
+    time: Sequence[float] | np.ndarray | None, step: float | None, start: float, count: int | None
+) -> np.ndarray:
     """Return the times of a series [s], from a list of times or from a step."""
     if time is not None and step is not None:
         raise ValueError("give either time, one for each snapshot, or time_step")

@@ -6,7 +6,7 @@ field and the blur by the flow. Reference: M. Raffel, Exp. Fluids 56 (2015) 60.
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Unpack
+from typing import TYPE_CHECKING, Unpack
 
 import numpy as np
 
@@ -19,6 +19,10 @@ from ..sensor import Sensor
 from ..tracing.plan import TraceOptions
 from .camera import Camera
 from .shift import BackgroundDisplacement, gather, view_options
+
+if TYPE_CHECKING:
+    import xarray
+    from matplotlib.axes import Axes
 
 # Points of the aperture for a picture, and margin of a pattern around it [pixels].
 APERTURE_RAYS, MARGIN = 16, 32
@@ -187,14 +191,14 @@ class BackgroundPictures:
             write_netcdf(displacement, self.traced.to_xarray())
         return paths
 
-    def to_xarray(self):
+    def to_xarray(self) -> "xarray.Dataset":
         """Return pictures and displacement as a dataset with units."""
         words = {"units": "1", "long_name": "brightness, 1 is white"}
         return self.traced.to_xarray().assign(
             reference=(("y", "x"), self.reference, words), picture=(("y", "x"), self.picture, words)
         )
 
-    def plot(self, axes=None):
+    def plot(self, axes: "Axes | None" = None) -> "Axes":
         """Draw the size of the displacement on matplotlib axes; return the axes."""
         return self.traced.plot(axes)
 

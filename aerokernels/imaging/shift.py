@@ -32,6 +32,7 @@ from .camera import Aperture, Camera, rows_and_columns
 
 if TYPE_CHECKING:
     import xarray
+    from matplotlib.axes import Axes
 
 # Points of the aperture: a ring of four gives the exact mean of polynomials up to the third order.
 APERTURE_RAYS = 4
@@ -260,7 +261,7 @@ class BackgroundDisplacement:
             },
         )
 
-    def plot(self, axes=None):
+    def plot(self, axes: "Axes | None" = None) -> "Axes":
         """Draw the size of the displacement on matplotlib axes; return the axes."""
         axes, size = drawn_on(axes), np.hypot(self.displacement[..., 0], self.displacement[..., 1])
         if is_flat([0.0, *size.ravel()], "pixel"):

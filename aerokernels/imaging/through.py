@@ -10,7 +10,7 @@ import warnings
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Unpack
+from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 
@@ -28,6 +28,10 @@ from .camera import Camera
 from .render import render
 from .shift import APERTURE_RAYS, BackgroundDisplacement, gather, view_options
 from .spreads import PupilSamples, SpreadGrid, defocus_paths, spread_grid
+
+if TYPE_CHECKING:
+    import xarray
+    from matplotlib.axes import Axes
 
 # Defaults: nodes along a side, pixels across a point spread function, rays across the pupil.
 NODE_COUNT, SIZE, PUPIL_PIXELS = 9, 32, 32
@@ -86,7 +90,7 @@ class ImageThrough:
         """Write a grey picture in 16 bits, TIFF or PNG, the uppermost row first."""
         write_grey(path, self.image)
 
-    def to_xarray(self):
+    def to_xarray(self) -> "xarray.Dataset":
         """Return picture, displacement and blur as a dataset with units."""
         dims = ("y", "x", "colour")[: self.image.ndim]
         words = {"units": "1", "long_name": "brightness through the flow"}
@@ -95,7 +99,7 @@ class ImageThrough:
         dataset = self.shift.to_xarray().assign(image=(dims, self.image, words), weight=light)
         return dataset.assign_coords(wavelength=length)
 
-    def plot(self, axes=None):
+    def plot(self, axes: "Axes | None" = None) -> "Axes":
         """Draw the picture on matplotlib axes; return the axes."""
         axes = drawn_on(axes)
         axes.imshow(self.image, origin="lower", cmap="gray")

@@ -130,3 +130,12 @@ def remark_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
     for stage, reason in (summary.get("failures") or {}).items():
         rows.append((STAGES.get(stage, f"No {stage}"), str(reason)))
     return rows
+
+
+def table_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Return the rows of a run's table: main quantities, remarks, and what they cost."""
+    rays = f"{summary['ray_count']:,} requested, {summary['traced_ray_count']:,} traced"
+    time = f"{summary['total_seconds']:.2f} s, of which {summary['compile_seconds']:.2f} s compiling kernels"
+    where = f"{summary['backend']} on {summary['device']}, {summary['precision']}"
+    costs = [("Rays for the Strehl ratio", rays), ("Computed by", where), ("Time", time)]
+    return [*headline_rows(summary), *remark_rows(summary), *costs]

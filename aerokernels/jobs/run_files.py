@@ -17,7 +17,7 @@ from aerokernels import __version__
 from aerokernels.display.quantities import TOTAL, Verdict, greatest_ratio_error, judge, main_cause
 from aerokernels.display.shown import shown
 from aerokernels.focus import StrehlEstimate
-from aerokernels.jobs.numbers import NUMBERS
+from aerokernels.jobs.numbers import NUMBERS, table_rows
 from aerokernels.jobs.pages.air import body_variables, density_variables
 from aerokernels.jobs.store import number_or_nan, to_json, variable
 from aerokernels.lidar import EchoResult
@@ -43,9 +43,9 @@ class RayFan:
 
 
 @shown
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class RunResult:
-    """The results of all stages of a run, its summary and its dataset.
+    """The results of all stages of a run, its summary and its dataset; it prints as the command line's table.
 
     Attributes:
         scene: The scene.
@@ -87,6 +87,15 @@ class RunResult:
     def summary(self) -> dict[str, Any]:
         """The run's numbers, in SI units, as written to summary.json; computed when first read."""
         return summarise(self)
+
+    def __repr__(self) -> str:
+        """The title and the rows of the command line's table."""
+        rows = table_rows(self.summary)
+        width = max(len(name) for name, _ in rows)
+        return "\n".join([self.scene.title or self.scene.name, *(f"  {name:<{width}}  {text}" for name, text in rows)])
+
+    def _picture(self) -> Any:
+        return None if self.wavefront is None else self.wavefront._picture()
 
     def to_xarray(self) -> "xarray.Dataset":
         """Return the run as one dataset with units, as written to result.nc."""

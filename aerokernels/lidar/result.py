@@ -18,6 +18,7 @@ from aerokernels.lidar.range_error import RangeStatistics
 
 if TYPE_CHECKING:
     import xarray
+    from matplotlib.axes import Axes
 
 
 @shown
@@ -121,7 +122,7 @@ class EchoResult:
             "still_air": self.still_air,
         }
 
-    def plot(self, axes=None):
+    def plot(self, axes: "Axes | None" = None) -> "Axes":
         """Plot the recorded and the noise-free voltage [V] over time [ns] on matplotlib axes; returns the axes."""
         axes = drawn_on(axes)
         axes.plot(1e9 * self.time, self.voltage, label="recorded")

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from aerokernels.derived import Derived
-from aerokernels.display.shown import shown
+from aerokernels.display.shown import plane_picture, shown
 from aerokernels.inputs.arguments import Numbers, checked
 from aerokernels.inputs.checks import check_choice, check_positive
 from aerokernels.inputs.kinds import are_numbers
@@ -320,6 +320,9 @@ class IndexField(Derived):
         contrast[unknown], gradient[unknown] = np.nan, np.nan
         return contrast, gradient
 
+    def _picture(self) -> Any:
+        return plane_picture(lambda at: 1e6 * self.contrast_at(at), self.box, self.geometry, "index - ambient [1e-6]")
+
     @checked
     def contrast_at(self, points: Numbers) -> np.ndarray:
         """Return the contrast at points (n, 3), shape (n,)."""
@@ -339,7 +342,7 @@ class IndexField(Derived):
         wavelength: float | None = None,
         region: Any = None,
         interpolation: str = "cubic",
-    ):
+    ) -> "IndexField":
         """Return the same field on a uniform grid, with the measured resampling error.
 
         Args:

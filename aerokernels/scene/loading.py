@@ -104,7 +104,7 @@ def resolve_paths(tables: dict[str, Any], place: str | Path) -> None:
         if isinstance(table, dict) and isinstance(value := table.get(key), str):
             path = folder / os.path.expanduser(value)
             # os.path.exists accepts a name of any length. Otherwise an error shows the path as it was written.
-            if value not in (*shipped_names(), "static") and os.path.exists(path):
+            if value not in (*shipped_names(), "static", "cone") and os.path.exists(path):
                 table[key] = str(path.resolve())
     if isinstance(series, dict) and isinstance(series.get("source"), str):  # which may be a pattern of file names
         series["source"] = str(folder / series["source"])

@@ -1,12 +1,24 @@
 """A scene: the checked description, in SI units, of everything that one run needs; and changes of its keys."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from pydantic import BaseModel, Field, ValidationError, model_validator
 
-from aerokernels.flow import SEA_LEVEL_DENSITY, DensityField, read, shipped, shipped_names, uniform_air
+from aerokernels.display.shown import as_html
+from aerokernels.flow import (
+    SEA_LEVEL_DENSITY,
+    DensityField,
+    cone,
+    read,
+    shipped,
+    shipped_names,
+    standard_atmosphere,
+    uniform_air,
+)
+from aerokernels.flow.sampled_density import SampledDensity
 from aerokernels.inputs.arguments import checked
 from aerokernels.inputs.checks import warn_caller
 from aerokernels.inputs.units import quantity, si_unit
@@ -21,7 +33,7 @@ from aerokernels.scene.loading import (
     toml_value,
 )
 from aerokernels.scene.pupil_table import PupilTable
-from aerokernels.scene.tables import STATIC, FlowTable, GridTable, SeriesTable, StrehlTable, TraceTable
+from aerokernels.scene.tables import CONE, STATIC, FlowTable, GridTable, SeriesTable, StrehlTable, TraceTable
 from aerokernels.scene.values import Table, dimension_of
 
 
@@ -62,7 +74,7 @@ class Scene(Table):
 
     @model_validator(mode="after")
     def _species_have_a_file(self) -> "Scene":
-        if self.flow.is_mixture and self.flow.source in (*shipped_names(), STATIC):
+        if self.flow.is_mixture and self.flow.source in (*shipped_names(), STATIC, CONE):
             raise ValueError(f"flow.species needs a flow file, and {self.flow.source!r} is air: leave the key out")
         return self
 
@@ -133,6 +145,19 @@ class Scene(Table):
         except ValidationError as fault:
             raise scene_error(fault, tables, str(place), (), cls) from None
 
+    def _repr_html_(self) -> str:
+        lines = []
+        for name, value in self.model_dump(mode="json", exclude_unset=True).items():
+            keys = {f"{name}.{key}": one for key, one in value.items()} if isinstance(value, Mapping) else {name: value}
+            for key, one in keys.items():
+                unit = key_unit(key) if isinstance(one, float) else "1"
+                lines.append(f"  {key}: {one}{'' if unit == '1' else f' {unit}'}")
+        try:
+            picture = self.density_field()._picture()
+        except (ValueError, OSError):  # a flow that is not there, or snapshots alone
+            picture = None
+        return as_html("\n".join(["Scene", *lines]), picture)
+
     def density_field(self) -> DensityField:
         """Return the scene's flow at its density; "static" is air at rest around the model, by default at sea level.
 
@@ -140,8 +165,14 @@ class Scene(Table):
             ValueError: A scene of snapshots alone, or a flow file that cannot be used; one line that names the place
                 and the remedy.
         """
-        source, own = self.flow_source, self.flow.density == "tunnel"
-        density = SEA_LEVEL_DENSITY if self.flow.density == "sea-level" or own else float(self.flow.density)
+        source, altitude = self.flow_source, self.flow.altitude
+        own = self.flow.density == "tunnel" and altitude is None
+        if altitude is not None:
+            density = standard_atmosphere(altitude).density
+        else:
+            density = SEA_LEVEL_DENSITY if isinstance(self.flow.density, str) else self.flow.density
+        if source == CONE:
+            return cone(float(self.flow.mach or 0.0), float(self.flow.half_angle or 0.0), density=density)
         if source == STATIC:
             return uniform_air(density, body=shipped(shipped_names()[0]).body)
         field = (
@@ -150,9 +181,13 @@ class Scene(Table):
             else read(Path(source).expanduser(), species=self.flow.species, **self.flow.file.read_options())
         )
         try:
-            return field if own else field.scaled(density)
+            field = field if own else field.scaled(density)
         except ValueError as fault:
             raise ValueError(f"flow.density = {density:g} kg/m3: {fault}") from None
+        if altitude is not None and isinstance(field, SampledDensity):
+            said = f"{field.provenance}, to the US Standard Atmosphere 1976 at {altitude / 1e3:g} km"
+            return replace(field, provenance=said)  # type: ignore[type-var]
+        return field
 
     def as_dict(self) -> dict[str, Any]:
         """Return all values, defaults included, in SI units, as plain JSON types: the provenance in results."""
@@ -224,7 +259,7 @@ UNUSED = {
     "run": ("series",),
     "strehl": ("atmosphere", "detector", "series"),
     "schlieren": (*_LASER, "pupil", "receiver", "series", *_STEPS),
-    "series": (*_LASER, "flow.source", "flow.density", "flow.interpolation", "grid", *_STEPS),
+    "series": (*_LASER, "flow.source", "flow.density", "flow.altitude", "flow.interpolation", "grid", *_STEPS),
 }
 
 

@@ -6,12 +6,13 @@ are choices made here; each key's description explains its own. Beam, target and
 detector in detector_table.py.
 """
 
+import math
 import os
 from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
-from aerokernels.flow import gladstone_dale_constant, refractivity_model, shipped_names
+from aerokernels.flow import gladstone_dale_constant, maximum_cone_angle, refractivity_model, shipped_names
 from aerokernels.flow.gas import check_density
 from aerokernels.flow.refractivity import RELATIONS, default_relation, index_contrast
 from aerokernels.inputs.units import quantity
@@ -29,6 +30,7 @@ from aerokernels.scene.values import (
     Temperature,
     Time,
     key,
+    measured,
 )
 
 
@@ -172,13 +174,14 @@ class SeriesTable(Table):
     length: Length | None = key(None, "Length in the Strouhal number; the pupil's width if absent.")
 
 
-STATIC = "static"
+STATIC, CONE = "static", "cone"
+AXIAL = ("mach2", "mach3", "mach4")  # the shipped flows that differ in their Mach number alone
 UNIFORM_INTERPOLATIONS = ("cubic", "linear", "monotone")
 MESH_INTERPOLATIONS = ("bilinear", "bilinear-barron", "idw")
 
 
 def _source(value: Any) -> str | None:
-    choices = (*shipped_names(), STATIC)
+    choices = (*shipped_names(), STATIC, CONE)
     if value is None or value in choices:
         return value
     if not isinstance(value, str) or not os.path.exists(os.path.expanduser(value)):
@@ -217,7 +220,8 @@ class FlowTable(Table):
     source: Annotated[str | None, BeforeValidator(_source)] = key(
         ...,
         '"mach2", "mach3", "mach4": the shipped CFD field of the wind-tunnel model; "static": air at rest; or the path '
-        "of your own CFD file or case, relative to the scene file. A scene with a [series] may leave it out; "
+        'of your own CFD file or case, relative to the scene file; or "cone": the exact flow over a cone of 0.1 m '
+        "length, at mach and half_angle. A scene with a [series] may leave it out; "
         "`aerokernels series` alone accepts it then.",
     )
     file: FileTable = FileTable()
@@ -232,6 +236,19 @@ class FlowTable(Table):
         'Free-stream density: "tunnel" is the field\'s own (at rest: sea level), "sea-level" is 1.225 kg/m3, '
         "or a density. The whole field is scaled with it. The paper's tunnel runs at 0.17 to 0.43 of the sea-"
         "level density that its simulation appears to use, so both are shipped as scenes.",
+    )
+    mach: Annotated[float, measured("dimensionless"), Field(gt=1.0, le=50.0)] | None = key(
+        None,
+        "Mach number of the free stream: it selects the shipped flow of this Mach number, 2, 3 or 4, in place of the "
+        'one that source names, or gives that of source = "cone".',
+    )
+    half_angle: Annotated[float, measured("angle"), Field(gt=1e-6, lt=1.5)] | None = key(
+        None, 'Half angle of source = "cone".'
+    )
+    altitude: Annotated[float, measured("length"), Field(ge=0.0, le=86e3)] | None = key(
+        None,
+        "Altitude, in place of density: the free stream has the density of the US Standard Atmosphere 1976. The "
+        "whole field is scaled with it, at the flow's own Mach number and temperature.",
     )
     wavelength: Annotated[Length, AfterValidator(_wavelength)] = key(
         "905 nm", "Vacuum wavelength of the laser. The paper's."
@@ -270,6 +287,41 @@ class FlowTable(Table):
         chosen = default_relation(given, data.get("species") not in (None, False))
         is_open = relation is None or (given and relation == "paper")
         return {**data, "relation": chosen} if is_open and chosen != cls.model_fields["relation"].default else data
+
+    @model_validator(mode="before")
+    @classmethod
+    def _mach_selects_the_source(cls, data: Any) -> Any:
+        if not isinstance(data, dict) or data.get("mach") is None or data.get("source") == CONE:
+            return data
+        shipped_at, mach = {name.removeprefix("mach"): name for name in AXIAL}, data["mach"]
+        chosen = shipped_at.get(f"{mach:g}" if isinstance(mach, (int, float)) else str(mach).strip())
+        if data.get("source") not in AXIAL:
+            raise ValueError(
+                f"flow.mach = {mach!r} selects one of the flows {', '.join(AXIAL)} or goes with flow.source = 'cone', "
+                f"and flow.source = {data.get('source')!r} has its own Mach number: leave flow.mach out"
+            )
+        if chosen is None:
+            raise ValueError(
+                f"flow.mach = {mach!r}: choose {', '.join(shipped_at)}, the shipped flows, or flow.source = 'cone' "
+                "with flow.half_angle, an exact flow at any Mach number above 1"
+            )
+        return {**data, "source": chosen}
+
+    @model_validator(mode="after")
+    def _cone_and_altitude_fit_the_rest(self) -> "FlowTable":
+        if self.altitude is not None and not isinstance(self.density, str):
+            raise ValueError("flow.altitude and flow.density both give the free stream's density: drop one")
+        if self.source == CONE:
+            if self.mach is None or self.half_angle is None:
+                raise ValueError(
+                    "flow.source = 'cone' needs flow.mach, such as 3, and flow.half_angle, such as '15 deg'"
+                )
+            if self.half_angle > (most := maximum_cone_angle(self.mach)):
+                raise ValueError(
+                    f"flow.half_angle of {math.degrees(self.half_angle):.4g} deg detaches the shock at Mach "
+                    f"{self.mach:g}: give at most {math.degrees(most):.4g} deg, or a greater flow.mach"
+                )
+        return self
 
     @model_validator(mode="after")
     def _relation_fits_the_rest(self) -> "FlowTable":

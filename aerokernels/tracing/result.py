@@ -17,6 +17,9 @@ from .plan import RAY_OUTPUTS
 from .status import RayStatus, reached
 
 if TYPE_CHECKING:
+    import xarray
+    from matplotlib.axes import Axes
+
     from .variants.causes import Variants
 
 # Names that `on_device` accepts.
@@ -198,7 +201,7 @@ class TraceResult:
             error = budget(lambda rays: _rms(rays.opd, found.weight), found, "m")["total"]
         return {"opd_rms": Quantity(_rms(self.opd[good], share), error, "m")}
 
-    def plot(self, axes=None):
+    def plot(self, axes: "Axes | None" = None) -> "Axes":
         """Draw the spot diagram, the ray directions about their mean [urad], on matplotlib axes; returns the axes.
 
         Raises:
@@ -207,12 +210,25 @@ class TraceResult:
         if self.direction is None or not self.ok.any():
             raise ValueError("a spot diagram needs the output direction, and rays that reached the stop")
         axes = drawn_on(axes)
+        axes.plot(*self._spots(), ".", markersize=2)
+        axes.set(xlabel="angle from the mean, first axis [urad]", ylabel="second axis [urad]", aspect="equal")
+        return axes
+
+    def _spots(self) -> tuple[np.ndarray, np.ndarray]:
+        assert self.direction is not None
         there = self.direction[self.ok]
         mean = there.mean(axis=0)
         first, second = transverse_axes(mean / np.linalg.norm(mean))
-        axes.plot(1e6 * (there @ first), 1e6 * (there @ second), ".", markersize=2)
-        axes.set(xlabel="angle from the mean, first axis [urad]", ylabel="second axis [urad]", aspect="equal")
-        return axes
+        return 1e6 * (there @ first), 1e6 * (there @ second)
+
+    def _picture(self) -> Any:
+        from ..display.figures import Axis, Line, Lines
+
+        if self.direction is None or not self.ok.any():
+            return None
+        x, y = (one[:: max(len(one) // 500, 1)] for one in self._spots())
+        first, second = (Axis(f"angle from the mean, {name} axis [µrad]") for name in ("first", "second"))
+        return Lines(first, second, [Line(x, y, dots=True)])
 
     def __repr__(self) -> str:
         """Rays, their status, the OPD with its error and the plan.
@@ -229,7 +245,7 @@ class TraceResult:
         code, count = np.unique(self.status, return_counts=True)
         return {RayStatus(int(c)).name: int(n) for c, n in zip(code, count, strict=True)}
 
-    def to_xarray(self):
+    def to_xarray(self) -> "xarray.Dataset":
         """The result as an xarray.Dataset with units, the OPD's error budget among its attributes.
 
         `result.to_xarray().to_netcdf(path)` saves it, and `TraceResult.open(path)` opens it.

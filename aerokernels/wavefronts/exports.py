@@ -8,7 +8,7 @@ from dataclasses import fields
 from functools import partial
 from importlib import import_module
 from pathlib import Path
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -18,6 +18,9 @@ from ..inputs.arguments import checked
 from ..inputs.checks import check_choice
 from ..pupils import Annulus, Disc, Mask, Polygon, Pupil, Rectangle
 from .point_spread import complex_amplitude
+
+if TYPE_CHECKING:
+    import xarray
 
 
 @checked
@@ -137,7 +140,7 @@ SIGN_CONVENTION = "OPD is positive where light is delayed"
 PUPILS: dict[str, Any] = {kind.__name__: kind for kind in (Annulus, Disc, Mask, Polygon, Rectangle)}
 
 
-def to_xarray(wavefront: Any):
+def to_xarray(wavefront: Any) -> "xarray.Dataset":
     """Return an xarray.Dataset of "opd", "weight" and "intensity" over (y, x); computes the OPD's error budget."""
     import xarray
 

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from functools import cached_property, partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -18,6 +18,9 @@ from .changes import of_changes, of_map
 from .pixels import derivatives
 from .terms import weighted_mean
 from .transfer import autocorrelation
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 # Parts of a ring of pairs of pixels that are compared.
 PARTS = 4
@@ -50,7 +53,7 @@ class StructureFunction:
         """Error of each value [m2], shape (n,); NaN if it is not known. Computed when first read."""
         return np.full(np.shape(self.value), np.nan) if self.errors is None else self.errors()
 
-    def plot(self, axes=None):
+    def plot(self, axes: "Axes | None" = None) -> "Axes":
         """Draw the square root of the function [nm] over the distance on matplotlib axes; return the axes."""
         axes = drawn_on(axes)
         axes.plot(1e3 * self.separation, 1e9 * np.sqrt(self.value))

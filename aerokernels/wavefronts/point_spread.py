@@ -8,12 +8,16 @@ a being the angle at which light leaves the pupil (parts by matrix products: R. 
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..display.shown import drawn_on, extent_of, shown
 from ..inputs.arguments import Numbers, checked
 from ..inputs.wavelength import check_wavelength
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 BLOCK = 32  # rows and columns of a matrix product: BLAS never splits so small a one among threads
 
@@ -52,7 +56,7 @@ class PointSpread:
         """
         return width_at_half(self.angle, self.intensity)[0]
 
-    def plot(self, axes=None, *, decades: float = 4.0):
+    def plot(self, axes: "Axes | None" = None, *, decades: float = 4.0) -> "Axes":
         """Draw the intensity on matplotlib axes, on a logarithmic scale of so many decades; return the axes."""
         axes = drawn_on(axes)
         shown = np.log10(np.maximum(self.intensity, self.peak * 10.0**-decades))

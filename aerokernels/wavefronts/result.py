@@ -4,13 +4,13 @@ from collections.abc import Callable, Hashable
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property, partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..derived import key_of
 from ..display.quantities import ErrorBudget, Quantity
-from ..display.shown import drawn_on, is_flat, say_flat, shown
+from ..display.shown import drawn_on, is_flat, map_picture, say_flat, shown
 from ..inputs.arguments import Numbers, checked
 from ..inputs.checks import check_count, check_positive, check_share
 from ..inputs.kinds import refuse_masked, wrong_kind
@@ -47,6 +47,9 @@ from .transfer import (
     transfer_errors,
     transfer_function,
 )
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 
 @shown
@@ -413,7 +416,12 @@ class Wavefront:
     to_fits = to_fits
     to_zemax = to_zemax
 
-    def plot(self, axes=None):
+    def _picture(self) -> Any:
+        half = 0.5 * len(self.opd) * self.pixel
+        opd = 1e9 * (self.opd - np.nanmean(self.opd))
+        return map_picture(opd, (-half, half, -half, half), ("x", "y"), "OPD from the mean [nm]", "delay")
+
+    def plot(self, axes: "Axes | None" = None) -> "Axes":
         """Draw the OPD map on matplotlib axes; returns the axes."""
         axes = drawn_on(axes)
         if is_flat(self.opd, "m"):
@@ -421,7 +429,7 @@ class Wavefront:
             return axes
         half, greatest = 0.5e3 * len(self.opd) * self.pixel, float(np.nanmax(np.abs(self.opd))) * 1e9
         extent = (-half, half, -half, half)
-        limits = {"vmin": -greatest, "vmax": greatest}
+        limits: dict[str, Any] = {"vmin": -greatest, "vmax": greatest}
         picture = axes.imshow(self.opd * 1e9, origin="lower", extent=extent, cmap="RdBu_r", **limits)
         axes.figure.colorbar(picture, ax=axes, label="OPD [nm], positive where light is delayed")
         axes.set(xlabel="x in the pupil [mm]", ylabel="y in the pupil [mm]")

@@ -9,7 +9,7 @@ A = w exp(i k OPD), frequencies f in cycles per radian, p their spacing, P the p
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -21,6 +21,9 @@ from ..inputs.wavelength import check_spectrum
 from ..pupils import Disc
 from .changes import of_map
 from .point_spread import PointSpread, complex_amplitude, width_at_half
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 
 @shown
@@ -56,7 +59,7 @@ class Transfer:
         line = np.stack([frequency * np.sin(angle), frequency * np.cos(angle)], axis=1)
         return frequency, RegularGridInterpolator((self.frequency, self.frequency), self.value)(line)
 
-    def plot(self, axes=None):
+    def plot(self, axes: "Axes | None" = None) -> "Axes":
         """Draw the function along both axes, beside the perfect one, on matplotlib axes; return the axes."""
         axes = drawn_on(axes)
         for name, angle in (("x", 0.0), ("y", 0.5 * np.pi)):
@@ -105,7 +108,7 @@ class EncircledEnergy:
         """The share of a single angle."""
         return float(self.energy)
 
-    def plot(self, axes=None):
+    def plot(self, axes: "Axes | None" = None) -> "Axes":
         """Draw the encircled energy on matplotlib axes; return the axes."""
         axes = drawn_on(axes)
         axes.plot(np.ravel(self.angle) * 1e6, np.ravel(self.energy))

@@ -6,6 +6,7 @@ or -K^2 / (2 k) in place of the root minus k (J. W. Goodman, Introduction to Fou
 """
 
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,6 +18,9 @@ from ..inputs.wavelength import check_wavelength
 from ..pupils import as_unit_vector, as_vector, transverse_axes
 from ..wavefronts import PointSpread
 from ..wavefronts.point_spread import far_field
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 
 def transfer_exponent(
@@ -242,7 +246,7 @@ class Wave:
         with np.errstate(invalid="ignore"):
             return PointSpread(np.abs(spectrum / self._reference) ** 2, angle)
 
-    def plot(self, axes=None):
+    def plot(self, axes: "Axes | None" = None) -> "Axes":
         """Draw the intensity over the window [mm] on matplotlib axes; return the axes."""
         axes = drawn_on(axes)
         x, y = (1e3 * axis for axis in self.coordinates)

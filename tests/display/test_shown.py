@@ -1,9 +1,15 @@
 """Objects show themselves in a few lines, in notebooks too; a saved trace keeps where its rays start."""
 
+import base64
+import html
+import io
+import re
+
 import numpy as np
 import pytest
+from PIL import Image
 
-from aerokernels import Disc, IndexField, RayBundle, flow
+from aerokernels import Disc, IndexField, RayBundle, Scene, flow, simulate, trace, wavefront
 from aerokernels.display.shown import described
 
 
@@ -25,3 +31,49 @@ def test_reprs_have_few_lines_and_units(field):
 def test_notebooks_show_the_same_and_nothing_of_it_as_html():
     assert Disc(1e-3)._repr_html_() == f"<pre>{Disc(1e-3)!r}</pre>"
     assert "<b>" not in flow.uniform_air(1.0, radius=4e-3)._repr_html_()
+
+
+def picture_in(thing) -> np.ndarray | None:
+    """The pixels of the picture that a notebook shows of a thing, uppermost row first; None for an SVG file."""
+    kind, data = re.search(r'<img src="data:image/(png|svg)[^,]*,([^"]+)"', thing._repr_html_()).groups()
+    found = base64.b64decode(data)
+    if kind == "svg":
+        assert found.rstrip().endswith(b"</svg>")
+        return None
+    return np.asarray(Image.open(io.BytesIO(found)).convert("RGB"), dtype=float)
+
+
+def test_notebooks_show_one_picture_with_the_numbers(field, tmp_path):
+    """Fields, wavefronts, traces and scenes: the text that is printed, then the picture."""
+    rays = RayBundle.collimated(Disc(1e-3, (0.0, 0.0, -1e-3)), 64)
+    air, wave = flow.shipped("mach3"), wavefront(field, Disc(1e-3, (0.0, 0.0, -1e-3)), pixel_count=16)
+    for thing in (field, air, wave, trace(field, rays), flow.wedge(3.0, 0.2), flow.uniform_air()):
+        assert thing._repr_html_().startswith(f"<pre>{html.escape(repr(thing))}</pre><img ")
+        picture_in(thing)
+    assert "+-" in wave._repr_html_()
+    scene = Scene.load("wind-tunnel-mach3", {"target.tilt": "0.25 rad"})
+    assert "target.tilt: 0.25 rad" in scene._repr_html_() and picture_in(scene).size
+    (tmp_path / "torn.vtu").write_text("no flow")
+    without = Scene.load("wind-tunnel-mach3", {"flow.source": str(tmp_path / "torn.vtu")})
+    assert f"flow.source: {tmp_path / 'torn.vtu'}" in without._repr_html_() and "<img" not in without._repr_html_()
+    assert "<img" not in trace(field, rays, outputs=("opd",))._repr_html_()
+
+
+def test_the_picture_of_a_field_is_upright():
+    """Contrast in one corner only, y up and z to the right: the brightest colors are in the upper right corner."""
+    contrast = np.zeros((40, 40))
+    contrast[30:, 30:] = 1e-4
+    field = IndexField.from_samples(contrast, origin=(0, 0), spacing=(1e-3, 1e-3), geometry="planar")
+    pixels = picture_in(field)
+    yellow = (pixels[..., 0] > 200) & (pixels[..., 1] > 200) & (pixels[..., 2] < 90)
+    rows, columns = np.nonzero(yellow[:, : int(0.7 * pixels.shape[1])])  # without the color bar
+    assert rows.size and rows.max() < 0.4 * len(pixels) and columns.min() > 0.4 * pixels.shape[1]
+
+
+def test_a_run_prints_as_on_the_command_line():
+    """The rows of `aerokernels run` in a terminal that is none, but for the time."""
+    few = {"strehl.ray_count": 2000, "beam.ray_count": 16, "receiver.ray_count": 16}
+    run = simulate(Scene.load("wind-tunnel-mach3", few))
+    lines = repr(run).splitlines()
+    assert lines[0] == run.scene.title and lines[1].split("  ")[1] == "Strehl ratio" and "+-" in lines[1]
+    assert "2,000 requested" in str(run) and "µW" in str(run) and picture_in(run).size

@@ -30,6 +30,8 @@ from ..backends import (
 )
 from ..stepped_reference import trace_in_steps
 
+pytestmark = pytest.mark.slow
+
 PRECISIONS = ("float32", "float64")
 SMOOTH, ROUGH = 3.0, 1.2  # cells over which samples are smooth
 # Seed and smoothness of each kind's fields; one where the reference stops at kinks all the way, which takes it seconds.
