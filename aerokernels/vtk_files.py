@@ -90,10 +90,6 @@ def rays_to_vtk(
         ValueError: A number that makes no sense, rays without a mean direction where it is needed, or as for `trace`.
     """
     check_count(point_count, "point_count", 2)
-    if not isinstance(until, (Plane, ArcLength, type(None))):
-        raise TypeError(f"until must be a Plane, an ArcLength or None, got {type(until).__name__}")
-    if "outputs" in options:
-        raise TypeError("outputs is not for rays_to_vtk: positions and OPD are written")
     vtk = _vtk()
     along = rays.direction.mean(axis=0)
     if until is None:

@@ -15,7 +15,7 @@ PACKAGE = Path(__file__).resolve().parents[1] / "aerokernels"
 # Lines of Python in the modules of each folder and in folders below it.
 LINES = {
     ".": 1640,
-    "benches": 2240,
+    "benches": 2282,
     "benchmark": 610,
     "commands": 1360,
     "device_arrays": 1190,

@@ -59,7 +59,7 @@ def test_rays_are_polylines(tmp_path):
     assert place.reshape(-1, 8, 3)[:, -1] == pytest.approx(ends.position, abs=1e-9)
     assert np.linalg.norm(steps, axis=2) == pytest.approx(0.05, rel=1e-5)
     for wrong in ({"until": 5e-3}, {"outputs": ("opd",)}):
-        with pytest.raises(TypeError, match=r"until must be a Plane|outputs is not"):
+        with pytest.raises(TypeError, match=r"until|outputs"):
             rays_to_vtk(field, rays, tmp_path / "rays", **wrong)
 
 

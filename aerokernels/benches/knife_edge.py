@@ -7,12 +7,15 @@ Reference: G. S. Settles, Schlieren and Shadowgraph Techniques (Springer, 2001),
 
 import math
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from dataclasses import field as attribute
+from typing import Any, ClassVar, cast, overload
 
 import numpy as np
 
 from ..display.shown import ROUNDING, shown
+from ..flow.series import Series
 from ..inputs.arguments import checked
+from ..inputs.wavelength import DEFAULT_WAVELENGTH
 from ..medium import IndexField
 from .bench import Bench, light_of_source
 from .line_of_sight import LineOfSight, check_exposure, check_turn, traced_light
@@ -113,9 +116,47 @@ class KnifeEdge:
         return replace(self, sensitivity=room / largest if largest > ROUNDING["rad"] else 0.0)
 
 
+@shown
+@dataclass(frozen=True, eq=False)
+class SchlierenFilm:
+    """Schlieren pictures of the snapshots of a series, all of one sensitivity.
+
+    Attributes:
+        time: Time of each frame [s], shape (n,).
+        frames: The pictures, n of them, whose errors are not known: `schlieren` of a snapshot's index field has one's.
+    """
+
+    time: np.ndarray
+    frames: tuple[SchlierenImage, ...] = attribute(repr=False)
+
+    def to_xarray(self) -> Any:
+        """Return the frames as one xarray.Dataset over time [s]: what `SchlierenImage.to_xarray` has of each."""
+        import xarray
+
+        time = xarray.IndexVariable("time", self.time, {"units": "s", "long_name": "time"})
+        return xarray.concat([one.to_xarray() for one in self.frames], time, combine_attrs="override")
+
+
+def _film(series: Series, edge: KnifeEdge, shared: dict[str, Any], options: dict[str, Any]) -> SchlierenFilm:
+    """Return the film of a series, whose frames do not hold the fields of the snapshots."""
+    fields = (one.index_field(wavelength=options.get("wavelength", DEFAULT_WAVELENGTH)) for one in series)
+    if shared["bench"] is None:
+        lights = [replace(traced_light(one, options), light=cast(Any, None)) for one in fields]
+        if edge.sensitivity is None:
+            edge = edge.with_full_range(np.concatenate([one.deflection[one.through] for one in lights]))
+        made = (schlieren(one, sensitivity=edge.sensitivity, **shared) for one in lights)
+    else:
+        made = (schlieren(one, sensitivity=edge.sensitivity, **shared, **options) for one in fields)
+    return SchlierenFilm(series.time, tuple(replace(one, measure_error=None) for one in made))
+
+
+@overload
+def schlieren(field: Series, **options: Any) -> SchlierenFilm: ...
+@overload
+def schlieren(field: IndexField | LineOfSight, **options: Any) -> SchlierenImage: ...
 @checked
 def schlieren(
-    field: IndexField | LineOfSight,
+    field: IndexField | LineOfSight | Series,
     *,
     knife_edge: str | float = "vertical",
     cut_off: float = 0.5,
@@ -123,11 +164,12 @@ def schlieren(
     exposure: float = 1.0,
     bench: Bench | None = None,
     **options: Any,
-) -> SchlierenImage:
-    """Make a schlieren picture of a field.
+) -> SchlierenImage | SchlierenFilm:
+    """Make a schlieren picture of a field, or of each snapshot of a series: a film.
 
     Args:
-        field: any field, of which a planar one needs `width` and a view along x; or light that was traced through one.
+        field: any field, of which a planar one needs `width` and a view along x; or light that was traced through one;
+            or a Series, whose snapshots become index fields at `wavelength`, and whose frames share one sensitivity.
         knife_edge: "vertical" shows changes along the picture's horizontal, "horizontal" those along its vertical; or
             the direction in which a deflection brightens, as an angle from the picture's right toward its up [rad]: the
             edge is across that direction, and pi is a vertical edge inserted from the other side.
@@ -143,6 +185,9 @@ def schlieren(
     """
     edge = KnifeEdge(knife_edge, cut_off, sensitivity)
     check_exposure(exposure)
+    if isinstance(field, Series):
+        shared = {"knife_edge": knife_edge, "cut_off": cut_off, "exposure": exposure, "bench": bench}
+        return _film(field, edge, shared, options)
     if bench is None:
         traced = traced_light(field, options)
         if edge.sensitivity is None:

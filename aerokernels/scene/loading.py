@@ -43,15 +43,12 @@ def read_summary(place: Path) -> dict[str, Any]:
     """Return the values of the scene in a run's summary.json, without those that are not set."""
     try:
         text = place.read_text(encoding="utf-8")
-        return dict(json.loads(text, object_pairs_hook=_set_values)["scene_values"])
+        found = json.loads(text, object_pairs_hook=lambda pairs: {key: one for key, one in pairs if one is not None})
+        return dict(found["scene_values"])
     except OSError as fault:
         raise SceneError(f"{place}: cannot be read, {fault.strerror}: give the summary.json of a run") from None
     except (ValueError, KeyError, TypeError, RecursionError):
         raise SceneError(f"{place}: holds no values of a scene: give the summary.json of a run") from None
-
-
-def _set_values(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    return {key: value for key, value in pairs if value is not None}
 
 
 def read_scene(place: str | Path) -> tuple[str, str, dict[str, Any]]:

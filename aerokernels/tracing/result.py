@@ -289,6 +289,6 @@ class TraceResult:
         vars(found).update({name: arrays[name] for name in COMPUTED if name in arrays}, error=unknown("m"))
         if "opd_error" in data.attrs:
             found.error.update(zip(str(data.attrs["causes"]).split(), map(float, data.attrs["opd_error"]), strict=True))
-            rms = replace(found.quantities["opd_rms"], error=float(data.attrs["opd_rms_error"]))
-            found.quantities["opd_rms"] = rms
+            rms, error = found.quantities["opd_rms"], float(data.attrs["opd_rms_error"])
+            found.quantities["opd_rms"] = replace(rms, error=error)
         return found

@@ -29,11 +29,6 @@ def times(wave: W, factor: float) -> W:
     return replace(wave, opd=wave.opd * factor, varied=varied, budget=budget, seconds={})
 
 
-def over(wave: W, divisor: float) -> W:
-    """Return a wavefront with its OPD divided by a number."""
-    return times(wave, 1.0 / divisor) if isinstance(divisor, (int, float, np.number)) else NotImplemented
-
-
 def minus(one: W, other: W) -> W:
     """Return the difference of two wavefronts; a ValueError refuses other pixels, pupils, directions, wavelengths."""
     return plus(one, other, -1.0)
@@ -43,24 +38,14 @@ def plus(one: W, other: W, sign: float = 1.0) -> W:
     """Return the sum of two wavefronts, dark where either is; a ValueError refuses what `minus` refuses."""
     if type(other) is not type(one):
         return NotImplemented
-    if equal(one, other):
+    if one is other or one.key == other.key:
         return times(one, 1.0 + sign)
     first, second = shared(one, other)
     join = sum if one.varied is not None and one.varied is other.varied else root_sum_square
-    return replace(
-        first,
-        opd=first.opd + sign * second.opd,
-        removed=tuple(name for name in one.removed if name in other.removed),
-        plan=None,
-        seconds={},
-        varied=None,
-        budget=partial(_joined, (one, other), (1.0, sign), join),
-    )
-
-
-def equal(one: W, other: W) -> bool:
-    """Return whether two wavefronts are the same."""
-    return one is other or one.key == other.key
+    removed = tuple(name for name in one.removed if name in other.removed)
+    budget = partial(_joined, (one, other), (1.0, sign), join)
+    opd = first.opd + sign * second.opd
+    return replace(first, opd=opd, removed=removed, plan=None, seconds={}, varied=None, budget=budget)
 
 
 def shared(one: W, other: W) -> tuple[W, W]:
@@ -72,19 +57,17 @@ def shared(one: W, other: W) -> tuple[W, W]:
     looks: list[Any] = [
         getattr(wave.pupil, "normal", None) if wave.direction is None else wave.direction for wave in (one, other)
     ]
-    if one.opd.shape != other.opd.shape or not np.isclose(one.pixel, other.pixel, rtol=1e-9):
-        sizes = " and ".join(f"{len(wave.opd)} pixels of {wave.pixel:.6g} m" for wave in (one, other))
-        raise ValueError(f"the wavefronts are on different pixels, {sizes}: make both with one pupil and pixel_count")
-    if not np.isclose(one.wavelength, other.wavelength, rtol=1e-9):
-        lengths = " and ".join(f"{1e9 * wave.wavelength:.6g} nm" for wave in (one, other))
-        raise ValueError(f"the wavefronts are at {lengths}: take one of them at_wavelength of the other")
+    mine, theirs = ((wave.pixel, wave.wavelength) for wave in (one, other))
+    if one.opd.shape != other.opd.shape or not np.allclose(mine, theirs, rtol=1e-9, atol=0.0):
+        words = (
+            f"{len(wave.opd)} pixels of {wave.pixel:.6g} m at {1e9 * wave.wavelength:.6g} nm" for wave in (one, other)
+        )
+        raise ValueError(f"the wavefronts have {' and '.join(words)}: make both with one pupil and wavelength")
     both = one.lit & other.lit
     alike = one.pupil is None or other.pupil is None or key_of(one.pupil) == key_of(other.pupil)
     alike = alike and (any(look is None for look in looks) or np.allclose(*looks))
     if not (alike and np.allclose(one.weight[both], other.weight[both], rtol=1e-9)):
         raise ValueError("the wavefronts are of different pupils or look directions: make both with the same pupil")
-    if not both.any():
-        raise ValueError("no pixel is lit in both wavefronts")
     found = []
     for wave in (one, other):
         weight, intensity = np.where(both, [wave.weight, np.asarray(wave.intensity)], 0.0)
@@ -133,7 +116,7 @@ class WavefrontComparison(Generic[W]):
         ratios = [wave.quantities["strehl"] for wave in (self.first, self.second)]
         rms = [wave.quantities["opd_rms"] for wave in (self.first, self.second, self.difference)]
         errors = [0.0, 0.0]
-        if not equal(self.first, self.second):
+        if self.first is not self.second and self.first.key != self.second.key:
             parts = (
                 of_changes(one, lambda wave: correlation(wave, other)),
                 of_changes(other, lambda wave: correlation(one, wave)),
@@ -163,9 +146,7 @@ def correlation(one: W, other: W) -> float:
 
 
 def compare(wavefront: W, other: W) -> WavefrontComparison[W]:
-    """Return both wavefronts, their difference, and in `quantities` their Strehl ratios, rms and correlation.
-
-    Each number has its error: `print(wave.compare(other))` shows them.
+    """Return both wavefronts, their difference, and Strehl ratios, rms and correlation with errors in `quantities`.
 
     Raises:
         TypeError: `other` is no Wavefront.

@@ -159,9 +159,6 @@ class ZernikeTable(tuple[ZernikeTerm, ...]):
             lines.append(f"{one.index:>4} {one.n:>3} {one.m:>4}  {one.name:<30}  {number}")
         return "\n".join(lines)
 
-    def _repr_html_(self) -> str:
-        return f"<pre>{self!r}</pre>"
-
     def to_pandas(self) -> Any:
         """Return a pandas.DataFrame of the rows by Noll's index; value and error are in meters."""
         from pandas import DataFrame

@@ -18,7 +18,7 @@ from ..inputs.wavelength import check_wavelength
 from ..process.clock import clocked, stage
 from ..pupils import Projected, Pupil, seen_along
 from ..tracing.variants.causes import Variants
-from .arithmetic import compare, minus, over, plus, times
+from .arithmetic import compare, minus, plus, times
 from .changes import Changes, changes_of, of_extremes, of_opd, of_samples, without_named
 from .exports import (
     SIGN_CONVENTION,
@@ -62,7 +62,7 @@ class Wavefront:
     the beam by +a toward +x, and the peak of `psf` is at +a. A distant point seen through the same air appears at -a.
     All are angles in vacuum: in an ambient medium of index n the beam is turned by a / n.
 
-    `a + b`, `a - b` (over one pupil, at one wavelength), `a * 2.0`, `a / 2.0` and `-a` are wavefronts too, of the OPDs'
+    `a + b`, `a - b` (over one pupil, at one wavelength), `a * 2.0` and `-a` are wavefronts too, of the OPDs'
     sum, difference and so on, with errors: see arithmetic.py.
 
     Attributes:
@@ -263,7 +263,7 @@ class Wavefront:
 
     __array_ufunc__ = None  # np.float64(2.0) * wavefront is a wavefront
 
-    __add__, __sub__, __mul__, __rmul__, __truediv__ = plus, minus, times, times, over
+    __add__, __sub__, __mul__, __rmul__ = plus, minus, times, times
     compare = checked(compare)
 
     def __neg__(self) -> "Wavefront":

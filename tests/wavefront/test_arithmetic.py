@@ -36,7 +36,7 @@ def test_a_difference_has_the_difference_of_the_coefficients():
         assert found.zernike(8) == pytest.approx([expected.get(index, 0.0) for index in range(1, 9)], abs=1e-17)
         assert found.opd_error == pytest.approx(5e-9)
         assert repr(found.pupil) == repr(a.pupil) and found.wavelength == WAVELENGTH
-    for found, factor in ((2.5 * a, 2.5), (a * np.float64(2.5), 2.5), (np.float64(2.5) * a, 2.5), (a / 0.4, 2.5)):
+    for found, factor in ((2.5 * a, 2.5), (a * np.float64(2.5), 2.5), (np.float64(2.5) * a, 2.5)):
         assert found.zernike(8) == pytest.approx(factor * a.zernike(8), abs=1e-17)
         assert found.opd_error == pytest.approx(7.5e-9)
     assert (-a).zernike(4)[3] == pytest.approx(-5e-8) and (-a).opd_error == pytest.approx(3e-9)
@@ -57,9 +57,9 @@ def test_a_wavefront_less_itself_is_nothing_and_its_double_has_twice_the_error()
 def test_other_pupils_pixels_and_wavelengths_are_refused():
     a = made({4: 5e-8})
     for other, message in (
-        (made({4: 5e-8}, count=32), "different pixels, 64 pixels of .* and 32 pixels"),
+        (made({4: 5e-8}, count=32), "have 64 pixels of .* and 32 pixels of .*: make both"),
         (made({4: 5e-8}, pupil=Annulus(RADIUS, 0.5 * RADIUS)), "different pupils"),
-        (a.at_wavelength(1e-6), "are at 905 nm and 1000 nm: take one of them at_wavelength"),
+        (a.at_wavelength(1e-6), "at 905 nm and 64 pixels of .* at 1000 nm: make both"),
     ):
         for call in (a.__sub__, a.__add__, a.compare):
             with pytest.raises(ValueError, match=message):
@@ -133,7 +133,6 @@ def test_a_zernike_table_has_names_values_and_errors(tmp_path):
     assert frame.loc[8, "value"] == table[7].value and list(frame.columns) == ["n", "m", "name", "value", "error"]
     lines = repr(table).splitlines()
     assert len(lines) == 18 and "-20.0" in lines[8] and "coma x" in lines[8] and lines[8].endswith("nm")
-    assert table._repr_html_() == f"<pre>{table!r}</pre>"
     assert wave.zernike_table(37)[-1].name == "tertiary spherical"
     with pytest.raises(ValueError, match="at least 1"):
         wave.zernike_table(0)
