@@ -23,7 +23,7 @@ import typer
 
 from aerokernels import __version__, commands
 from aerokernels.commands._output import output, say, silence, warn
-from aerokernels.display.shown import plain
+from aerokernels.display.plain_text import plain
 from aerokernels.files.writing import NO_FILES
 from aerokernels.process.interrupt import open_closed_streams, raise_interrupts
 

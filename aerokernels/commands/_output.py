@@ -18,8 +18,8 @@ from typing import Any
 
 import typer
 
+from aerokernels.display.plain_text import plain, plain_json
 from aerokernels.display.quantities import Verdict
-from aerokernels.display.shown import plain, plain_json
 from aerokernels.files.writing import FULL
 
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from aerokernels.commands._output import Screen, note, output, print_table, result, say, shown_progress, silence, warn
-from aerokernels.display.shown import plain
+from aerokernels.display.plain_text import plain
 
 if TYPE_CHECKING:
     from aerokernels.hardware.recorder import RecordingStatus

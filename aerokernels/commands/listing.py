@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from aerokernels.commands._output import note, output, print_table, say
-from aerokernels.display.shown import plain
+from aerokernels.display.plain_text import plain
 
 if TYPE_CHECKING:
     from aerokernels.flow import Contents, DensityField

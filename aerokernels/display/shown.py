@@ -6,12 +6,12 @@ Each field is one line: an array's shape and range, another object's class, or a
 
 import dataclasses
 import html
-import re
 from typing import Any, TypeVar
 
 import numpy as np
 
 from ..inputs.arguments import units_in
+from .plain_text import cut
 from .quantities import Quantity
 
 C = TypeVar("C", bound=type)
@@ -145,30 +145,3 @@ def say_flat(axes: Any, words: str = "flat: its differences are below rounding",
         bar.set_visible(False)
     axes.set_axis_off()
     axes.text(0.5, 0.5, words, transform=axes.transAxes, ha="center", va="center", wrap=True)
-
-
-_HIDDEN = re.compile(r"[^\n -~]")
-
-
-def cut(text: str, most: int = 60) -> str:
-    """Return a text of at most that many characters, with dots in place of the rest."""
-    return text if len(text) <= most else f"{text[: most - 3]}..."
-
-
-def plain(text: str) -> str:
-    """Return a text with control characters, except line ends and tabs, replaced by their codes."""
-    return _HIDDEN.sub(lambda found: found[0] if found[0] == "\t" or found[0].isprintable() else _code(found[0]), text)
-
-
-def _code(character: str) -> str:
-    return f"\\x{ord(character):02x}"
-
-
-def plain_json(text: str) -> str:
-    """Return JSON of the same values with control characters escaped."""
-    return _HIDDEN.sub(lambda found: found[0] if found[0].isprintable() else _units(found[0]), text)
-
-
-def _units(character: str) -> str:
-    code = character.encode("utf-16-be", "surrogatepass")
-    return "".join(f"\\u{code[k]:02x}{code[k + 1]:02x}" for k in range(0, len(code), 2))

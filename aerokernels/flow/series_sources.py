@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from aerokernels.device_arrays import host_array
-from aerokernels.display.shown import cut
+from aerokernels.display.plain_text import cut
 from aerokernels.flow.density_field import DensityField
 from aerokernels.flow.gas import FreeStream
 from aerokernels.flow.sampled_density import CellDensity, GridDensity, VertexDensity

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from aerokernels.display.shown import plain_json
+from aerokernels.display.plain_text import plain_json
 from aerokernels.files.netcdf_reading import open_netcdf
 from aerokernels.files.writing import draft_of, in_room, only_writer, replacing, write_netcdf
 

@@ -13,7 +13,7 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
-from aerokernels.display.shown import cut
+from aerokernels.display.plain_text import cut
 from aerokernels.flow.shipped import shipped_names
 from aerokernels.inputs.units import quantity, si_unit
 from aerokernels.scene.values import dimension_of

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from aerokernels.display.shown import cut
+from aerokernels.display.plain_text import cut
 from aerokernels.files.writing import FULL, draft_of, in_room, only_writer
 from aerokernels.process.foreign_files import fault_text
 from aerokernels.series.snapshot import nearest_in_time

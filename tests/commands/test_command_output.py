@@ -11,7 +11,7 @@ import pytest
 import typer
 
 from aerokernels import cli
-from aerokernels.display.shown import plain, plain_json
+from aerokernels.display.plain_text import plain, plain_json
 from aerokernels.jobs.pages.page import Page
 from aerokernels.scene import Scene, SceneError, shipped_scenes
 

@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from aerokernels import __version__
 from aerokernels.display.figures import color_tables
+from aerokernels.display.plain_text import plain
 from aerokernels.display.quantities import Quantity
-from aerokernels.display.shown import plain, told
+from aerokernels.display.shown import told
 from aerokernels.process.foreign_files import fault_text
 from aerokernels.process.opened import OPENED
 

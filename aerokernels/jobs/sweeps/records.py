@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from aerokernels.display.shown import cut, plain_json
+from aerokernels.display.plain_text import cut, plain_json
 from aerokernels.files.writing import FULL, OutputError
 from aerokernels.jobs.numbers import NUMBERS, TEXTS
 from aerokernels.jobs.store import number_or_nan, to_json, write_text
