@@ -179,5 +179,10 @@ def test_a_picture_that_cannot_be_drawn_is_said(tmp_path: Path):
         def static(self) -> str:
             raise ValueError("no numbers")
 
+    line = Lines(Axis("x"), Axis("y"), [Line([0.0, 1.0], [0.0, 1.0])], band=math.nan)
+    odd = Page("run", "Trial", [], panels=[Panel("odd", "Odd", shown=line)]).html()
+    assert '"band":null' in odd
+    lost = Page("run", "Trial", [], panels=[Panel("one", "One", shown=line)], plots=[lambda: {}["data"]]).html()
+    assert "<img" in lost
     page = Page("run", "Trial", [], panels=[Panel("bad", "Bad", shown=Broken())]).html()
     assert re.search("No picture: .*no numbers", page) and "data-plot" not in page

@@ -102,15 +102,16 @@ class Air:
         shape = min(max(height / width, 0.5), 1.04)
         return View(0.5 * (low + high), float(np.nanmean(ray[:, 0, 1])), max(height, width * shape), shape)
 
-    def plot(self, index_constant: float | None) -> dict[str, Any]:
-        """Return all views for the page's script.
-
-        Args:
-            index_constant: n - 1 per kg/m3, said under the pointer; None says nothing.
-        """
+    def plot(self) -> dict[str, Any]:
+        """Return all views for the page's script; the pointer says n - 1 too, if the run holds it per kg/m3."""
         data, (z, y) = self.dataset, self.corners
         low, high = density_limits(data["density"].values)
-        air: dict[str, Any] = {"limits": [low, high], "mirror": self.mirror, "k": index_constant, "arrow": True}
+        air: dict[str, Any] = {
+            "limits": [low, high],
+            "mirror": self.mirror,
+            "k": self.dataset.attrs.get("index_per_density"),
+            "arrow": True,
+        }
         air["ambient"] = float(data.attrs.get("ambient_density", data["density"].values.flat[-1]))
         if _is_regular(z, y):
             step = [max(1, size // RASTER) for size in data["density"].shape]

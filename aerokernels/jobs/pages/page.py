@@ -7,7 +7,7 @@ import base64
 import json
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
 
 from aerokernels import __version__
@@ -15,6 +15,7 @@ from aerokernels.display.figures import color_tables
 from aerokernels.display.plain_text import plain
 from aerokernels.display.quantities import Quantity
 from aerokernels.display.shown import told
+from aerokernels.jobs.store import to_json
 from aerokernels.process.foreign_files import fault_text
 from aerokernels.process.opened import OPENED
 
@@ -97,7 +98,7 @@ class Bar:
         text: Its value.
         share: Length of the bar [%].
         dot: Low end, place and high end of a dot with its error [%], in place of a bar.
-        kind: "below" (grey), "total", "apart", or nothing.
+        kind: "below" (grey), "total", or nothing.
     """
 
     name: str
@@ -155,7 +156,7 @@ class Page:
         details: Folded lists: heading and lines.
         words: Keys of WORDS that the page explains.
         raw: Pairs of key and value as in summary.json.
-        plots: Pictures that belong to several panels, for the page's script.
+        plots: Make the data of pictures that belong to several panels, for the page's script.
     """
 
     kind: str
@@ -172,11 +173,16 @@ class Page:
     details: Sequence[tuple[str, Sequence[str]]] = ()
     words: Sequence[str] = ("error",)
     raw: Sequence[tuple[str, str]] = ()
-    plots: Sequence[Mapping[str, Any]] = field(default=())
+    plots: Sequence[Callable[[], Mapping[str, Any]]] = ()
 
     def html(self) -> str:
         """Return the complete document."""
-        specs: list[Mapping[str, Any]] = list(self.plots)
+        specs: list[Mapping[str, Any]] = []
+        try:
+            specs += [plot() for plot in self.plots]
+        except Exception:  # a report needs no script: the static pictures are shown
+            specs.clear()
+        is_whole = len(specs) == len(self.plots)
         panels = []
         for panel in self.panels:
             spec, pictures, says = _drawn(panel)
@@ -184,7 +190,7 @@ class Page:
                 specs.append(spec)
             film = len(spec.get("times", ()))
             own = {name: getattr(panel, name) for name in ("name", "title", "alt", "caption", "tools", "rows", "mark")}
-            live = bool(pictures) and panel.shown is not None
+            live = bool(pictures) and (bool(spec.get("kind")) or is_whole)
             panels.append({**own, "says": says, "film": film if film > 1 else 0, "is_live": live, "pictures": pictures})
         maps = {"density", "delay", "light", "value"}
         data = {"plots": specs, "colors": color_tables(maps)} if specs else {}
@@ -239,7 +245,7 @@ def flat(tree: Mapping[str, Any], prefix: str = "") -> "list[tuple[str, str]]":
 
 def _script_json(data: Mapping[str, Any]) -> str:
     """Return data as JSON that may stand in a script element: nothing in it ends the element."""
-    text = json.dumps(data, separators=(",", ":"), allow_nan=False)
+    text = json.dumps(to_json(data), separators=(",", ":"), allow_nan=False)
     return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
 
 

@@ -2,7 +2,7 @@
 
 import math
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from datetime import datetime
 from typing import TYPE_CHECKING, Any
 
@@ -53,16 +53,16 @@ def run_page(dataset: "xarray.Dataset", summary: Mapping[str, Any]) -> Page:
     """
     echo = _Echo(dataset, summary) if "echo_voltage" in dataset else None
     panels: list[Panel] = []
-    plots: list[Mapping[str, Any]] = []
+    plots: list[Callable[[], Mapping[str, Any]]] = []
     front = None
     if "density" in dataset:
         air = Air(dataset)
-        plots.append(air.plot(_index_constant(dataset)))
+        plots.append(air.plot)
         panels += air.panels()
     if {"opd", "point_spread"} <= set(dataset.variables):
         error = number_or_nan(dataset["opd"].attrs.get("rms_error_m"))
         front = Front(dataset, _aberrations(dataset), error)
-        plots.append(front.plot())
+        plots.append(front.plot)
         panels += front.panels()
     if echo is not None:
         panels += echo.panels()
@@ -338,12 +338,6 @@ def _aberrations(dataset: "xarray.Dataset") -> dict[str, float]:
     rest = weight * (opd[known] - terms @ modes)
     sizes["else"] = float(np.linalg.norm(rest))
     return sizes
-
-
-def _index_constant(dataset: "xarray.Dataset") -> float | None:
-    """Return n - 1 per kg/m3, if the run stores it."""
-    constant = number_or_nan(dataset.attrs.get("index_per_density"))
-    return constant if math.isfinite(constant) else None
 
 
 def _budget(budget: Mapping[str, Any]) -> Panel:
