@@ -1,5 +1,6 @@
 """Density fields of flows: gas relations, exact flows, flow files, and the flow fields shipped with the package."""
 
+from aerokernels.flow.air import gladstone_dale_constant
 from aerokernels.flow.blunt_body import BluntBodyFlow, BowShock, blunt_body, bow_shock
 from aerokernels.flow.ciddor import ciddor_constant, ciddor_refractivity, moist_air_density, water_fraction
 from aerokernels.flow.conical_field import ConicalFlow, cone
@@ -17,6 +18,8 @@ from aerokernels.flow.gas import (
     standard_atmosphere,
     tunnel_conditions,
 )
+from aerokernels.flow.hot_air import equilibrium_air
+from aerokernels.flow.mathar import mathar_constant, mathar_refractivity
 from aerokernels.flow.plane_flows import (
     ExpansionFan,
     PlaneShock,
@@ -31,7 +34,6 @@ from aerokernels.flow.refractivity import (
     MODELS,
     RELATIONS,
     RefractivityModel,
-    gladstone_dale_constant,
     index_contrast,
     refractivity_model,
 )
@@ -86,6 +88,7 @@ __all__ = [
     "cone",
     "cone_shock",
     "contents",
+    "equilibrium_air",
     "expansion",
     "expansion_fan",
     "free_stream",
@@ -93,6 +96,8 @@ __all__ = [
     "index_contrast",
     "isentropic",
     "mach_after_turn",
+    "mathar_constant",
+    "mathar_refractivity",
     "maximum_cone_angle",
     "maximum_deflection",
     "maximum_expansion",

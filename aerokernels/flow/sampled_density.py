@@ -72,7 +72,7 @@ class SampledDensity(DensityField):
 
         Args:
             wavelength: Vacuum wavelength [m], for K; stored with the index field.
-            relation: One of `MODELS`; None is "ciddor", or "gladstone-dale" with a constant or a composition: see
+            relation: One of `MODELS`; None is "auto", air's, or "gladstone-dale" with a constant or a composition: see
                 `refractivity_model`.
             constant: K [m3/kg].
             composition: A `Composition` or fractions of species from which K is computed; fractions may be arrays with
@@ -89,7 +89,7 @@ class SampledDensity(DensityField):
         """
         wavelength = check_wavelength(wavelength)
         if constant is None and composition is None and self.composition is not None:
-            if relation in MODELS and relation not in RELATIONS:
+            if relation in MODELS and relation not in ("auto", *RELATIONS):
                 gas, remedy = ", ".join(self.composition.fractions), "take 'gladstone-dale' or 'lorentz-lorenz'"
                 raise ValueError(f"relation {relation!r} is for air, and the flow is a mixture of {gas}: {remedy}")
             composition = self.composition

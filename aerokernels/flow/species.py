@@ -1,9 +1,10 @@
-"""Refractivity of gases by species, and of their mixtures.
+"""Refractivity of gases by species, and of their mixtures, hot and ionised ones too.
 
 A published dispersion formula gives n - 1 at one reference state; over the density of the real gas there it gives the
 species' constant K, and K = sum w K over mass fractions. Coefficients are those of the refractiveindex.info database
 (CC0); virial coefficients of J. H. Dymond and E. B. Smith (Oxford, 1980). In dry air's proportions the constants agree
-with Ciddor's to 5e-5, the group constants to 6e-5.
+with Ciddor's to 5e-5, the group constants to 6e-5. Atoms, radicals and ions have their polarisability alpha,
+K = 2 pi alpha N_A / M; free electrons K = -r_e lambda^2 N_A / (2 pi M).
 """
 
 from collections.abc import Mapping
@@ -11,8 +12,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from aerokernels.flow import ciddor
+from aerokernels.flow import ciddor, mathar
 from aerokernels.inputs.arguments import checked
+from aerokernels.inputs.checks import warn_caller
 from aerokernels.inputs.wavelength import SAME, check_wavelength
 
 # The sum of fractions may differ from 1 by this much, as rounded fractions do; they are then scaled to a sum of 1.
@@ -20,26 +22,33 @@ SUM_TOLERANCE = 2e-3
 _NORMAL = (273.15, 101325.0)
 _BORZSONYI = "A. Borzsonyi et al., Appl. Opt. 47 (2008) 4856"
 WATER = "H2O"
+AVOGADRO, ELECTRON_RADIUS = 6.02214076e23, 2.8179403e-15  # [1/mol], [m]
+LABORATORY = 293.15  # [K], about which the constants hold
+HOTTEST = 1000.0  # [K], to which the polarisabilities of molecules were measured
 
 
 @dataclass(frozen=True)
 class Species:
     """A gas and its dispersion, with the vacuum wavelength lambda in um.
 
-    "sum": n - 1 = c0 + sum a / (b - 1 / lambda^2). "sellmeier": n^2 - 1 = sum a lambda^2 / (lambda^2 - b). "ciddor":
-    the vapour of Ciddor's moist air.
+    "sum": n - 1 = c0 + sum a / (b - 1 / lambda^2). "sellmeier": n^2 - 1 = sum a lambda^2 / (lambda^2 - b). "vapour":
+    that of Ciddor's moist air, in the infrared that of Mathar's. "polarisability": one number. "electron": free
+    electrons, of a number density far below the critical one.
 
     Attributes:
         name: Chemical formula.
         molar_mass: [kg/mol].
         form: "sum", "sellmeier" or "ciddor".
-        coefficients: (c0, a, b, a, b, ...) for "sum", (a, b, a, b, ...) for "sellmeier".
+        coefficients: (c0, a, b, a, b, ...) for "sum", (a, b, a, b, ...) for "sellmeier", (alpha,) [1e-30 m3] for
+            "polarisability".
         wavelength_range: Vacuum wavelengths for which the formula was fitted [m].
         temperature: Temperature of the reference state [K].
         pressure: Pressure of the reference state [Pa].
         virial: Second virial coefficient at that temperature [m3/mol].
         uncertainty: Relative uncertainty of the constant.
         source: The paper.
+        thermal: (b, c) of the polarisability's 1 + b T + c T^2 [1/K], [1/K2] (K. Kerl, U. Hohm, H. Varchmin, Ber.
+            Bunsenges. Phys. Chem. 96 (1992) 728), up to 1000 K.
     """
 
     name: str
@@ -52,6 +61,7 @@ class Species:
     virial: float
     uncertainty: float
     source: str
+    thermal: tuple[float, float] = (0.0, 0.0)
 
     @property
     def reference_density(self) -> float:
@@ -65,13 +75,8 @@ class Species:
         Raises:
             ValueError: A wavelength outside the formula's range.
         """
-        wavelength, (low, high) = check_wavelength(wavelength), self.wavelength_range
-        if not low * (1.0 - SAME) <= wavelength <= high * (1.0 + SAME):
-            raise ValueError(
-                f"wavelength {wavelength:g} m is outside {low * 1e6:g} to {high * 1e6:g} um, where the refractivity of "
-                f"{self.name} is known: {self.source}"
-            )
-        if self.form == "ciddor":
+        wavelength = check_range(self, wavelength)
+        if self.form in ("vapour", "polarisability", "electron"):
             return self.constant(wavelength, group=group) * self.reference_density
         square = 1.0 / (wavelength * 1e6) ** 2
         constant = self.coefficients[: len(self.coefficients) % 2]
@@ -94,8 +99,17 @@ class Species:
         Raises:
             ValueError: A wavelength outside the formula's range.
         """
-        if self.form == "ciddor":  # at the density of the vapour, below 1e-2 kg/m3, the two forms agree to 1e-6
-            return ciddor.ciddor_constant(wavelength, water=1.0, group=group)
+        if self.form == "vapour":  # at the density of the vapour, below 1e-2 kg/m3, the two forms agree to 1e-6
+            visible = check_wavelength(wavelength) <= ciddor.RANGE[1] * (1.0 + SAME)
+            vapour = ciddor.ciddor_constant if visible else mathar.mathar_constant
+            return vapour(wavelength, water=1.0, group=group)
+        if self.form == "polarisability":
+            check_range(self, wavelength)
+            return 2.0 * np.pi * self.coefficients[0] * 1e-30 * AVOGADRO / self.molar_mass
+        if self.form == "electron":  # n_g - 1 = 1 - n
+            check_range(self, wavelength)
+            phase = -ELECTRON_RADIUS * wavelength**2 * AVOGADRO / (2.0 * np.pi * self.molar_mass)
+            return -phase if group else phase
         excess = self.refractivity(wavelength)
         turned = self.refractivity(wavelength, group=True) - excess if group else 0.0
         if form == "lorentz-lorenz":
@@ -103,22 +117,46 @@ class Species:
             excess *= 1.5 * (2.0 + excess) / (3.0 + excess * (2.0 + excess))
         return (excess + turned) / self.reference_density
 
+    def warmed(self, temperature):
+        """Return K at temperatures [K] of any shape over K in the laboratory; above 1000 K as at 1000 K."""
+        if not any(self.thermal):
+            return 1.0
+        b, c = self.thermal
+        at = np.clip(np.asarray(temperature, dtype=np.float64), 0.0, HOTTEST)
+        return (1.0 + at * (b + c * at)) / (1.0 + LABORATORY * (b + c * LABORATORY))
 
-def _gas(name, grams, form, coefficients, micrometres, virial, uncertainty, state, source) -> Species:
+
+def check_range(gas: Species, wavelength: float) -> float:
+    """Return a wavelength at which the formula of a gas holds; raise ValueError for another."""
+    wavelength, (low, high) = check_wavelength(wavelength), gas.wavelength_range
+    if not low * (1.0 - SAME) <= wavelength <= high * (1.0 + SAME):
+        raise ValueError(
+            f"wavelength {wavelength:g} m is outside {low * 1e6:g} to {high * 1e6:g} um, where the refractivity of "
+            f"{gas.name} is known: {gas.source}"
+        )
+    return wavelength
+
+
+def _gas(name, grams, form, coefficients, micrometres, virial, uncertainty, state, source, *thermal) -> Species:
     """Return a species from numbers in the papers' units: g/mol, um, cm3/mol."""
     low, high = (float(f"{end}e-6") for end in micrometres)
-    temperature, pressure = state
     return Species(
-        name, grams * 1e-3, form, coefficients, (low, high), temperature, pressure, virial * 1e-6, uncertainty, source
+        name, grams * 1e-3, form, coefficients, (low, high), *state, virial * 1e-6, uncertainty, source, *thermal
     )
+
+
+def _particle(name: str, grams: float, polarisability: float, uncertainty: float, source: str) -> Species:
+    """Return an atom, radical or ion from its polarisability [1e-30 m3], taken as the same at all wavelengths."""
+    return _gas(name, grams, "polarisability", (polarisability,), (0.3, 24.0), 0.0, uncertainty, _NORMAL, source)
 
 
 # name, g/mol, form, its coefficients, um, cm3/mol, relative uncertainty, (K, Pa), paper
 _TABLE = [
     ("N2", 28.0134, "sum", (6.8552e-5, 3.243157e-2, 144.0), (0.4679, 2.0587), -10.3, 1e-4, _NORMAL,
-     "E. R. Peck and B. N. Khanna, J. Opt. Soc. Am. 56 (1966) 1059"),
+     "E. R. Peck and B. N. Khanna, J. Opt. Soc. Am. 56 (1966) 1059", (1.8e-6, 0.0)),
     ("O2", 31.9988, "sum", (1.181494e-4, 9.708931e-3, 75.4), (0.4, 1.8), -17.3, 2e-4, (293.15, 101325.0),
-     "J. Zhang, Z. H. Lu and L. J. Wang, Appl. Opt. 47 (2008) 3143; P. Kren, Appl. Opt. 50 (2011) 6484"),
+     "J. Zhang, Z. H. Lu and L. J. Wang, Appl. Opt. 47 (2008) 3143; P. Kren, Appl. Opt. 50 (2011) 6484",
+     (-2.369e-6, 8.687e-9)),
     ("Ar", 39.948, "sum", (6.7867e-5, 3.0182943e-2, 144.0), (0.4679, 2.0587), -21.1, 1e-4, _NORMAL,
      "E. R. Peck and D. J. Fisher, J. Opt. Soc. Am. 54 (1964) 1362"),
     ("CO2", 44.0095, "sum", (0.0, 1.54489e-6, 0.0584738, 0.083091927, 210.9241, 0.0028764190, 60.122959),
@@ -127,7 +165,7 @@ _TABLE = [
     ("He", 4.002602, "sum", (0.0, 0.01470091, 423.98), (0.4801, 2.0586), 11.9, 3e-4, _NORMAL,
      "C. R. Mansfield and E. R. Peck, J. Opt. Soc. Am. 59 (1969) 199"),
     ("H2", 2.01588, "sum", (0.0, 0.0148956, 180.7, 0.0049037, 92.0), (0.168, 1.6945), 13.7, 3e-4, _NORMAL,
-     "E. R. Peck and S. Hung, J. Opt. Soc. Am. 67 (1977) 1550"),
+     "E. R. Peck and S. Hung, J. Opt. Soc. Am. 67 (1977) 1550", (5.87e-6, 7.544e-9)),
     ("Ne", 20.1797, "sellmeier", (9154.48e-8, 656.97e-6, 4018.63e-8, 5.728e-3), (0.4, 1.0), 10.8, 3e-3,
      (273.0, 100000.0), _BORZSONYI),
     ("Kr", 83.798, "sellmeier", (26102.88e-8, 2.01e-6, 56946.82e-8, 10.043e-3), (0.4, 1.0), -62.8, 3e-3,
@@ -135,9 +173,27 @@ _TABLE = [
     ("Xe", 131.293, "sellmeier", (103701.61e-8, 12.75e-3, 31228.61e-8, 0.561e-3), (0.4, 1.0), -154.0, 3e-3,
      (273.0, 100000.0), _BORZSONYI),
     # Fitted to moist air: the uncertainty is 1 % of the vapour's contribution.
-    (WATER, 18.015, "ciddor", (), (0.3, 1.69), -1240.0, 1e-2, (293.15, 1333.0), "Ciddor (1996)"),
+    (WATER, 18.015, "vapour", (), (0.3, 24.0), -1240.0, 1e-2, (293.15, 1333.0), "Ciddor (1996), Mathar (2007)"),
+    ("e-", 5.48579909e-4, "electron", (), (0.1, 24.0), 0.0, 1e-6, _NORMAL, "the dispersion of a cold plasma"),
 ]  # fmt: skip
-SPECIES: dict[str, Species] = {row[0]: _gas(*row) for row in _TABLE}
+_ATOMS = (
+    "R. A. Alpher and D. R. White, Phys. Fluids 2 (1959) 162; S. Karl et al., AIAA 2003-4252; CRC Handbook, 95th ed."
+)
+_IONS = "polarisabilities of ions in their ground state, computed or from Rydberg spectra"
+# name, g/mol, 1e-30 m3, relative uncertainty: for neutral ones half the difference between the sources, and dispersion
+_PARTICLES = [
+    ("O", 15.9994, 0.7864, 2.5e-2, _ATOMS),
+    ("N", 14.0067, 1.1068, 1.5e-2, _ATOMS),
+    ("NO", 30.0061, 1.7246, 2e-2, _ATOMS),
+    ("OH", 17.0073, 1.10, 5e-2, "computed for the ground state"),
+    ("CH4", 16.0425, 2.62, 1.5e-2, "CRC Handbook, 95th ed., and the refractivity at the sodium line"),
+    ("N+", 14.0062, 0.559, 0.1, _IONS),
+    ("O+", 15.9989, 0.345, 0.1, _IONS),
+    ("NO+", 30.0056, 1.021, 0.1, _IONS),
+    ("N2+", 28.0129, 2.386, 0.1, _IONS),
+    ("O2+", 31.9983, 0.238, 0.5, _IONS),
+]
+SPECIES: dict[str, Species] = {row[0]: _gas(*row) for row in _TABLE} | {row[0]: _particle(*row) for row in _PARTICLES}
 SPECIES_NAMES = tuple(SPECIES)
 
 
@@ -148,8 +204,11 @@ class Composition:
     Attributes:
         fractions: Fraction of each species, by chemical formula (`SPECIES_NAMES`): a number, or an array with one entry
             for each density. Their sum must be within 0.2 % of 1; they are scaled to a sum of 1.
-        basis: "mole" or "mass".
+        basis: "mole", "mass", or "density" for partial densities [kg/m3], which may have any sum.
         ambient: Fractions of the gas around the field; None where `fractions` are numbers that hold there too.
+        temperature: [K], a number or one for each density, for the polarisabilities of N2, O2 and H2, which rise with
+            it by up to 1 %; None takes those of the laboratory. Above 1000 K they are taken as at 1000 K, with a
+            warning. The ambient gas is taken at that of the laboratory.
 
     Raises:
         TypeError: Fractions that are not a mapping.
@@ -160,12 +219,13 @@ class Composition:
     fractions: Mapping[str, object]
     basis: str = "mole"
     ambient: Mapping[str, object] | None = None
+    temperature: object = None
     _mass: tuple[dict[str, np.ndarray], dict[str, np.ndarray]] = field(init=False, repr=False)
 
     def __post_init__(self):
         """Check the fractions and turn them into mass fractions."""
-        if self.basis not in ("mole", "mass"):
-            raise ValueError(f"the basis of fractions is 'mole' or 'mass', got {self.basis!r}")
+        if self.basis not in ("mole", "mass", "density"):
+            raise ValueError(f"the basis of fractions is 'mole' or 'mass', or 'density', got {self.basis!r}")
         inside = self._mass_fractions(self.fractions)
         if self.ambient is None and any(share.ndim for share in inside.values()):
             raise ValueError(
@@ -175,6 +235,26 @@ class Composition:
         if any(share.ndim for share in outside.values()):
             raise ValueError("the fractions of the ambient gas must be numbers, one for each species")
         object.__setattr__(self, "_mass", (inside, outside))
+        if self.temperature is not None:
+            self._check_temperature()
+
+    def _check_temperature(self) -> None:
+        hottest = np.asarray(self.temperature, dtype=np.float64)
+        if not (np.isfinite(hottest).all() and (hottest > 0.0).all()):
+            raise ValueError("the temperatures of a composition must be finite and positive [K]")
+        inside = [np.shape(share) for share in self._mass[0].values() if np.ndim(share)]
+        if hottest.ndim and inside and hottest.shape != inside[0]:
+            raise ValueError(f"temperatures have the shape {hottest.shape}, fractions {inside[0]}: give one each")
+        hot = float(hottest.max())
+        if hot > HOTTEST and any(any(SPECIES[name].thermal) for name in self._names):
+            size = max(
+                abs((1.0 + hot * (b + c * hot)) / (1.0 + HOTTEST * (b + c * HOTTEST)) - 1.0)
+                for b, c in (SPECIES[name].thermal for name in self._names)
+            )
+            warn_caller(
+                f"polarisabilities of molecules are known to {HOTTEST:g} K and taken as there up to {hot:g} K: their "
+                f"polynomials in temperature, continued, would change n - 1 of a species by up to {size:.2g} of itself"
+            )
 
     def _mass_fractions(self, fractions) -> dict[str, np.ndarray]:
         if not isinstance(fractions, Mapping) or not fractions:
@@ -193,7 +273,9 @@ class Composition:
                 "fraction of each species for each density"
             )
         total = np.asarray(sum(shares.values()))
-        if not (np.abs(total - 1.0) <= SUM_TOLERANCE).all():
+        if self.basis == "density" and not (total > 0.0).all():
+            raise ValueError(f"the partial densities of {', '.join(shares)} are all 0 at a place: give the gas there")
+        if self.basis != "density" and not (np.abs(total - 1.0) <= SUM_TOLERANCE).all():
             worst = float(total.ravel()[np.argmax(np.abs(total - 1.0))])
             raise ValueError(f"the fractions of {', '.join(shares)} add up to {worst:.6g}, not to 1: complete them")
         if self.basis == "mole":
@@ -210,9 +292,28 @@ class Composition:
         Raises:
             ValueError: A wavelength outside the range of one of the species' formulas.
         """
-        shares = self._mass[ambient]
-        total = sum(share * species_constant(name, wavelength, form, group=group) for name, share in shares.items())
+        total = sum(self._parts(wavelength, form, ambient, group).values())
         return float(total) if np.ndim(total) == 0 else total
+
+    def _parts(self, wavelength: float, form: str, ambient: bool, group: bool) -> dict[str, np.ndarray]:
+        """Return each species' share of the constant."""
+        parts = {}
+        for name, share in self._mass[ambient].items():
+            parts[name] = share * species_constant(name, wavelength, form, group=group)
+            if self.temperature is not None and not ambient:
+                parts[name] = parts[name] * SPECIES[name].warmed(self.temperature)
+        return parts
+
+    def uncertainty_at(self, wavelength: float) -> float:
+        """Return the relative uncertainty of the constant where it is greatest, by each species' share of it."""
+        worst = 0.0
+        for ambient in (False, True):
+            sizes = {
+                name: np.abs(part) for name, part in self._parts(wavelength, "gladstone-dale", ambient, False).items()
+            }
+            doubt = sum(SPECIES[name].uncertainty * size for name, size in sizes.items())
+            worst = max(worst, float(np.max(doubt / np.maximum(sum(sizes.values()), 1e-300))))
+        return worst
 
     @property
     def range(self) -> tuple[float, float]:
@@ -222,7 +323,7 @@ class Composition:
 
     @property
     def uncertainty(self) -> float:
-        """Relative uncertainty of the constant: the greatest among those of its species."""
+        """Relative uncertainty of the constant: the greatest among those of its species; see `uncertainty_at`."""
         return max(SPECIES[name].uncertainty for name in self._names)
 
     @property
