@@ -1,5 +1,6 @@
 """Density fields of flows: gas relations, exact flows, flow files, and the flow fields shipped with the package."""
 
+from aerokernels.flow.absorbers import absorption_coefficient, cross_section
 from aerokernels.flow.air import gladstone_dale_constant
 from aerokernels.flow.blunt_body import BluntBodyFlow, BowShock, blunt_body, bow_shock
 from aerokernels.flow.ciddor import ciddor_constant, ciddor_refractivity, moist_air_density, water_fraction
@@ -81,6 +82,7 @@ __all__ = [
     "VertexDensity",
     "VolumeResampling",
     "Vortex",
+    "absorption_coefficient",
     "blunt_body",
     "bow_shock",
     "ciddor_constant",
@@ -88,6 +90,7 @@ __all__ = [
     "cone",
     "cone_shock",
     "contents",
+    "cross_section",
     "equilibrium_air",
     "expansion",
     "expansion_fan",

@@ -9,6 +9,7 @@ K = 2 pi alpha N_A / M; free electrons K = -r_e lambda^2 N_A / (2 pi M).
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -137,11 +138,13 @@ def check_range(gas: Species, wavelength: float) -> float:
     return wavelength
 
 
-def _gas(name, grams, form, coefficients, micrometres, virial, uncertainty, state, source, *thermal) -> Species:
+def _gas(
+    name, grams, form, coefficients, micrometres, virial, uncertainty, state, source, thermal=(0.0, 0.0)
+) -> Species:
     """Return a species from numbers in the papers' units: g/mol, um, cm3/mol."""
     low, high = (float(f"{end}e-6") for end in micrometres)
     return Species(
-        name, grams * 1e-3, form, coefficients, (low, high), *state, virial * 1e-6, uncertainty, source, *thermal
+        name, grams * 1e-3, form, coefficients, (low, high), *state, virial * 1e-6, uncertainty, source, thermal
     )
 
 
@@ -151,7 +154,7 @@ def _particle(name: str, grams: float, polarisability: float, uncertainty: float
 
 
 # name, g/mol, form, its coefficients, um, cm3/mol, relative uncertainty, (K, Pa), paper
-_TABLE = [
+_TABLE: list[tuple[Any, ...]] = [
     ("N2", 28.0134, "sum", (6.8552e-5, 3.243157e-2, 144.0), (0.4679, 2.0587), -10.3, 1e-4, _NORMAL,
      "E. R. Peck and B. N. Khanna, J. Opt. Soc. Am. 56 (1966) 1059", (1.8e-6, 0.0)),
     ("O2", 31.9988, "sum", (1.181494e-4, 9.708931e-3, 75.4), (0.4, 1.8), -17.3, 2e-4, (293.15, 101325.0),
@@ -303,6 +306,11 @@ class Composition:
             if self.temperature is not None and not ambient:
                 parts[name] = parts[name] * SPECIES[name].warmed(self.temperature)
         return parts
+
+    @property
+    def mass_fractions(self) -> dict[str, np.ndarray]:
+        """Mass fraction of each species in the field, of sum 1: numbers, or one for each density."""
+        return dict(self._mass[0])
 
     def uncertainty_at(self, wavelength: float) -> float:
         """Return the relative uncertainty of the constant where it is greatest, by each species' share of it."""
