@@ -187,7 +187,7 @@ def finer(wave: Any) -> Any:
     found = values_of_parts(np.where(wave.lit, wave.opd, 0.0), wave.lit)
     weight, intensity = _divided(wave, wave.weight, 1), _divided(wave, wave.intensity, 2)
     intensity = np.maximum(intensity, weight**2)
-    fine = replace(wave, opd=found, weight=weight, intensity=intensity, pixel=wave.pixel / PARTS)
+    fine = replace(wave, opd=found, weight=weight, intensity=intensity, pixel=wave.pixel / PARTS, error_map=None)
     return without_named(fine, wave.removed)
 
 
