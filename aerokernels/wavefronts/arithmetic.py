@@ -5,24 +5,17 @@ Errors of two wavefronts are independent, unless they are equal or of the same r
 
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from typing import TYPE_CHECKING, Any, Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 
 from ..derived import key_of
 from ..display.quantities import TOTAL, ErrorBudget, Quantity, root_sum_square
 from ..display.shown import shown
-from ..flow import DensityField
-from ..inputs.arguments import checked
-from ..medium import IndexField
-from ..pupils import Pupil
 from ..tracing.variants.causes import Variants
 from ..tracing.variants.paths import Cause
 from .changes import finer, of_changes, of_pixels
 from .terms import weighted_mean
-
-if TYPE_CHECKING:
-    from .result import Wavefront
 
 W = TypeVar("W", bound=Any)  # Wavefront, whose methods these are
 
@@ -162,47 +155,13 @@ def correlation(one: W, other: W) -> float:
     return float(weighted_mean(weight, first * second)) / size if size > 0.0 else float("nan")
 
 
-@checked
-def compare_wavefronts(
-    first: Any, second: Any, pupil: Pupil | None = None, **options: Any
-) -> "WavefrontComparison[Wavefront]":
-    """Compare two wavefronts, the wavefronts of two runs, or those of two flows over a pupil.
+def compare(wavefront: W, other: W) -> WavefrontComparison[W]:
+    """Return both wavefronts, their difference, and Strehl ratios, rms and correlation with errors in `quantities`.
 
-    The result holds both wavefronts and their difference; its `quantities` are Strehl ratios, rms and correlation, with
-    errors. `a.compare(b)` is the same call. An example:
-
-        ak.compare_wavefronts(flow.shipped("mach2"), flow.shipped("mach3"), ak.Disc(0.004, center=(0, 0, -0.008)))
-
-    Args:
-        first: A Wavefront, a run (RunResult), a density field or an index field. Of a density field the index is that
-            of `index_field` at the wavelength, 905 nm if none is given.
-        second: What is compared with it, of any of these kinds.
-        pupil: The pupil; only fields need it.
-        options: Those of `wavefront` for fields, such as wavelength, direction and pixel_count.
+    `compare_wavefronts` compares runs and flows too.
 
     Raises:
-        TypeError: An argument of another kind, or a field without a pupil.
-        ValueError: The pixels, pupils, directions or wavelengths differ; a run has no wavefront; or what `wavefront`
-            refuses.
+        TypeError: `other` is no Wavefront.
+        ValueError: The pixels, pupils, directions or wavelengths differ.
     """
-    one, other = (_wavefront_of(thing, pupil, options) for thing in (first, second))
-    return WavefrontComparison(one, other, one - other)
-
-
-def _wavefront_of(thing: Any, pupil: Pupil | None, options: dict[str, Any]) -> "Wavefront":
-    from .result import Wavefront
-    from .traced import wavefront
-
-    if not isinstance(thing, (IndexField, DensityField)):
-        if hasattr(thing, "failures") and thing.wavefront is None:
-            raise ValueError(f"the run has no wavefront: {thing.failures.get('wavefront', 'it was left out')}")
-        found = getattr(thing, "wavefront", thing)
-        if not isinstance(found, Wavefront):
-            raise TypeError(f"compare Wavefronts, runs or fields, got {type(thing).__name__}")
-        return found
-    if pupil is None:
-        raise TypeError("a field has no wavefront without a pupil: give one, such as Disc(radius=0.004)")
-    if isinstance(thing, DensityField):
-        wavelength = options.get("wavelength")
-        thing = thing.index_field() if wavelength is None else thing.index_field(wavelength)
-    return wavefront(thing, pupil, **options)
+    return WavefrontComparison(wavefront, other, wavefront - other)

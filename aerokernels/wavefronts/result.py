@@ -18,7 +18,7 @@ from ..inputs.wavelength import check_wavelength
 from ..process.clock import clocked, stage
 from ..pupils import Projected, Pupil, seen_along
 from ..tracing.variants.causes import Variants
-from .arithmetic import compare_wavefronts, divided, minus, plus, times
+from .arithmetic import compare, divided, minus, plus, times
 from .changes import Changes, changes_of, of_each_pixel, of_extremes, of_opd, of_samples, without_named
 from .exports import (
     SIGN_CONVENTION,
@@ -280,7 +280,7 @@ class Wavefront:
     __array_ufunc__ = None  # np.float64(2.0) * wavefront is a wavefront
 
     __add__, __sub__, __mul__, __rmul__, __truediv__ = plus, minus, times, times, divided
-    compare = compare_wavefronts
+    compare = checked(compare)
 
     def __neg__(self) -> "Wavefront":
         """The opposite OPD."""
