@@ -4,6 +4,7 @@ from aerokernels.flow.absorbers import absorption_coefficient, cross_section
 from aerokernels.flow.air import gladstone_dale_constant
 from aerokernels.flow.blunt_body import BluntBodyFlow, BowShock, blunt_body, bow_shock
 from aerokernels.flow.ciddor import ciddor_constant, ciddor_refractivity, moist_air_density, water_fraction
+from aerokernels.flow.composition import Composition
 from aerokernels.flow.conical_field import ConicalFlow, cone
 from aerokernels.flow.density_field import DensityField
 from aerokernels.flow.exact_field import ExactField, Vortex, uniform_air, vortex
@@ -43,7 +44,7 @@ from aerokernels.flow.series import GridMesh, Series
 from aerokernels.flow.series_sources import open_series
 from aerokernels.flow.shipped import shipped, shipped_names
 from aerokernels.flow.shocks import PrandtlMeyer, Shock, maximum_deflection, normal_shock, oblique_shock, prandtl_meyer
-from aerokernels.flow.species import SPECIES, SPECIES_NAMES, Composition, Species, species_constant
+from aerokernels.flow.species import SPECIES, SPECIES_NAMES, Species, species_constant
 from aerokernels.flow.taylor_maccoll import ConeShock, cone_shock, maximum_cone_angle
 
 __all__ = [

@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from aerokernels.flow.species import AVOGADRO, Composition, molar_mass
+from aerokernels.flow.composition import Composition
+from aerokernels.flow.species import AVOGADRO, molar_mass
 from aerokernels.inputs.arguments import checked
 from aerokernels.inputs.checks import check_path
 from aerokernels.inputs.kinds import wrong_kind

@@ -10,8 +10,9 @@ from typing import Any
 
 import numpy as np
 
+from aerokernels.flow.composition import Composition
 from aerokernels.flow.species import HOTTEST as HOTTEST_MOLECULES
-from aerokernels.flow.species import Composition, molar_mass
+from aerokernels.flow.species import molar_mass
 from aerokernels.inputs.arguments import checked
 
 COOLEST, HOTTEST = 200.0, 15e3  # [K]; above, atoms lose second electrons

@@ -16,7 +16,8 @@ import numpy as np
 
 from aerokernels.flow import ciddor
 from aerokernels.flow.air import AIR, Band
-from aerokernels.flow.species import WATER, Composition
+from aerokernels.flow.composition import Composition
+from aerokernels.flow.species import WATER
 from aerokernels.inputs.arguments import checked
 from aerokernels.inputs.checks import check_choice
 from aerokernels.inputs.wavelength import LONGEST, SAME, SHORTEST, check_wavelength

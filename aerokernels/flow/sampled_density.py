@@ -8,10 +8,10 @@ from typing import NoReturn, Self
 import numpy as np
 
 from aerokernels.display.shown import shown
+from aerokernels.flow.composition import Composition
 from aerokernels.flow.density_field import DensityField, local_points
 from aerokernels.flow.gas import FreeStream, check_density, no_gas
 from aerokernels.flow.refractivity import MODELS, RELATIONS, refractivity_model
-from aerokernels.flow.species import Composition
 from aerokernels.inputs.arguments import Numbers, checked
 from aerokernels.inputs.checks import check_choice, check_positive
 from aerokernels.inputs.kinds import refuse_half_precision, refuse_masked

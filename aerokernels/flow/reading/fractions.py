@@ -10,9 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from aerokernels.flow.composition import Composition
 from aerokernels.flow.reading.dataset import Dataset, ReadError
 from aerokernels.flow.reading.density import found_name, scalar_array
-from aerokernels.flow.species import SPECIES_NAMES, Composition, molar_mass
+from aerokernels.flow.species import SPECIES_NAMES, molar_mass
 
 # What precedes a formula in the names of arrays, by the quantity: mass fractions (OpenFOAM, SU2, CFX, Eilmer), partial
 # densities, mole fractions.
