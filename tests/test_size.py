@@ -81,8 +81,10 @@ def test_no_folder_grows():
 
 @pytest.mark.parametrize(
     ("body", "limits"),
-    [(COLD_STREHL, (88, 10_000, 2_300)), (COLD_RUN, (205, 42_000, 17_000))],
-    ids=["estimate_strehl", "simulate"],
+    [
+        pytest.param(COLD_STREHL, (88, 10_000, 2_300), id="estimate_strehl"),
+        pytest.param(COLD_RUN, (205, 42_000, 17_000), id="simulate", marks=pytest.mark.slow),
+    ],
 )
 def test_the_path_of_an_answer_grows_no_longer(body, limits):
     code = WATCHED + body + "sys.setprofile(None)\nprint('PATH', len(files), *state[:2])\n"
