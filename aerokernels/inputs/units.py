@@ -145,7 +145,7 @@ _NAMES = {"meter": "m", "metre": "m", "gram": "g", "second": "s", "kelvin": "K",
           "newton": "N", "liter": "L", "litre": "L"}  # fmt: skip
 _PREFIXES = {"n": 1e-9, "u": 1e-6, "m": 1e-3, "c": 1e-2, "d": 1e-1, "h": 1e2, "k": 1e3, "M": 1e6, "G": 1e9}
 _PREFIX_NAMES = dict(zip(("nano", "micro", "milli", "centi", "deci", "hecto", "kilo", "mega", "giga"),
-                         _PREFIXES.values(), strict=True))  # fmt: skip
+                         _PREFIXES, strict=True))  # fmt: skip
 _OTHERS = {
     **dict.fromkeys(("in", "inch", "inches"), (_INCH, _LENGTH)),
     **dict.fromkeys(("ft", "foot", "feet"), (_FOOT, _LENGTH)),
@@ -162,15 +162,12 @@ _OTHERS = {
 }  # fmt: skip
 
 
-def _times(prefix: float, unit: tuple[float, tuple[int, ...]]) -> tuple[float, tuple[int, ...]]:
-    return float(Fraction(repr(prefix)) * Fraction(repr(unit[0]))), unit[1]
-
-
 # Both with all prefixes; names, in lower case, also in the plural.
-_PREFIXED = {f"{prefix}{symbol}": _times(scale, unit)
-             for symbol, unit in _SYMBOLS.items() for prefix, scale in _PREFIXES.items()} | _SYMBOLS  # fmt: skip
-_NAMED = {f"{prefix}{name}{ending}": _times(scale, _SYMBOLS[symbol]) for name, symbol in _NAMES.items()
-          for prefix, scale in {"": 1.0, **_PREFIX_NAMES}.items() for ending in ("", "s")}  # fmt: skip
+_PREFIXED = {f"{prefix}{symbol}": (float(Fraction(repr(scale)) * Fraction(repr(factor))), powers)
+             for symbol, (factor, powers) in _SYMBOLS.items()
+             for prefix, scale in _PREFIXES.items()} | _SYMBOLS  # fmt: skip
+_NAMED = {f"{prefix}{name}{ending}": _PREFIXED[short + symbol] for name, symbol in _NAMES.items()
+          for prefix, short in {"": "", **_PREFIX_NAMES}.items() for ending in ("", "s")}  # fmt: skip
 # Temperature scales with another zero: factor, and the offset added after scaling.
 _FROM_ANOTHER_ZERO = {
     **dict.fromkeys(("degc", "c", "celsius", "degreescelsius", "degreecelsius", "degreesc", "degreec"),

@@ -102,9 +102,9 @@ def step_bound(grid: UniformGrid, geometry: str, budget: float, cone: Cone) -> S
     near, far, is_kinked = 0.0, least, bool(kink.any())
     while near < extent:
         low, high = _window(near, far, size, way, cone)
-        np.maximum(seen, _greatest(smooth, low, high), out=seen)
+        np.maximum(seen, greatest_around(smooth, low, high), out=seen)
         if is_kinked:
-            np.maximum(seen_kink, _greatest(kink, low, high), out=seen_kink)
+            np.maximum(seen_kink, greatest_around(kink, low, high), out=seen_kink)
         with np.errstate(divide="ignore", over="ignore"):
             # The error constant of a rule that is exact for cubics, with room for knots anywhere in the step.
             bound = np.divide(SHARE * rate, (1.0 / 720.0) * seen) ** 0.25
@@ -210,13 +210,6 @@ def _continued(values: np.ndarray, count: int) -> np.ndarray:
         made = np.concatenate([before, made])
         ahead = np.concatenate([before, ahead]) if len(made) < count else ahead
     return made
-
-
-def _greatest(values: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """Greatest value at offsets from `low` to `high` blocks along each axis; beyond the field the values are zero."""
-    for axis in range(values.ndim):
-        values = greatest_around(values, int(low[axis]), int(high[axis]), axis)
-    return values
 
 
 OVERHEAD = 1.5

@@ -172,7 +172,7 @@ class Lattice:
         table = np.zeros(finer_one.row.shape)
         np.maximum.at(table, self._finer_nodes(blocks), np.where(np.isfinite(surplus), surplus, 0.0))
         half = NODES // 2 + BESIDE
-        wide = greatest_around(greatest_around(table, -half, half, 0), -half, half, 1)
+        wide = greatest_around(table, (-half, -half), (half, half))
         return np.asarray(wide[CELLS * quarters[:, 0] + NODES // 2, CELLS * quarters[:, 1] + NODES // 2])
 
     @staticmethod

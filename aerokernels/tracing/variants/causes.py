@@ -270,9 +270,9 @@ FACTOR = 2.0
 Number = Callable[[Rays], Any]
 
 
-def spread(number: Number, base: Rays, cause: Cause) -> np.ndarray:
-    """Return the error of a number, or of each in an array, by one cause."""
-    plain, count = np.asarray(number(base)), len(base.opd)
+def spread(number: Number, base: Rays, cause: Cause, plain: np.ndarray) -> np.ndarray:
+    """Return the error of a number, or of each in an array, by one cause; `plain` is the number of the base."""
+    count = len(base.opd)
     block = np.arange(count) * BLOCKS // max(count, 1)
     total = np.zeros(plain.shape)
     for change in (*cause.known, *cause.like):
@@ -317,7 +317,8 @@ def of_a_ray(pick: Number, found: Variants, unit: str = "", others: Mapping[str,
 
 def errors(number: Number, found: Variants) -> dict[str, np.ndarray]:
     """Return the error of a number, or of each in an array, by cause."""
-    return {name: spread(number, found.base, cause) for name, cause in found.causes.items()}
+    plain = np.asarray(number(found.base))
+    return {name: spread(number, found.base, cause, plain) for name, cause in found.causes.items()}
 
 
 def budget(number: Number, found: Variants, unit: str = "", **others: float) -> ErrorBudget:

@@ -18,7 +18,7 @@ from ... import scheme, tableau
 from ...plan import OUTPUT_BITS
 from ...status import RayStatus
 from ...step_bound import CONE_SINES, CONES
-from ..layout import OPTIONS, STRUCTS, Value, arrays_of, values_of
+from ..layout import ARRAYS, OPTIONS, STRUCTS, VALUES, Value, parts_of
 
 # Structs that are passed to kernels: their arrays are separate arguments, which OpenCL gathers in struct Arrays.
 GIVEN = ("Field", "Bounds", "Control")
@@ -55,9 +55,9 @@ def types() -> list[str]:
     """Return the header with all structs, and macros for arguments: the arrays of structs, and those of a tracer."""
     lines = ['#include "real.h"']
     for name in STRUCTS:
-        if values_of(name):
-            lines += _struct(name, [_member(member, name in GIVEN) for member in values_of(name)])
-    given = [member for name in GIVEN for member in arrays_of(name)]
+        if VALUES[name]:
+            lines += _struct(name, [_member(member, name in GIVEN) for member in VALUES[name]])
+    given = [member for name in GIVEN for member in ARRAYS[name]]
     desk = ["#if DESKS", "    __local float4 *desk;  // of a warp, see cubes.h", "#endif"]
     lines += _struct("Arrays", [*(_member(member, True) for member in given), *desk])
     lines += _struct("RayOutputs", [_member(member, False) for member in STRUCTS["RayOutputs"]])
@@ -136,12 +136,12 @@ HEADERS: dict[str, Callable[[], list[str]]] = {
 def _argument(value: Value) -> str:
     """Declare an array; they are of plain numbers, because OpenCL pads vectors of three."""
     constant = "" if value.name.endswith("_out") else "const "
-    return f"__global {constant}{value.parts[0]} *{value.name}"
+    return f"__global {constant}{parts_of(value.kind)[0]} *{value.name}"
 
 
 def _member(member: Value, packed: bool) -> str:
     """Declare a member, with its meaning; in structs that the host fills, vectors are plain arrays as in NumPy."""
-    kind, width, indices = member.parts
+    kind, width, indices = parts_of(member.kind)
     kind = kind.replace("bool", "int")
     if indices:
         text = f"__global {'const ' if packed else ''}{kind} *{member.name};"

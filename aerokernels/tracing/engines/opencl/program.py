@@ -51,24 +51,23 @@ def expand(kernel_file: str, folder: Path | None = None) -> str:
     def add(name: str, source: list[str]) -> None:
         lines.append(f'#line 1 "{name}"')
         for number, line in enumerate(source, start=1):
-            match = _INCLUDE.match(line)
-            if match is None:
+            if "#" not in line or (match := _INCLUDE.match(line)) is None:
                 lines.append(line)
                 continue
-            if match[1] not in seen:
-                seen.add(match[1])
-                place = next((place for place in (f"include/{match[1]}", match[1]) if (folder / place).is_file()), None)
-                if place is None and match[1] not in HEADERS:
-                    raise RuntimeError(f"{name}, line {number}: header {match[1]!r} is not below {folder}")
-                add(place or match[1], _lines(folder / place) if place else _made_header(match[1]))
+            header = match[1]
+            if header not in seen:
+                seen.add(header)
+                place = f"include/{header}" if (folder / "include" / header).is_file() else header
+                if (folder / place).is_file():
+                    add(place, (folder / place).read_text(encoding="utf-8").splitlines())
+                elif header in HEADERS:
+                    add(header, _made_header(header))
+                else:
+                    raise RuntimeError(f"{name}, line {number}: header {header!r} is not below {folder}")
             lines.append(f'#line {number + 1} "{name}"')
 
-    add(kernel_file, _lines(folder / kernel_file))
+    add(kernel_file, (folder / kernel_file).read_text(encoding="utf-8").splitlines())
     return "\n".join(lines) + "\n"
-
-
-def _lines(path: Path) -> list[str]:
-    return path.read_text(encoding="utf-8").splitlines()
 
 
 @functools.cache
