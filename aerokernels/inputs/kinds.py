@@ -269,7 +269,7 @@ def on_host(value: Any) -> Any:
 
 def refuse_masked(value: Any, name: str) -> None:
     """Raise a ValueError for an array with masked numbers: NumPy would compute with the values under the mask."""
-    for part in _parts(value):
+    for part in _parts(value) if isinstance(value, (list, tuple)) else (value,):
         if isinstance(part, np.ma.MaskedArray) and np.ma.is_masked(part):
             count, within = int(np.ma.count_masked(part)), "" if part is value else "an entry of "
             raise ValueError(

@@ -7,6 +7,7 @@ spellings: "kg m-3", "kilogram / meter ** 3", "hPa", "0.2 kg/m3". `written_unit`
 
 import math
 import re
+from contextlib import suppress
 from dataclasses import dataclass
 from decimal import Decimal, DecimalException
 from fractions import Fraction
@@ -72,35 +73,31 @@ def quantity(value: float | str, dimension: str) -> float:
     noun, _, units = _DIMENSIONS[dimension]
     if isinstance(value, bool) or not isinstance(value, (int, float, str)):
         raise TypeError(f"{value!r} is not {noun}: {_accepted(dimension)}")
+    number = math.inf
     if not isinstance(value, str):
-        return _finite(float(value), value, dimension)
-    match = _PATTERN.fullmatch(value.strip())
-    if match is None:
-        raise ValueError(f"{value!r} is not {noun}: {_accepted(dimension)}")
-    unit = match[2].strip()
-    for written, meant in _SPELLING.items():
-        unit = unit.replace(written, meant)
-    if unit and unit not in units:
-        remedy = _in_si(float(match[1].replace("_", "")), unit, dimension) or _accepted(dimension)
-        raise ValueError(f"{value!r} is not {noun}, {_what_unit_is(unit)}: {remedy}")
-    try:
-        # Multiply as decimals, so that "6 ns" is the float 6e-9 and not its neighbour.
-        zero = Decimal(repr(_CELSIUS if unit == "degC" else 0.0))
-        number = float(Decimal(match[1]) * Decimal(repr(units.get(unit, 1.0))) + zero)
-    except (DecimalException, OverflowError):
-        number = math.inf
-    return _finite(number, value, dimension)
+        number = float(value)
+    else:
+        match = _PATTERN.fullmatch(value.strip())
+        if match is None:
+            raise ValueError(f"{value!r} is not {noun}: {_accepted(dimension)}")
+        unit = match[2].strip()
+        for written, meant in _SPELLING.items():
+            unit = unit.replace(written, meant)
+        if unit and unit not in units:
+            remedy = _in_si(float(match[1].replace("_", "")), unit, dimension) or _accepted(dimension)
+            raise ValueError(f"{value!r} is not {noun}, {_what_unit_is(unit)}: {remedy}")
+        with suppress(DecimalException, OverflowError):
+            # Multiply as decimals, so that "6 ns" is the float 6e-9 and not its neighbour.
+            zero = Decimal(repr(_CELSIUS if unit == "degC" else 0.0))
+            number = float(Decimal(match[1]) * Decimal(repr(units.get(unit, 1.0))) + zero)
+    if not math.isfinite(number):
+        raise ValueError(f"{value!r} is not finite: {_accepted(dimension)}")
+    return number
 
 
 def si_unit(dimension: str) -> str:
     """Return the SI unit of one of `DIMENSIONS`, as `quantity` writes it: "m" for "length", "" for "dimensionless"."""
     return _DIMENSIONS[dimension][1]
-
-
-def _finite(number: float, value: float | str, dimension: str) -> float:
-    if not math.isfinite(number):
-        raise ValueError(f"{value!r} is not finite: {_accepted(dimension)}")
-    return number
 
 
 def _accepted(dimension: str) -> str:

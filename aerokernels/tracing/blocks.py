@@ -90,8 +90,9 @@ def greatest_around(values: np.ndarray, low: Sequence[int], high: Sequence[int])
         count, others = values.shape[axis], [*range(axis), *range(axis + 1, values.ndim)]
         first, last = max(-count, min(int(first), count)), max(-count, min(int(last), count))
         before, behind, width, wide = max(-first, 0), max(last, 0), last - first + 1, 1
-        found = np.zeros((before + count + behind, *[values.shape[other] for other in others]), values.dtype)
-        found[before : before + count] = values.transpose(axis, *others)
+        moved = values.transpose(axis, *others)
+        found = np.zeros((before + count + behind, *moved.shape[1:]), values.dtype)
+        found[before : before + count] = moved
         while wide < width:  # runs of 2, 4, 8 ... entries
             further = min(wide, width - wide)
             found = np.maximum(found[:-further], found[further:])

@@ -6,7 +6,6 @@ on a path of length L, with the greatest fourth derivative G of the potential an
 that a ray can meet within H. Along a direction u of a structure with one normal, G is (sum |u_i| G_i^(1/4))^4.
 """
 
-import math
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -163,7 +162,7 @@ def _window(near: float, far: float, size: np.ndarray, way: np.ndarray, cone: Co
 def block_size(grid: UniformGrid) -> int:
     """Cells in a block along each axis."""
     block = BLOCK
-    while math.prod([-(-(count - 1) // block) for count in grid.shape]) > BLOCK_COUNT_LIMIT:
+    while np.prod((np.array(grid.shape) - 2) // block + 1, dtype=np.float64) > BLOCK_COUNT_LIMIT:
         block *= 2
     return block
 

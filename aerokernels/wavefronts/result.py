@@ -169,7 +169,7 @@ class Wavefront:
         """Sum of the intensity over the pixels."""
         return float(np.asarray(self.intensity).sum())
 
-    @property
+    @cached_property
     def lit(self) -> np.ndarray:
         """Mask of the pixels inside the pupil (positive weight), shape (n, n)."""
         return self.weight > 0.0

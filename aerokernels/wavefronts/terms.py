@@ -162,6 +162,8 @@ def remove_named(
     Points (n, 2) and the radius of the polynomials' disc are in metres; weights sum to 1.
     """
     flat = opd if set(TERMS).isdisjoint(removed) else _without(*check_wavefront(opd, weights), points, removed)
+    if set(TERMS).issuperset(removed):
+        return flat
     if not (indices := [int(name[1:]) for name in removed if name[:1] == "Z" and name[1:].isdigit()]):
         return flat
     modes, root = zernike_modes(max(indices), *(points.T / radius)).T, np.sqrt(weights)
@@ -206,10 +208,10 @@ class PupilNumbers:
         path, weight = check_wavefront(rays.opd, self.weight)
         opd = _without(path, weight, self.points, (*self.remove, "piston"))
         square = np.sum(self.weight * opd**2)
-        strehl = abs(mean_phasor(opd, self.weight, self.wavelength)) ** 2
+        phasor = np.sum(self.weight * np.exp(2j * np.pi / self.wavelength * opd))
         marechal = np.exp(-((2.0 * np.pi / self.wavelength) ** 2) * square)
         tilt = _fitted(self.centred, weight, path - np.sum(weight * path))
-        return np.array([strehl, marechal, np.sqrt(square), *tilt])
+        return np.array([abs(complex(phasor)) ** 2, marechal, np.sqrt(square), *tilt])
 
     @cached_property
     def centred(self) -> np.ndarray:

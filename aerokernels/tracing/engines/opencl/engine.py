@@ -121,7 +121,7 @@ class Engine(AnyEngine):
 
         (COPY_HOST_PTR does this in one call, but NVIDIA's driver then copies only when a kernel uses the buffer.)
         """
-        if is_one_row(array) and len(array) > REPEATED:
+        if len(array) > REPEATED and is_one_row(array):
             return self._repeated(np.ascontiguousarray(array[:REPEATED]), len(array))
         array = np.ascontiguousarray(array)
         if self.session.pool is None and array.nbytes:

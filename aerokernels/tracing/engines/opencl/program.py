@@ -98,7 +98,7 @@ def build_options(*, precision: str = "float32", **chosen: str | int) -> tuple[s
             if value not in choices:
                 raise ValueError(f"{option} {value!r} is not known: choose one of {', '.join(choices)}")
             value = in_c(value)
-        made.append(f"-D{in_c(option)}={value}")
+        made.append(f"-D{option.upper()}={value}")
     if chosen:
         raise ValueError(f"option {next(iter(chosen))!r} is not known: choose one of {', '.join(OPTIONS)}")
     return tuple(made)
