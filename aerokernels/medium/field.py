@@ -13,9 +13,8 @@ import numpy as np
 from aerokernels.derived import Derived
 from aerokernels.display.shown import plane_picture, shown
 from aerokernels.inputs.arguments import Numbers, checked
-from aerokernels.inputs.checks import check_choice, check_positive
+from aerokernels.inputs.checks import check_choice, check_positive, check_wavelength, field_wavelength
 from aerokernels.inputs.kinds import are_numbers
-from aerokernels.inputs.wavelength import check_wavelength, field_wavelength
 from aerokernels.medium.averages.kept_averages import conserving_values, cut_and_kept
 from aerokernels.medium.averages.vertex_values import vertex_values
 from aerokernels.medium.bodies.body import Body

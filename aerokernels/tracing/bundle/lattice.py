@@ -15,8 +15,7 @@ from ...medium import IndexField
 from ...rays import RayBundle
 from ..blocks import greatest_around
 from ..lines import box_span
-from ..status import RayStatus
-from ..stop import stop_distance
+from ..stop import RayStatus, stop_distance
 
 # Deviations from the undisturbed line, which alone are small and smooth: optical path difference [m], direction (3),
 # end point [m] (3), arc length [m].

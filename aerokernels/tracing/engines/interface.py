@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from aerokernels.tracing.engines.bundle_frame import kernel_arrays, kernel_numbers
+from aerokernels.tracing.engines.field_data import kernel_arrays, kernel_numbers
 from aerokernels.tracing.tasks.cube_polynomials import cube_polynomials
 from aerokernels.tracing.tasks.family import BundleTable
 

@@ -1,6 +1,6 @@
 """The structs and compile options of the kernels, which both engines read from these tables.
 
-warp/library.py makes Warp's structs from them, and opencl/headers.py the OpenCL headers types.h and options.h.
+warp/library.py makes Warp's structs from them, and opencl/program.py the OpenCL headers types.h and options.h.
 
 A kind is a type of OpenCL C: int, uint, bool, real (of the kernel's precision) or double, or a vector of 2 to 4 such
 numbers; one star makes it an array in device memory, two stars an array with two indices. Structs are kinds, too.

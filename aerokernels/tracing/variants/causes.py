@@ -19,8 +19,8 @@ from ...medium.refined import refined
 from ...rays import RayBundle
 from ..launch import run_plan
 from ..plan import TracePlan
-from ..status import reached
 from ..step_bound import step_allowance
+from ..stop import reached
 from .jumps import jumps, lacking, next_order, patterns
 from .orders import change_in_planes, change_on_two_axes, thinned_along_r, thinned_sums
 from .paths import Cause, Paths, Rays, paths_of, shortest_cell
