@@ -4,6 +4,7 @@ Several terms are fitted together, always with the mean: OPD ~ c + a x + b y + d
 the angle by which the beam that leaves the pupil is deflected.
 """
 
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
@@ -146,8 +147,7 @@ def _without(opd: np.ndarray, weights: np.ndarray, points, terms: Iterable[str])
         if "focus" in terms:
             size = np.sqrt(weighted_mean(weights, np.sum(centred**2, axis=1))) or 1.0
             columns = [*(centred.T / size)] if "tilt" in terms else []
-            # About the mean of the points where tilt is fitted too, which absorbs the difference; otherwise about the
-            # origin.
+            # About the mean of the points where tilt is fitted too, which absorbs the difference; else the origin.
             square = np.sum((centred if "tilt" in terms else np.asarray(points, np.float64)) ** 2, axis=1) / size**2
             basis = np.stack([*columns, square - weighted_mean(weights, square)], axis=1)
         opd = opd - basis @ _fitted(basis, weights, opd - np.sum(weights * opd))
@@ -162,9 +162,8 @@ def remove_named(
     Points (n, 2) and the radius of the polynomials' disc are in metres; weights sum to 1.
     """
     flat = opd if set(TERMS).isdisjoint(removed) else _without(*check_wavefront(opd, weights), points, removed)
-    if set(TERMS).issuperset(removed):
-        return flat
-    if not (indices := [int(name[1:]) for name in removed if name[:1] == "Z" and name[1:].isdigit()]):
+    polynomials = set(removed).difference(TERMS)
+    if not (polynomials and (indices := [int(name[1:]) for name in polynomials if re.fullmatch(r"Z\d+", name)])):
         return flat
     modes, root = zernike_modes(max(indices), *(points.T / radius)).T, np.sqrt(weights)
     fitted = np.linalg.lstsq(modes * root[:, None], flat * root, rcond=1e-9)[0]
