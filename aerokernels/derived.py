@@ -28,8 +28,7 @@ class Cached(Generic[P, R]):
     def __call__(self, *arguments: P.args, **named: P.kwargs) -> R:
         """Return the result for these arguments; the owner is given by position."""
         results = arguments[self.place].__dict__.setdefault("_derived", {}).setdefault(self.function, {})
-        others = *arguments[: self.place], *arguments[self.place + 1 :], *named, *named.values()
-        key = len(named), *keys_of(others)
+        key = len(named), *keys_of((*arguments[: self.place], *arguments[self.place + 1 :], *named, *named.values()))
         cached = results.get(key, NOTHING)
         return _keep(results, key, self.function(*arguments, **named), self.most) if cached is NOTHING else cached
 

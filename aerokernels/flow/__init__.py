@@ -1,8 +1,8 @@
 """Density fields of flows: gas relations, exact flows, flow files, and the flow fields shipped with the package."""
 
-from importlib import import_module
 from typing import TYPE_CHECKING
 
+from aerokernels import attributes_of
 from aerokernels.flow.blunt_body import BluntBodyFlow, BowShock, blunt_body, bow_shock
 from aerokernels.flow.ciddor import ciddor_constant, ciddor_refractivity, moist_air_density, water_fraction
 from aerokernels.flow.conical_field import ConicalFlow, cone
@@ -122,12 +122,5 @@ __all__ = [
 
 # Modules that read files, which are imported when one of their names is first used.
 _FILES = ("Contents", "Frame", "ReadError", "Reader", "Resampling", "VolumeResampling", "contents", "read")
-_MODULE_OF = {**dict.fromkeys(_FILES, "reading"), "open_series": "series_sources"}
-_MODULE_OF |= {"GridMesh": "series", "Series": "series"}
-
-
-def __getattr__(name: str):
-    """Import a public name from its module."""
-    if name not in _MODULE_OF:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f".{_MODULE_OF[name]}", __name__), name)
+_MODULE_OF = {"GridMesh": "series", "Series": "series", "open_series": "series_sources"}
+__getattr__ = attributes_of(__name__, dict.fromkeys(_FILES, "reading") | _MODULE_OF)

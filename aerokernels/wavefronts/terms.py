@@ -4,10 +4,8 @@ Several terms are fitted together, always with the mean: OPD ~ c + a x + b y + d
 the angle by which the beam that leaves the pupil is deflected.
 """
 
-import re
 from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
@@ -162,8 +160,9 @@ def remove_named(
     Points (n, 2) and the radius of the polynomials' disc are in metres; weights sum to 1.
     """
     flat = opd if set(TERMS).isdisjoint(removed) else _without(*check_wavefront(opd, weights), points, removed)
-    polynomials = set(removed).difference(TERMS)
-    if not (polynomials and (indices := [int(name[1:]) for name in polynomials if re.fullmatch(r"Z\d+", name)])):
+    others = set(removed).difference(TERMS)
+    indices = others and [int(name[1:]) for name in others if name[:1] == "Z" and name[1:].isdigit()]
+    if not indices:
         return flat
     modes, root = zernike_modes(max(indices), *(points.T / radius)).T, np.sqrt(weights)
     fitted = np.linalg.lstsq(modes * root[:, None], flat * root, rcond=1e-9)[0]
@@ -209,10 +208,5 @@ class PupilNumbers:
         square = np.sum(self.weight * opd**2)
         phasor = np.sum(self.weight * np.exp(2j * np.pi / self.wavelength * opd))
         marechal = np.exp(-((2.0 * np.pi / self.wavelength) ** 2) * square)
-        tilt = _fitted(self.centred, weight, path - np.sum(weight * path))
+        tilt = _fitted(_centred(self.points, weight), weight, path - np.sum(weight * path))
         return np.array([abs(complex(phasor)) ** 2, marechal, np.sqrt(square), *tilt])
-
-    @cached_property
-    def centred(self) -> np.ndarray:
-        """The points about their mean [m], shape (n, 2)."""
-        return _centred(self.points, self.weight / self.weight.sum())
