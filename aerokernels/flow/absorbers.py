@@ -9,9 +9,8 @@ import numpy as np
 from aerokernels.flow.composition import Composition
 from aerokernels.flow.species import AVOGADRO, molar_mass
 from aerokernels.inputs.arguments import checked
-from aerokernels.inputs.checks import check_path
+from aerokernels.inputs.checks import check_path, check_wavelength
 from aerokernels.inputs.kinds import wrong_kind
-from aerokernels.inputs.wavelength import check_wavelength
 
 
 @checked

@@ -5,8 +5,7 @@ from typing import NamedTuple
 
 from aerokernels.flow import ciddor, mathar
 from aerokernels.inputs.arguments import checked
-from aerokernels.inputs.checks import warn_caller
-from aerokernels.inputs.wavelength import LONGEST, SAME, check_wavelength
+from aerokernels.inputs.checks import LONGEST, SAME, check_wavelength, warn_caller
 
 # Eq 2 was fitted in the visible; below this wavelength air absorbs and its index rises faster.
 SHORTEST_WAVELENGTH = 200e-9

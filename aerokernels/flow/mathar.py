@@ -12,8 +12,7 @@ import numpy as np
 from aerokernels.flow import ciddor
 from aerokernels.flow.ciddor import STANDARD_CO2
 from aerokernels.inputs.arguments import checked
-from aerokernels.inputs.checks import check_positive, warn_caller
-from aerokernels.inputs.wavelength import SAME, check_wavelength
+from aerokernels.inputs.checks import SAME, check_positive, check_wavelength, warn_caller
 
 # The state of which the coefficients are an expansion [K], [Pa], [%], and the mole fraction of CO2 in its dry air.
 TEMPERATURE, PRESSURE, HUMIDITY, CO2 = 290.65, 75e3, 10.0, 370e-6

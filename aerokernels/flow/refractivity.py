@@ -19,8 +19,7 @@ from aerokernels.flow.air import AIR, Band
 from aerokernels.flow.composition import Composition
 from aerokernels.flow.species import WATER
 from aerokernels.inputs.arguments import checked
-from aerokernels.inputs.checks import check_choice
-from aerokernels.inputs.wavelength import LONGEST, SAME, SHORTEST, check_wavelength
+from aerokernels.inputs.checks import LONGEST, SAME, SHORTEST, check_choice, check_wavelength
 from aerokernels.medium import GroupIndex, IndexField, Upstream
 
 RELATIONS = ("gladstone-dale", "lorentz-lorenz")

@@ -14,7 +14,7 @@ import numpy as np
 
 from aerokernels.flow import ciddor, mathar
 from aerokernels.inputs.arguments import checked
-from aerokernels.inputs.wavelength import SAME, check_wavelength
+from aerokernels.inputs.checks import SAME, check_wavelength
 
 _NORMAL = (273.15, 101325.0)
 _BORZSONYI = "A. Borzsonyi et al., Appl. Opt. 47 (2008) 4856"

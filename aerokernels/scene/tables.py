@@ -15,8 +15,8 @@ from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 from aerokernels.flow import maximum_cone_angle, refractivity_model, shipped_names
 from aerokernels.flow.gas import check_density
 from aerokernels.flow.refractivity import RELATIONS, default_relation, index_contrast
+from aerokernels.inputs.checks import check_wavelength
 from aerokernels.inputs.units import quantity
-from aerokernels.inputs.wavelength import check_wavelength
 from aerokernels.scene.values import (
     Angle,
     Count,

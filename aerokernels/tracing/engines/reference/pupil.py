@@ -17,7 +17,7 @@ from ....pupils import across_look
 from ....rays import RayBundle
 from ...absorption import absorbs, amplitudes
 from ...launch import run_plan
-from ...status import reached
+from ...stop import reached
 
 
 class PupilRun:
