@@ -5,14 +5,18 @@ them with their modules.
 """
 
 import re
+import sys
 from importlib import import_module
 from pathlib import Path
+
+from .old_modules import OldModules
 
 __version__ = "0.1.0"
 
 _STUB = Path(__file__).with_suffix(".pyi").read_text(encoding="utf-8")
 _MODULE_OF = {name: module for module, name in re.findall(r"^from \.([\w.]*) import (\w+) as", _STUB, re.MULTILINE)}
 __all__ = sorted(_MODULE_OF)
+sys.meta_path.append(OldModules())  # type: ignore[arg-type]
 
 
 def __getattr__(name: str):

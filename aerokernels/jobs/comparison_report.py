@@ -8,7 +8,8 @@ from typing import Any
 
 from aerokernels import __version__
 from aerokernels.compare import DEGREES
-from aerokernels.display.figures import Lines, png, styled_figure
+from aerokernels.display.canvas import png, styled_figure
+from aerokernels.display.figures import Lines
 from aerokernels.display.quantities import Quantity, two_digits
 from aerokernels.hardware.export import csv_cell
 from aerokernels.jobs.comparison import EACH, NO_ALIGNMENT, BenchComparison, LabelComparison

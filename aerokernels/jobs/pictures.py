@@ -32,7 +32,7 @@ from aerokernels.benches.knife_edge import KnifeEdge
 from aerokernels.benches.line_of_sight import check_exposure
 from aerokernels.benches.picture import PictureView
 from aerokernels.benches.shadowgraph import Screen
-from aerokernels.display.figures import ORANGE, house_style, png, styled_figure
+from aerokernels.display.canvas import ORANGE, house_style, png, styled_figure
 from aerokernels.display.quantities import Quantity
 from aerokernels.display.shown import extent_of
 from aerokernels.flow import DensityField, shipped_names

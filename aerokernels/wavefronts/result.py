@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass, field, fields, replace
-from functools import cached_property, partial
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,33 +20,12 @@ from ..pupils import Projected, Pupil, seen_along
 from ..tracing.variants.causes import Variants
 from .arithmetic import compare, minus, plus, times
 from .changes import Changes, changes_of, of_extremes, of_opd, of_samples, without_named
-from .exports import (
-    SIGN_CONVENTION,
-    from_xarray,
-    to_fits,
-    to_hcipy,
-    to_poppy,
-    to_prysm,
-    to_xarray,
-    to_zemax,
-)
+from .exports import SIGN_CONVENTION, from_xarray, to_fits, to_hcipy, to_poppy, to_prysm, to_xarray, to_zemax
 from .modes import centroid, structure_function, zernike, zernike_errors, zernike_table
-from .point_spread import PointSpread, point_spread_function
+from .point_spread import psf
 from .scattered import from_scattered
 from .terms import check_metres, check_terms, fit_tilt, mean_phasor, weighted_mean
-from .transfer import (
-    EncircledEnergy,
-    Transfer,
-    encircled_errors,
-    encircler,
-    fwhm,
-    image_quantities,
-    intensities,
-    polychromatic_psf,
-    spread_errors,
-    transfer_errors,
-    transfer_function,
-)
+from .transfer import encircled_energy, fwhm, image_quantities, mtf, otf
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -304,63 +283,7 @@ class Wavefront:
     zernike_errors = zernike_errors
     zernike_table = zernike_table
 
-    @checked
-    def psf(
-        self,
-        angle: Numbers | None = None,
-        *,
-        half_width: float | None = None,
-        padding: int = 8,
-        wavelengths: Numbers | None = None,
-        weights: Numbers | None = None,
-    ) -> PointSpread:
-        """Return the point spread function over the peak of the perfect one; arguments as in `point_spread_function`.
-
-        With `wavelengths` [m], shape (n,), it is the one of polychromatic light with this OPD at all wavelengths.
-        `weights` are the shares of the light at the wavelengths, equal if None.
-        """
-        if wavelengths is not None or weights is not None:
-            return polychromatic_psf(self, wavelengths, weights, angle, half_width, padding)
-        options: dict[str, Any] = {"half_width": half_width, "padding": padding, "angle": angle}
-        found = point_spread_function(self.opd, self.weight, self.pixel, self.wavelength, **options)
-        return replace(found, errors=partial(spread_errors, self, found.angle, intensities))
-
-    def otf(self) -> Transfer:
-        """Return the complex optical transfer function."""
-        return replace(transfer_function(self), errors=partial(transfer_errors, self, False))
-
-    def mtf(self) -> Transfer:
-        """Return the modulation transfer function, the magnitude of the OTF."""
-        otf = self.otf()
-        return replace(otf, value=np.abs(otf.value), errors=partial(transfer_errors, self, True))
-
-    @checked
-    def encircled_energy(self, angle: Numbers | None = None, *, center: Numbers | None = None) -> EncircledEnergy:
-        """Return the share of the light within an angle about a point of the image, exact for the pixels of the map.
-
-        All light counts as being within wavelength / (2 pixel) along either axis, the range that the pixels can
-        represent.
-
-        Args:
-            angle: Angles [rad], any shape; None takes 65 up to eight times wavelength / width.
-            center: The point [rad], two numbers along x and y; None takes the centroid.
-
-        Raises:
-            ValueError: An angle is negative or not finite, or `center` is not two finite angles.
-        """
-        width = len(self.opd) * self.pixel
-        angle = np.linspace(0.0, 8.0 * self.wavelength / width, 65) if angle is None else np.asarray(angle, dtype=float)
-        if not (np.isfinite(angle) & (angle >= 0.0)).all():
-            raise ValueError(f"angle must be finite and at least 0 rad, got {angle!r}")
-        point = self.centroid if center is None else np.asarray(center, dtype=float)
-        if center is None and not np.isfinite(point).all():
-            raise ValueError("no pixel has a neighbour, so there is no centroid: give `center` or more pixels")
-        if point.shape != (2,) or not np.isfinite(point).all():
-            raise ValueError(f"center must be two angles along x and y [rad], got {center!r}")
-        errors = partial(encircled_errors, self, angle, None if center is None else point)
-        shares = encircler(self.otf().frequency, angle)(self.otf().value, point)
-        return EncircledEnergy(angle, shares, point, errors)
-
+    psf, otf, mtf, encircled_energy = psf, otf, mtf, encircled_energy
     centroid = property(centroid)
     fwhm = cached_property(fwhm)
     structure_function = structure_function

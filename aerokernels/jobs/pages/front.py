@@ -8,15 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from aerokernels.display.figures import (
-    LEAST_DECADE,
-    Axis,
-    Line,
-    Lines,
-    Raster,
-    packed,
-    plain,
-)
+from aerokernels.display.figures import LEAST_DECADE, Axis, Line, Lines, Raster, packed, plain
 from aerokernels.jobs.pages.page import Bar, Panel
 
 if TYPE_CHECKING:

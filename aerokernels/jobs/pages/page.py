@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
 
 from aerokernels import __version__
-from aerokernels.display.figures import color_tables
+from aerokernels.display.canvas import color_tables
 from aerokernels.display.plain_text import plain
 from aerokernels.display.quantities import Quantity
 from aerokernels.display.shown import told
