@@ -232,8 +232,8 @@ def _of_width(path: Path, width: int, rows: Iterable[Row]) -> Iterator[Row]:
 
 
 def _echo_rows(path: Path, head: list[str], rows: Iterable[Row]) -> Placed:
-    found = [(int(match[1]), k) for k, name in enumerate(head) if (match := re.fullmatch(r"voltage_(\d+)_v", name))]
-    numbers, volts = zip(*sorted(found), strict=True)
+    result = [(int(match[1]), k) for k, name in enumerate(head) if (match := re.fullmatch(r"voltage_(\d+)_v", name))]
+    numbers, volts = zip(*sorted(result), strict=True)
     if numbers != tuple(range(len(numbers))):
         wrong = next(at for at, number in enumerate(numbers) if at != number)
         what = f"no column voltage_{wrong}_v" if numbers[wrong] > wrong else f"voltage_{numbers[wrong]}_v twice"

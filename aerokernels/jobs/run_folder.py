@@ -208,7 +208,7 @@ def range_errors(
     time, step, least_peak = recorded.time, recorded.step, LEAST_PULSE * float(recorded.mean.max())
     shape = template_curve(run.voltage, as_waveform(run.time, run.voltage)[2])
     reported = run.summary.get("ranges_m") or {}
-    found = {}
+    result = {}
     for method in RANGING_METHODS:
         template = shape if method == "matched-filter" else None
         read = Reading(method, threshold, template, float(run.detector.get("fraction", 0.5)), shape).range
@@ -230,8 +230,8 @@ def range_errors(
         share = 2.0 * recorded.rounding / step if step > 0.0 else 0.0
         left = share * _rounding_error(read, time, simulated, own, step) if share > 1e-3 else 0.0
         common = math.hypot(left, 0.5 * SPEED_OF_LIGHT * offset_error)
-        found[method] = _statistics(errors, len(echoes), simulated_error, common)
-    return found
+        result[method] = _statistics(errors, len(echoes), simulated_error, common)
+    return result
 
 
 def _rounding_error(

@@ -102,12 +102,12 @@ class FileTable(Table):
         names = ("density", "pressure", "temperature", "length")
         reference = {name: getattr(self, f"reference_{name}") for name in names}
         reference["operating_pressure"] = self.operating_pressure
-        given = {name: value for name, value in reference.items() if value is not None}
+        references = {name: value for name, value in reference.items() if value is not None}
         options = {
             "density": density,
             "frame": {"optical": self.optical, "up": self.up, "origin": self.origin, "rotation": self.rotation},
             "length_unit": self.length_unit,
-            "reference": given or None,
+            "reference": references or None,
             "time": self.time,
             "gas_constant": self.gas_constant,
             "geometry": self.geometry,

@@ -161,14 +161,14 @@ class Snapshots:
         grown = max(1.0, slope / self._measured_slope) if self._measured_slope > 0.0 else 1.0
         tolerance = self.settings.tolerance * self.settings.wavelength
         if self.settings.method == "auto" and self._measured * grown > tolerance:
-            found = self._traced(self.settings.index_field(self.series.field(stored, number)))
-            return replace(found, slope=slope, probe=probe)
+            result = self._traced(self.settings.index_field(self.series.field(stored, number)))
+            return replace(result, slope=slope, probe=probe)
         varied = partial(self._varied, stored, number, opd, valid, rows)
         return SnapshotResult(opd, valid, False, slope, varied, probe)
 
-    def errors(self, found: SnapshotResult) -> dict[str, float]:
+    def errors(self, result: SnapshotResult) -> dict[str, float]:
         """Return the errors of a snapshot's numbers and of its optical path differences, without that of the pixels."""
-        varied = found.varied()
+        varied = result.varied()
         axes = np.linalg.pinv(np.stack(self.grid.aperture.axes))
         points = np.empty((0, 2)) if varied is None else (varied.start - self.grid.pupil.center) @ axes
         return map_errors(varied, points, self.settings.wavelength, self.remove)
@@ -194,9 +194,9 @@ class Snapshots:
 
     def _slope(self, opd: np.ndarray, valid: np.ndarray) -> float:
         """Return the mean square of the slopes of a wavefront, from neighbouring pixels."""
-        found = self.grid.spread(np.where(valid, opd, np.nan))
+        result = self.grid.spread(np.where(valid, opd, np.nan))
         pixel = float(self.grid.x[1] - self.grid.x[0]) if len(self.grid.x) > 1 else 1.0
-        squares = [np.diff(found, axis=axis) ** 2 for axis in (0, 1)]
+        squares = [np.diff(result, axis=axis) ** 2 for axis in (0, 1)]
         means = [float(np.nanmean(one)) if np.isfinite(one).any() else 0.0 for one in squares]
         return sum(means) / pixel**2
 
@@ -276,15 +276,15 @@ LEAST_STEP = 128
 
 
 def map_errors(
-    found: Variants | None, points: np.ndarray, wavelength: float, remove: tuple[str, ...]
+    result: Variants | None, points: np.ndarray, wavelength: float, remove: tuple[str, ...]
 ) -> dict[str, float]:
     """Return the errors of WRONG, by some rays at `points` across the look direction [m]; NaN where none is known."""
-    if found is None:
+    if result is None:
         return dict.fromkeys(WRONG, float("nan"))
-    reader = MapReader(points, found.weight, remove, wavelength)
-    by_cause = errors(lambda rays: reader(rays.opd).numbers, found)
+    reader = MapReader(points, result.weight, remove, wavelength)
+    by_cause = errors(lambda rays: reader(rays.opd).numbers, result)
     totals = [combine({cause: error[k] for cause, error in by_cause.items()})["total"] for k in range(len(NAMES))]
-    of_opd = of_a_ray(lambda rays: reader(rays.opd).opd, found)["total"]
+    of_opd = of_a_ray(lambda rays: reader(rays.opd).opd, result)["total"]
     return {**dict(zip(NAMES, totals, strict=True)), "error": of_opd}
 
 

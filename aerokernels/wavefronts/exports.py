@@ -223,15 +223,15 @@ def _pupil(dataset) -> Pupil | None:
     kind = PUPILS.get(str(dataset.attrs.get("pupil")))
     if kind is None:
         return None
-    found = {}
+    result = {}
     for field in fields(kind):
         name = f"pupil_{field.name}"
         if name not in dataset and name not in dataset.attrs:
             return None
-        found[field.name] = np.asarray(dataset[name] if name in dataset else dataset.attrs[name])
-        if found[field.name].ndim < 2 and found[field.name].size == 1:  # files turn single numbers into arrays
-            found[field.name] = found[field.name].item()
-    return kind(**found)
+        result[field.name] = np.asarray(dataset[name] if name in dataset else dataset.attrs[name])
+        if result[field.name].ndim < 2 and result[field.name].size == 1:  # files turn single numbers into arrays
+            result[field.name] = result[field.name].item()
+    return kind(**result)
 
 
 def _map(dataset, name: str) -> np.ndarray:
@@ -248,10 +248,10 @@ def _check_coordinates(dataset, shape: tuple[int, ...], pixel: float) -> None:
     for name, count in zip(("y", "x"), shape, strict=True):
         if name not in dataset.coords:
             continue
-        found, expected = np.asarray(dataset[name]), pixel * (np.arange(count) - 0.5 * (count - 1))
+        result, expected = np.asarray(dataset[name]), pixel * (np.arange(count) - 0.5 * (count - 1))
         # A file may hold coordinates in single precision.
-        is_right = found.dtype.kind in "iuf" and found.shape == (count,)
-        if not (is_right and np.abs(found - expected).max(initial=0.0) <= 1e-3 * pixel):
+        is_right = result.dtype.kind in "iuf" and result.shape == (count,)
+        if not (is_right and np.abs(result - expected).max(initial=0.0) <= 1e-3 * pixel):
             raise ValueError(
                 f"the dataset's {name} must ascend about the pupil's centre in steps of its pixel, {pixel:g} m: give "
                 "the whole map, not cut, thinned out or flipped"

@@ -42,10 +42,10 @@ def from_scattered(points: Any, opd: Any, pupil: Pupil, pixel_count: int | None,
     lit = weight > 0.0
     wanted = np.stack([axis[lit] for axis in np.meshgrid(coordinate, coordinate)], axis=1)
     _check_cover(place, wanted, pixel, pupil)
-    made = np.full(weight.shape, np.nan)
-    made[lit] = _interpolated(place, values, wanted, pupil.reach)
+    result = np.full(weight.shape, np.nan)
+    result[lit] = _interpolated(place, values, wanted, pupil.reach)
     return {
-        "opd": made,
+        "opd": result,
         "weight": weight,
         "pixel": pixel,
         "intensity": intensity,
@@ -122,14 +122,14 @@ def _interpolated(place: np.ndarray, values: np.ndarray, wanted: np.ndarray, rad
     modes = zernike_modes(count, *(place.T / radius))
     coefficients = np.linalg.lstsq(modes.T, values, rcond=1e-9)[0]
     left = values - coefficients @ modes
-    made = coefficients @ zernike_modes(count, *(wanted.T / radius))
+    result = coefficients @ zernike_modes(count, *(wanted.T / radius))
     # In units of the radius and of the greatest residual: the interpolator's own tolerances are not relative.
     scale = max(float(np.abs(left).max()), 1e-300)
     more = CloughTocher2DInterpolator(place / radius, left / scale)(wanted / radius)
     beyond = ~np.isfinite(more)
     if beyond.any():
         more[beyond] = _beyond(place / radius, left / scale, wanted[beyond] / radius)
-    return np.asarray(made + scale * more)
+    return np.asarray(result + scale * more)
 
 
 def _beyond(place: np.ndarray, values: np.ndarray, wanted: np.ndarray) -> np.ndarray:

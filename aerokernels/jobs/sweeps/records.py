@@ -34,12 +34,12 @@ def read_definition(folder: Path) -> dict[str, Any] | None:
     if not path.is_file():
         return None
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
+        result = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError) as fault:
         raise ValueError(f"out={folder}: {path.name} cannot be read ({fault}); {_REMEDY}") from None
-    if not isinstance(found, dict) or "vary" not in found:
+    if not isinstance(result, dict) or "vary" not in result:
         raise ValueError(f"out={folder}: {path.name} is not that of a sweep; {_REMEDY}")
-    return found
+    return result
 
 
 def write_definition(folder: Path, described: Mapping[str, Any]) -> None:
@@ -47,11 +47,11 @@ def write_definition(folder: Path, described: Mapping[str, Any]) -> None:
     write_text(folder / DEFINITION_FILE, plain_json(json.dumps(described, indent=2, ensure_ascii=False)) + "\n")
 
 
-def check_same(folder: Path, found: Mapping[str, Any], asked: Mapping[str, Any]) -> None:
+def check_same(folder: Path, result: Mapping[str, Any], asked: Mapping[str, Any]) -> None:
     """Reject resuming a different sweep."""
-    old, new = _flat(found), _flat(asked)
+    old, new = _flat(result), _flat(asked)
     differing = [key for key in {**old, **new} if old.get(key) != new.get(key)]
-    if not differing and list(found["vary"]) == list(asked["vary"]):
+    if not differing and list(result["vary"]) == list(asked["vary"]):
         return
     if differing and differing[0].startswith("content."):
         name = differing[0].removeprefix("content.")
@@ -66,7 +66,12 @@ def check_same(folder: Path, found: Mapping[str, Any], asked: Mapping[str, Any])
         name = key.removeprefix("scene.").removeprefix("vary.")
         was, now = ("absent" if one is None else cut(json.dumps(one)) for one in (old.get(key), new.get(key)))
     else:
-        name, more, was, now = "the order of the keys that vary", "", ", ".join(found["vary"]), ", ".join(asked["vary"])
+        name, more, was, now = (
+            "the order of the keys that vary",
+            "",
+            ", ".join(result["vary"]),
+            ", ".join(asked["vary"]),
+        )
     raise ValueError(f"out={folder}: it holds another sweep: {name} was {was} and is {now}{more}; {_REMEDY}")
 
 
