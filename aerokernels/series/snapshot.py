@@ -25,7 +25,7 @@ from aerokernels.medium.refined import has_seam
 from aerokernels.rays import Pupil, RayBundle
 from aerokernels.series.line_integrals import LineIntegrals, MeshIntegrals, NotLinearError
 from aerokernels.series.pupil_grid import MapReader, PupilGrid
-from aerokernels.tracing import Plane
+from aerokernels.tracing import Plane, TraceResult
 from aerokernels.tracing.cuts import lost
 from aerokernels.tracing.engines.choice import choose_backend
 from aerokernels.tracing.plan import TracePlan
@@ -232,17 +232,21 @@ class Snapshots:
     def _bent(self, stored: Any, number: int, rows: np.ndarray) -> np.ndarray:
         """Return the optical path differences of some rays, which may bend [m]; NaN where a ray failed."""
         field = self.settings.index_field(self.series.field(stored, number))
+        return self._opd(field, self._rays(rows), PROBE_TOLERANCE)[0]
+
+    def _opd(self, field: IndexField, rays: RayBundle, share: float = 1.0) -> tuple[np.ndarray, TraceResult]:
+        """Trace rays to a share of the tolerance: their optical path differences [m], NaN where a ray failed."""
         traced = trace(
             field,
-            self._rays(rows),
+            rays,
             until=plane_beyond(field, self.grid.pupil, self.settings.direction),
-            tolerance=PROBE_TOLERANCE * self.settings.tolerance,
+            tolerance=share * self.settings.tolerance,
             wavelength=self.settings.wavelength,
             outputs=("opd",),
             **self.settings.trace_options,
         )
         assert traced.opd is not None
-        return np.where(traced.ok, traced.opd, np.nan)
+        return np.where(traced.ok, traced.opd, np.nan), traced
 
     def _rms(self, values: np.ndarray, rows: np.ndarray) -> float:
         """Return the root mean square over those of some rays that came through, terms removed [m]; inf without any."""
@@ -254,18 +258,8 @@ class Snapshots:
 
     def _traced(self, field: IndexField) -> SnapshotResult:
         rays = replace(self._rays(slice(None)), weight=self.grid.weight[self.grid.lit])
-        traced = trace(
-            field,
-            rays,
-            until=plane_beyond(field, self.grid.pupil, self.settings.direction),
-            tolerance=self.settings.tolerance,
-            wavelength=self.settings.wavelength,
-            outputs=("opd",),
-            **self.settings.trace_options,
-        )
-        assert traced.opd is not None
-        reached = np.isfinite(traced.opd) & traced.ok
-        opd = np.where(reached, traced.opd, np.nan)
+        opd, traced = self._opd(field, rays)
+        reached = np.isfinite(opd)
         return SnapshotResult(opd, reached, True, self._slope(opd, reached), lambda: traced.variants)
 
 

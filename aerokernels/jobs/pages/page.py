@@ -232,17 +232,6 @@ def _typeset(text: str) -> str:
     return re.sub(r"(?<![\w.])-(?=\d)|(?<=e)-(?=\d)", "−", text)
 
 
-def flat(tree: Mapping[str, Any], prefix: str = "") -> "list[tuple[str, str]]":
-    """Return the keys and values of nested mappings, keys joined by dots and values as JSON."""
-    rows: list[tuple[str, str]] = []
-    for key, value in tree.items():
-        if isinstance(value, Mapping) and value:
-            rows += flat(value, f"{prefix}{key}.")
-        else:
-            rows.append((f"{prefix}{key}", json.dumps(value, ensure_ascii=False)))
-    return rows
-
-
 def _script_json(data: Mapping[str, Any]) -> str:
     """Return data as JSON that may stand in a script element: nothing in it ends the element."""
     text = json.dumps(to_json(data), separators=(",", ":"), allow_nan=False)
