@@ -77,7 +77,6 @@ class FileTable(Table):
     spacing: Length | None = key(None, "Greatest node spacing of the grid to which a volume is resampled.")
     mesh: str | None = key(None, "The mesh that belongs to an SU2 restart file.")
     solution: str | None = key(None, "The solution that belongs to a Plot3D grid.")
-
     order: str | None = key(
         None,
         'The axes of the arrays in an NPZ or HDF5 file, such as "yx" for those of numpy.meshgrid; if absent, lengths '

@@ -148,7 +148,6 @@ class FlowTable(Table):
     gladstone_dale: Annotated[GladstoneDale, AfterValidator(_constant)] | None = key(
         None, "Gladstone-Dale constant in place of the paper's K(wavelength), such as '2.24e-4 m3/kg'."
     )
-
     interpolation: Literal["bilinear", "conserving"] | None = key(
         None,
         'Interpolation between cell averages on a mesh: "bilinear" interpolates values at the cells\' corners; '
