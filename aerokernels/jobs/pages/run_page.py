@@ -16,7 +16,6 @@ from aerokernels.jobs.pages.echo import Echo
 from aerokernels.jobs.pages.front import GROUPS, Front
 from aerokernels.jobs.pages.page import Answer, Bar, Page, Panel, Row, shown
 from aerokernels.jobs.store import flat, number_or_nan
-from aerokernels.zernike import zernike_modes
 
 if TYPE_CHECKING:
     import xarray
@@ -52,9 +51,9 @@ def run_page(dataset: "xarray.Dataset", summary: Mapping[str, Any]) -> Page:
         air = Air(dataset)
         plots.append(air.plot)
         panels += air.panels()
-    if {"opd", "point_spread"} <= set(dataset.variables):
+    if {"opd", "zernike", "point_spread"} <= set(dataset.variables):
         error = number_or_nan(dataset["opd"].attrs.get("rms_error_m"))
-        front = Front(dataset, _aberrations(dataset), error)
+        front = Front(dataset, error)
         plots.append(front.plot)
         panels += front.panels()
     if echo is not None:
@@ -144,9 +143,9 @@ def _bent(summary: Mapping[str, Any], front: Front | None) -> Answer:
     size = "" if not waves else f", 1/{1.0 / waves:.0f} of a wave" if waves < 0.4 else f", {waves:.2g} waves"
     more = ""
     if front is not None:
-        most = max(front.sizes, key=lambda name: front.sizes[name])
-        share = front.sizes[most] ** 2 / (sum(one**2 for one in front.sizes.values()) or 1.0)
-        known = front.sizes[most] > (front.error if math.isfinite(front.error) else 0.0)
+        most = max(front.sizes, key=lambda name: front.sizes[name].value)
+        share = front.sizes[most].value ** 2 / (sum(one.value**2 for one in front.sizes.values()) or 1.0)
+        known = front.sizes[most].value > (front.sizes[most].error or 0.0)
         if share > 0.5 and known and most in GROUPS:
             more = f"{'Nearly all' if share > 0.98 else f'{100.0 * share:.0f} %'} of it is {most}."
         rest = quantity_of_map(front.dataset, "opd_without_focus")
@@ -155,12 +154,12 @@ def _bent(summary: Mapping[str, Any], front: Front | None) -> Answer:
     return Answer.of("The wavefront is bent by", rms.scaled(1e9, "nm"), f"rms{size}.", more.strip())
 
 
-def quantity_of_map(dataset: "xarray.Dataset", name: str) -> Quantity | None:
-    """Return the rms of a map with its error [m]; None without the map."""
-    if name not in dataset or "rms_m" not in dataset[name].attrs:
+def quantity_of_map(dataset: "xarray.Dataset", name: str, number: str = "rms") -> Quantity | None:
+    """Return the rms of a map, or another number of it, with its error [m]; None without the map."""
+    if name not in dataset or f"{number}_m" not in dataset[name].attrs:
         return None
     attributes = dataset[name].attrs
-    return Quantity(float(attributes["rms_m"]), number_or_nan(attributes.get("rms_error_m")))
+    return Quantity(float(attributes[f"{number}_m"]), number_or_nan(attributes.get(f"{number}_error_m")))
 
 
 def _range(summary: Mapping[str, Any], echo: Echo | None) -> Answer:
@@ -174,22 +173,6 @@ def _range(summary: Mapping[str, Any], echo: Echo | None) -> Answer:
     more = "" if echo is None else echo.reason
     size = Quantity(abs(error.value), error.error)
     return Answer.of("The range reads", size.scaled(1e3, "mm"), f"{side}.", more, "The range is off by at most")
-
-
-def _aberrations(dataset: "xarray.Dataset") -> dict[str, float]:
-    """Return the rms of each kind of aberration over the pupil, and "else" [m]."""
-    opd, x, y = (dataset[name].values for name in ("opd", "pupil_x", "pupil_y"))
-    known = np.isfinite(opd)
-    across, up = np.meshgrid(x, y)
-    radius = float(np.hypot(across, up)[known].max()) or 1.0
-    modes = zernike_modes(11, across[known] / radius, up[known] / radius)
-    share = dataset["pupil_intensity"].values[known] if "pupil_intensity" in dataset else np.ones(opd[known].shape)
-    weight = np.sqrt(share / share.sum())
-    terms = np.linalg.lstsq((weight * modes).T, weight * opd[known], rcond=None)[0]
-    sizes = {name: math.sqrt(sum(float(terms[j - 1]) ** 2 for j in indices)) for name, indices in GROUPS.items()}
-    rest = weight * (opd[known] - terms @ modes)
-    sizes["else"] = float(np.linalg.norm(rest))
-    return sizes
 
 
 def _budget(budget: Mapping[str, Any]) -> Panel:
@@ -234,8 +217,9 @@ def _numbers(dataset: "xarray.Dataset", summary: Mapping[str, Any], echo: Echo |
         row("boresight_rad", "boresight"),
     ]
     if "opd" in dataset and not is_flat(dataset["opd"].values, "m"):
-        valley = float(np.ptp(dataset["opd"].values[np.isfinite(dataset["opd"].values)]))
-        quality.insert(3, ("OPD, peak to valley", f"{1e9 * valley:.3g} nm", "of the map's pixels", "opd"))
+        valley = quantity_of_map(dataset, "opd", "peak_to_valley")
+        if valley is not None:
+            quality.insert(3, ("OPD, peak to valley", shown(valley, 1e9, "nm"), "", "opd"))
         rest = quantity_of_map(dataset, "opd_without_focus")
         if rest is not None:
             quality.insert(4, ("Left without tilt and focus", shown(rest, 1e9, "nm"), "rms", "opd"))
@@ -260,6 +244,10 @@ def _numbers(dataset: "xarray.Dataset", summary: Mapping[str, Any], echo: Echo |
         )
     rays = f"{summary['traced_ray_count']:,} traced"
     seconds = f"{summary['trace_seconds']:.2f} s in kernels, {summary['compile_seconds']:.2f} s compiling"
+    if "ray_optics" in dataset.attrs:
+        change = Quantity(*(float(dataset.attrs[f"ray_optics_strehl_change{name}"]) for name in ("", "_error")))
+        verdict, _, why = str(dataset.attrs["ray_optics"]).partition(": ")
+        quality.append(("Strehl ratio, wave less rays", shown(change, 1.0, "", True), f"{verdict}: {why}", "strehl"))
     work = [
         ("Rays for the Strehl ratio", f"{summary['ray_count']:,}", rays, "rays"),
         ("Time", f"{summary['total_seconds']:.1f} s", seconds, ""),
