@@ -3,7 +3,6 @@
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,7 +10,7 @@ import numpy as np
 from ..derived import key_of
 from ..display.quantities import ErrorBudget, Quantity
 from ..display.shown import drawn_on, is_flat, map_picture, say_flat, shown
-from ..inputs.arguments import Numbers, checked
+from ..inputs.arguments import checked
 from ..inputs.checks import check_count, check_positive, check_share
 from ..inputs.kinds import refuse_masked, wrong_kind
 from ..inputs.wavelength import check_wavelength
@@ -20,20 +19,11 @@ from ..pupils import Projected, Pupil, seen_along
 from ..tracing.variants.causes import Variants
 from .arithmetic import compare, divided, minus, plus, times
 from .changes import Changes, changes_of, of_each_pixel, of_extremes, of_opd, of_samples, without_named
-from .exports import (
-    SIGN_CONVENTION,
-    from_fits,
-    from_xarray,
-    to_fits,
-    to_hcipy,
-    to_poppy,
-    to_prysm,
-    to_xarray,
-    to_zemax,
-)
+from .exports import SIGN_CONVENTION, from_xarray, to_hcipy, to_poppy, to_prysm, to_xarray, to_zemax
+from .files import read, to_fits
 from .modes import centroid, structure_function, zernike, zernike_errors, zernike_table
 from .point_spread import psf
-from .scattered import from_scattered
+from .scattered import from_samples
 from .terms import check_metres, check_terms, fit_tilt, mean_phasor, weighted_mean
 from .transfer import encircled_energy, fwhm, image_quantities, mtf, otf
 
@@ -215,36 +205,6 @@ class Wavefront:
         """
         return of_each_pixel(self)
 
-    @classmethod
-    @checked
-    def from_samples(
-        cls,
-        points: Numbers,
-        opd: Numbers,
-        pupil: Pupil,
-        wavelength: float,
-        *,
-        pixel_count: int | None = None,
-        error: Numbers | None = None,
-    ) -> "Wavefront":
-        """Interpolate samples scattered over a pupil to a map: see scattered.py. The error is measured on the samples.
-
-        Args:
-            points: Positions of the samples: x and y in the pupil's plane from its centre [m], shape (n, 2), or points
-                in space, shape (n, 3).
-            opd: Their optical path differences [m], positive where light is delayed, shape (n,).
-            pupil: The pupil, whose transmission weights the map.
-            wavelength: Vacuum wavelength [m].
-            pixel_count: As for `wavefront`.
-            error: Error of all samples, a number, or of each, shape (n,) [m], if known; "sampling" in the budget.
-
-        Raises:
-            TypeError: The wavelength is not a number, or `pupil` is not a pupil.
-            ValueError: Shapes disagree; samples are not finite, too few, duplicated or do not cover the pupil; or a
-                number is out of range.
-        """
-        return cls(wavelength=wavelength, **from_scattered(points, opd, pupil, pixel_count, error))
-
     def remove(self, *terms: str) -> "Wavefront":
         """Return the wavefront without "piston", "tilt", "focus" or several of them, fitted together by least squares.
 
@@ -340,39 +300,9 @@ class Wavefront:
             f"ratio {found['strehl']}\n  OPD rms {rms}, peak to valley {valley}; removed: {removed}"
         )
 
-    @classmethod
-    def from_xarray(cls, dataset) -> "Wavefront":
-        """Make the wavefront of a dataset of `to_xarray`, or of one read from its NetCDF file."""
-        return cls(**from_xarray(dataset))
-
-    @classmethod
-    @checked
-    def read(cls, path: str | Path, *, wavelength: float | None = None) -> "Wavefront":
-        """Read the wavefront of a file, with the errors of its pixels if the file has them.
-
-        The file is one that `wave.to_xarray().to_netcdf(path)` wrote, or the FITS file of an OPD, such as the first one
-        of `to_fits` or one of poppy: rows along y and columns along x, both ascending; PIXELSCL [m/pixel]; BUNIT meter,
-        micron or nm; delayed light negative, unless the header says OPDSIGN = POSITIVE. A file of the same name that
-        ends in _amplitude has the transmission; without it all finite pixels are open.
-
-        Args:
-            path: The file.
-            wavelength: Vacuum wavelength [m]; None takes that of the file.
-
-        Raises:
-            ModuleNotFoundError: A FITS file, and astropy is not installed.
-            ValueError: A file that does not exist, is damaged, or lacks one of these statements.
-        """
-        from ..files.netcdf_reading import open_netcdf
-
-        path = Path(path)
-        if path.is_file():
-            with path.open("rb") as stream:
-                if stream.read(6) == b"SIMPLE":
-                    return cls(**from_fits(path, wavelength))
-        found = cls.from_xarray(open_netcdf(path, str(path), whole=True))
-        return found if wavelength is None else found.at_wavelength(wavelength)
-
+    from_xarray = classmethod(from_xarray)
+    from_samples = classmethod(from_samples)
+    read = classmethod(read)
     to_xarray = to_xarray
     to_poppy = to_poppy
     to_hcipy = to_hcipy

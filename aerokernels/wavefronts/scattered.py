@@ -6,10 +6,11 @@ extrapolated by parabolas. The error is measured: every fourth sample is predict
 
 from dataclasses import replace
 from functools import partial
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
+from ..inputs.arguments import Numbers, checked
 from ..inputs.kinds import refuse_masked, wrong_kind
 from ..pupils import Pupil
 from ..tracing.variants.causes import FACTOR, Variants
@@ -18,6 +19,7 @@ from ..zernike import zernike_modes
 from .changes import smooth_draws
 from .pixels import pupil_grid
 
+W = TypeVar("W", bound=Any)  # Wavefront, of which this is a method
 # Most Zernike polynomials; fewest samples for each of them; fewest samples of a wavefront.
 MODES, PER_MODE, FEWEST = 36, 3, 9
 # One of so many samples is predicted from the others to measure the error.
@@ -30,8 +32,35 @@ HOLE = 4.0
 ABOUT = 14
 
 
-def from_scattered(points: Any, opd: Any, pupil: Pupil, pixel_count: int | None, error: Any) -> dict[str, Any]:
-    """Return the attributes of the wavefront by name; see `Wavefront.from_samples`."""
+@checked
+def from_samples(
+    cls: type[W],
+    /,
+    points: Numbers,
+    opd: Numbers,
+    pupil: Pupil,
+    wavelength: float,
+    *,
+    pixel_count: int | None = None,
+    error: Numbers | None = None,
+) -> W:
+    """Interpolate samples scattered over a pupil to a map: see scattered.py. The error is measured on the samples.
+
+    Args:
+        cls: The class of the wavefront.
+        points: Positions of the samples: x and y in the pupil's plane from its centre [m], shape (n, 2), or points
+            in space, shape (n, 3).
+        opd: Their optical path differences [m], positive where light is delayed, shape (n,).
+        pupil: The pupil, whose transmission weights the map.
+        wavelength: Vacuum wavelength [m].
+        pixel_count: As for `wavefront`.
+        error: Error of all samples, a number, or of each, shape (n,) [m], if known; "sampling" in the budget.
+
+    Raises:
+        TypeError: The wavelength is not a number, or `pupil` is not a pupil.
+        ValueError: Shapes disagree; samples are not finite, too few, duplicated or do not cover the pupil; or a
+            number is out of range.
+    """
     if not isinstance(pupil, Pupil):
         raise wrong_kind(pupil, "pupil", "a Disc, Annulus, Rectangle, Polygon or Mask")
     place, values = _checked(points, opd, pupil)
@@ -44,15 +73,9 @@ def from_scattered(points: Any, opd: Any, pupil: Pupil, pixel_count: int | None,
     _check_cover(place, wanted, pixel, pupil)
     result = np.full(weight.shape, np.nan)
     result[lit] = _interpolated(place, values, wanted, pupil.reach)
-    return {
-        "opd": result,
-        "weight": weight,
-        "pixel": pixel,
-        "intensity": intensity,
-        "radius": pupil.reach,
-        "pupil": pupil,
-        "varied": partial(_varied, place, values, pupil, np.broadcast_to(sizes, values.shape)),
-    }
+    varied = partial(_varied, place, values, pupil, np.broadcast_to(sizes, values.shape))
+    options: dict[str, Any] = {"intensity": intensity, "radius": pupil.reach, "pupil": pupil, "varied": varied}
+    return cls(result, weight, pixel, wavelength, **options)
 
 
 def _varied(place: np.ndarray, values: np.ndarray, pupil: Pupil, sizes: np.ndarray) -> Variants:
