@@ -18,8 +18,7 @@ from .launch import run_plan
 from .lines import box_size, box_span
 from .plan import TracePlan
 from .planning import plan_bundle
-from .status import RayStatus
-from .stop import ArcLength
+from .stop import ArcLength, RayStatus
 
 # Cells of a part of a path, and the greatest number of parts. A part's cubic is then within 1e-3 of a cell.
 PART_CELLS, MOST_PARTS = 8, 64
