@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -10,9 +10,6 @@ from aerokernels.inputs.checks import check_at_least
 from aerokernels.medium.averages.kept_averages import conserving_values
 from aerokernels.medium.grid import UniformGrid, contrast_without_gradient
 from aerokernels.medium.mesh_samples import MeshSamples
-
-if TYPE_CHECKING:
-    from aerokernels.medium.field import IndexField
 
 # A coefficient is interpolated as a contrast as small as this, of which the optical potential is a multiple.
 SMALL = 1e-9
@@ -35,7 +32,7 @@ class Absorption:
     symmetric: bool = True
 
 
-def absorption_of(field: "IndexField", coefficient: Any, ambient: float) -> Absorption:
+def absorption_of(field: Any, coefficient: Any, ambient: float) -> Absorption:
     """Return the absorption of `IndexField.with_absorption`."""
     check_at_least(ambient, "ambient", 0.0)
     spacing = float(np.min(field.spacing))
@@ -59,13 +56,13 @@ class _Uniform:
 
 @dataclass(frozen=True, eq=False)
 class _Sampled:
-    """A coefficient where the samples of a field are, by the field's interpolant, at least 0."""
+    """A coefficient where the samples of an IndexField are, by the field's interpolant, at least 0."""
 
-    field: "IndexField"
+    field: Any
     scale: float
 
     @classmethod
-    def of(cls, field: "IndexField", values: np.ndarray) -> "_Sampled":
+    def of(cls, field: Any, values: np.ndarray) -> "_Sampled":
         scale = max(float(values.max()), 1e-300) / SMALL
         samples = field.samples
         if isinstance(samples, UniformGrid):
