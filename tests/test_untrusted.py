@@ -13,7 +13,7 @@ import pytest
 
 from aerokernels.flow import open_series, read
 from aerokernels.hardware.simulator import EchoSource
-from aerokernels.jobs.recorded import load_netcdf, recorded_labels
+from aerokernels.jobs.recorded import recorded_labels
 from aerokernels.jobs.store import read_result
 from aerokernels.process import fragile
 from aerokernels.scene import Scene, SceneError
@@ -52,9 +52,7 @@ def test_a_file_on_which_hdf5_computes_for_ever_is_refused(tmp_path: Path, monke
         recorded_labels(tmp_path / "echoes.nc")
 
 
-@pytest.mark.parametrize(
-    "reader", [load_netcdf, recorded_labels, read_result, read, open_series, EchoSource.from_result]
-)
+@pytest.mark.parametrize("reader", [recorded_labels, read_result, read, open_series, EchoSource.from_result])
 def test_every_reader_of_netcdf_survives_the_end_of_its_library(reader, tmp_path: Path, monkeypatch):
     """Set-up: HDF5 ends its process. Expected: the caller learns which file, and what to do."""
 
