@@ -33,7 +33,7 @@ def absorption_coefficient(density: Any, composition: Composition, cross_section
     Example:
         >>> moist = Composition({"N2": 0.78, "O2": 0.21, "H2O": 0.01})
         >>> round(float(absorption_coefficient(1.2, moist, {"H2O": 1e-26})), 6)
-        0.002509
+        0.002514
     """
     if not isinstance(composition, Composition):
         raise wrong_kind(composition, "composition", "a Composition")

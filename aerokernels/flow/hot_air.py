@@ -51,7 +51,7 @@ def equilibrium_air(
     Example:
         >>> hot = equilibrium_air(density=0.01, temperature=6000.0)
         >>> round(hot.fractions["N2"], 3), round(hot.fractions["O"], 3)
-        (0.608, 0.232)
+        (0.545, 0.229)
     """
     if temperature is None or (density is None) == (pressure is None):
         raise TypeError("equilibrium air needs the temperature [K] and either density [kg/m3] or pressure [Pa]")
