@@ -4,25 +4,21 @@ import csv
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
-
-import numpy as np
+from typing import Any
 
 from aerokernels import __version__
 from aerokernels.compare import DEGREES
-from aerokernels.display.figures import BLUE, GREY, ORANGE, house_style, png, styled_figure
+from aerokernels.display.canvas import png, styled_figure
+from aerokernels.display.figures import Lines
 from aerokernels.display.quantities import Quantity, two_digits
 from aerokernels.hardware.export import csv_cell
 from aerokernels.jobs.comparison import EACH, NO_ALIGNMENT, BenchComparison, LabelComparison
 from aerokernels.jobs.echo_statistics import TOLD, covering, spread_factor
 from aerokernels.jobs.pages.compare_page import compare_page
+from aerokernels.jobs.pages.page import Page
 from aerokernels.jobs.recorded import LEAST_SAMPLES, label_text
 from aerokernels.jobs.store import REPORT_FILE, SUMMARY_FILE, staged_folder, to_json, write_result, write_summary
 from aerokernels.lidar.pulses import SPEED_OF_LIGHT
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 TABLE_FILE, WAVEFORM_FILE, FIGURE_FILE = "compare.csv", "compare.nc", "compare.png"
 
@@ -30,10 +26,9 @@ TABLE_FILE, WAVEFORM_FILE, FIGURE_FILE = "compare.csv", "compare.nc", "compare.p
 EDGE_METHODS = ("leading-edge", "constant-fraction")
 
 Table = tuple[str, tuple[str, ...], list[tuple[str, ...]]]
-MOST_PANELS = 12
 
 
-def peak_table(found: BenchComparison) -> Table:
+def peak_table(result: BenchComparison) -> Table:
     """Make Table 3 of the paper: peak voltages."""
     rows: list[tuple[str, ...]] = [
         (
@@ -43,7 +38,7 @@ def peak_table(found: BenchComparison) -> Table:
             f"{one.recorded.peak_mean:.4g}, spread {two_digits(one.recorded.peak_spread)}",
             str(Quantity(one.waveform.simulated_peak, one.run.error_of("echo_peak_v"))),
         )
-        for one in found.labels
+        for one in result.labels
     ]
     columns = (
         "label",
@@ -55,13 +50,13 @@ def peak_table(found: BenchComparison) -> Table:
     return "Peak voltages (Table 3)", columns, rows
 
 
-def error_table(found: BenchComparison) -> Table:
+def error_table(result: BenchComparison) -> Table:
     """Make Table 4: relative peak errors, in both conventions, and the leading edge.
 
     The relative error of the ratio of two peaks is the root sum of squares of the peaks' relative errors.
     """
     rows: list[tuple[str, ...]] = []
-    for one in found.labels:
+    for one in result.labels:
         wave = one.waveform
         share = math.hypot(
             one.covering * one.errors.peak / wave.recorded_peak,
@@ -82,7 +77,7 @@ def error_table(found: BenchComparison) -> Table:
     return "Relative peak errors (Table 4) and leading edge", columns, rows
 
 
-def correlation_table(found: BenchComparison) -> Table:
+def correlation_table(result: BenchComparison) -> Table:
     """Make Table 6: correlation coefficients, with the degrees of Table 5."""
     rows: list[tuple[str, ...]] = [
         (
@@ -94,7 +89,7 @@ def correlation_table(found: BenchComparison) -> Table:
             _number(one.echo_correlation, ".4f"),
             f"{_number(1e9 * wave.recorded_width, '.3f')} / {_number(1e9 * wave.simulated_width, '.3f')}",
         )
-        for one, wave in ((one, one.waveform) for one in found.labels)
+        for one, wave in ((one, one.waveform) for one in result.labels)
     ]
     columns = (
         "label",
@@ -108,7 +103,7 @@ def correlation_table(found: BenchComparison) -> Table:
     return "Correlation (Table 6; degrees by Table 5)", columns, rows
 
 
-def range_table(found: BenchComparison) -> Table:
+def range_table(result: BenchComparison) -> Table:
     """Make the table of systematic and random range errors, by label and method."""
     rows: list[tuple[str, ...]] = [
         (
@@ -121,7 +116,7 @@ def range_table(found: BenchComparison) -> Table:
             _millimetres(errors.simulated_error_m, one.run.error_of("ranges_m", method)),
             f"{errors.ranged_count} of {errors.ranged_count + errors.missed_count}",
         )
-        for one in found.labels
+        for one in result.labels
         for method, errors in one.ranges.items()
     ]
     columns = ("label", "method", "systematic error [mm]", "random error [mm]", "simulated error [mm]", "echoes ranged")
@@ -146,66 +141,65 @@ def _millimetres(value: float, error: float) -> str:
 TABLES = (peak_table, error_table, correlation_table, range_table)
 
 
-def notes(found: BenchComparison) -> list[str]:
+def notes(result: BenchComparison) -> list[str]:
     """Describe in words how the comparison was made."""
     bounds = [bound for bound, _ in DEGREES]
     degrees = "; ".join(
         f"{name} from |r| = {bound:g} to {upper:g}"
         for (bound, name), upper in zip(DEGREES, [1.0, *bounds], strict=False)
     )
-    is_measured = found.options.align != NO_ALIGNMENT
+    is_measured = result.options.align != NO_ALIGNMENT
     alignment = {
         NO_ALIGNMENT: "The recorded times were used unchanged, apart from the given trigger offset.",
         EACH: "Each label was shifted to its greatest correlation: only shapes are compared, and systematic range "
         "errors and edge shifts are not meaningful.",
     }.get(
-        found.options.align,
-        f"The trigger offset was measured on {found.options.align} and subtracted for every label: differences "
+        result.options.align,
+        f"The trigger offset was measured on {result.options.align} and subtracted for every label: differences "
         "between labels are real, the systematic error of that label is not.",
     )
     lines = [
-        *(f"Warning: {text}." for text in found.warnings),
+        *(f"Warning: {text}." for text in result.warnings),
         alignment,
         "Trigger offsets: "
         + ", ".join(
             f"{label_text(one.label)} {Quantity(one.trigger_offset, error, 's').scaled(1e9, 'ns')}"
-            for one in found.labels
+            for one in result.labels
             for error in [one.covering * one.trigger_offset_error if is_measured else None]
         ),
         f"Degrees of correlation: {degrees}.",
-        f"At most {found.options.ranged_count} echoes of a label, chosen at random, were ranged one by one.",
+        f"At most {result.options.ranged_count} echoes of a label, chosen at random, were ranged one by one.",
     ]
-    if found.options.voltage_offset:
-        lines.append(f"{1e3 * found.options.voltage_offset:g} mV were subtracted from all recorded voltages.")
-    resampled = sum(one.recorded.resampled_count for one in found.labels)
+    if result.options.voltage_offset:
+        lines.append(f"{1e3 * result.options.voltage_offset:g} mV were subtracted from all recorded voltages.")
+    resampled = sum(one.recorded.resampled_count for one in result.labels)
     if resampled:
         lines.append(f"{resampled} echoes had other sample times than most of their label: interpolated by a spline.")
-    unfit = sum(one.unfit_count for one in found.labels)
+    unfit = sum(one.unfit_count for one in result.labels)
     if unfit:
         lines.append(f"{unfit} echoes had fewer than {LEAST_SAMPLES} samples or no sample period and were skipped.")
-    if found.left_out:
-        lines.append(f"Labels without a run: {', '.join(map(label_text, found.left_out))}.")
+    if result.left_out:
+        lines.append(f"Labels without a run: {', '.join(map(label_text, result.left_out))}.")
     return lines
 
 
-def write_comparison(found: BenchComparison, out: Path) -> list[str]:
+def write_comparison(result: BenchComparison, out: Path) -> list[str]:
     """Write compare.csv, compare.nc, compare.png, summary.json and report.html: all or none; return their names."""
-    rows = [one.row() for one in found.labels]
-    with house_style():
-        picture = png(waveforms_figure(found))
+    rows = [one.row() for one in result.labels]
     summary = {
-        "recording": str(found.source),
-        "align": found.options.align,
+        "recording": str(result.source),
+        "align": result.options.align,
         "labels": rows,
-        "warnings": found.warnings,
-        "left_out": [label_text(label) for label in found.left_out],
+        "warnings": result.warnings,
+        "left_out": [label_text(label) for label in result.left_out],
         "version": __version__,
     }
-    report = compare_page(found, [make(found) for make in TABLES], notes(found)).html()
+    page = compare_page(result, [make(result) for make in TABLES], notes(result))
+    report, picture = page.html(), _picture(page)
     with staged_folder(out) as folder:
         _write_csv(folder / TABLE_FILE, rows)
         (folder / FIGURE_FILE).write_bytes(picture)
-        write_result(folder / WAVEFORM_FILE, found.to_xarray())
+        write_result(folder / WAVEFORM_FILE, result.to_xarray())
         write_summary(folder / SUMMARY_FILE, summary)
         (folder / REPORT_FILE).write_text(report, encoding="utf-8")
         return sorted(path.name for path in folder.iterdir())
@@ -221,42 +215,12 @@ def _write_csv(path: Path, rows: Sequence[dict[str, Any]]) -> None:
             writer.writerow({name: "" if value is None else csv_cell(value) for name, value in plain.items()})
 
 
-def waveforms_figure(found: BenchComparison) -> "Figure":
-    """Draw recorded mean and simulation of the first twelve labels, and below each their difference."""
-    shown = found.labels[:MOST_PANELS]
-    columns = min(2, len(shown))
-    rows = math.ceil(len(shown) / columns)
-    with styled_figure(5.4 * columns, 4.2 * rows) as figure:
-        parts = figure.subfigures(rows, columns, squeeze=False).ravel()
-        for part, one in zip(parts, shown, strict=False):
-            above, below = part.subplots(2, 1, sharex=True, height_ratios=(3.0, 1.2))
-            _draw_waveforms(above, one)
-            _draw_residual(below, one)
-        parts[0].axes[0].legend(loc="upper right", fontsize=9)
-    return figure
-
-
-def _draw_waveforms(axes: "Axes", one: LabelComparison) -> None:
-    time, mean = 1e9 * one.recorded.time, one.recorded.mean
-    axes.plot(time, mean, color=BLUE, linewidth=1.6, label="recorded, mean")
-    axes.plot(time, one.simulated, color=ORANGE, linewidth=1.3, linestyle="--", label="simulated")
-    axes.axhline(one.waveform.edge_level, color=GREY, linewidth=0.8, linestyle=":")
-    high = np.flatnonzero(np.maximum(mean, one.simulated) > 0.01 * one.simulated.max())
-    margin = 0.4 * (time[high[-1]] - time[high[0]])
-    axes.set_xlim(max(time[0], time[high[0]] - margin), min(time[-1], time[high[-1]] + margin))
-    wave = one.waveform
-    axes.set_title(f"{label_text(one.label)}: r = {wave.correlation:.4f}, peak {100 * wave.peak_error:+.2f} %")
-    axes.set_ylabel("voltage [V]")
-    axes.grid(True, color="#e3e7eb")
-
-
-def _draw_residual(axes: "Axes", one: LabelComparison) -> None:
-    recorded = one.recorded
-    time, residual = 1e9 * recorded.time, 1e3 * (recorded.mean - one.simulated)
-    spread, error = 1e3 * recorded.spread, 1e3 * recorded.standard_error
-    axes.fill_between(time, residual - spread, residual + spread, color=BLUE, alpha=0.15, linewidth=0.0)
-    axes.fill_between(time, residual - error, residual + error, color=BLUE, alpha=0.5, linewidth=0.0)
-    axes.plot(time, residual, color=BLUE, linewidth=0.8)
-    axes.axhline(0.0, color=ORANGE, linewidth=1.0, linestyle="--")
-    axes.set(xlabel="time after the pulse's peak left [ns]", ylabel="difference [mV]")
-    axes.grid(True, color="#e3e7eb")
+def _picture(page: Page) -> bytes:
+    """Draw a report's waveforms, and beside each its difference, as a PNG file."""
+    drawn = [panel for panel in page.panels if panel.name.startswith(("waveform-", "residual-"))]
+    with styled_figure(10.8, 1.6 * len(drawn)) as figure:
+        for axes, panel in zip(figure.subplots(len(drawn) // 2, 2, squeeze=False).ravel(), drawn, strict=True):
+            assert isinstance(panel.shown, Lines)
+            panel.shown.draw(axes)
+            axes.set_title(panel.title)
+        return png(figure)

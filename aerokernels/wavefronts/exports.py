@@ -8,7 +8,7 @@ from dataclasses import fields
 from functools import partial
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import numpy as np
 
@@ -22,32 +22,7 @@ from .point_spread import complex_amplitude
 if TYPE_CHECKING:
     import xarray
 
-
-@checked
-def to_fits(wavefront: Any, path: str | Path) -> tuple[Path, Path]:
-    """Write the OPD [m], in poppy's sign, and the amplitude; return both paths.
-
-    Raises:
-        ModuleNotFoundError: astropy is not installed.
-        ValueError: The path is a folder, or its folder does not exist.
-        OutputError: The disk is full; earlier files are as they were.
-    """
-    path = Path(path)
-    fits = package("astropy.io.fits")
-    amplitude = path.with_name(f"{path.stem}_amplitude{path.suffix}")
-    with replacing(path, amplitude) as drafts:
-        maps = ("OPD", poppy_opd(wavefront)), ("AMPLITUD", np.array(wavefront.weight))
-        for draft, (kind, array) in zip(drafts, maps, strict=True):
-            header = fits.Header()
-            header["PIXELSCL"] = (wavefront.pixel, "[m/pixel]")
-            header["PUPLSCAL"] = (wavefront.pixel, "[m/pixel]")
-            if kind == "OPD":
-                header["BUNIT"] = "meter"
-            header["CONTENT"] = (kind, "what the pixels hold")
-            header["WAVELEN"] = (wavefront.wavelength, "[m] vacuum wavelength")
-            header["OPDSIGN"] = ("NEGATIVE", "where light is delayed (poppy's sign)")
-            fits.PrimaryHDU(array, header).writeto(draft, overwrite=True)
-    return path, amplitude
+W = TypeVar("W", bound=Any)  # Wavefront, whose methods these are
 
 
 def to_hcipy(wavefront: Any):
@@ -141,7 +116,7 @@ PUPILS: dict[str, Any] = {kind.__name__: kind for kind in (Annulus, Disc, Mask, 
 
 
 def to_xarray(wavefront: Any) -> "xarray.Dataset":
-    """Return an xarray.Dataset of "opd", "weight" and "intensity" over (y, x); computes the OPD's error budget."""
+    """Return an xarray.Dataset of "opd", "opd_error", "weight" and "intensity" over (y, x); computes the errors."""
     import xarray
 
     attributes: dict[str, Any] = {
@@ -159,12 +134,14 @@ def to_xarray(wavefront: Any) -> "xarray.Dataset":
         attributes["direction"] = np.asarray(wavefront.direction)
     maps = {
         "opd": ("m", "optical path difference"),
+        "opd_error": ("m", "error of the optical path difference from its mean"),
         "weight": ("1", "transmission of the amplitude, mean over the pixel"),
         "intensity": ("1", "mean intensity in the pixel"),
     }
     variables, numbers = _pupil_numbers(wavefront.pupil)
     for name, (unit, words) in maps.items():
-        variables[name] = (("y", "x"), getattr(wavefront, name), {"units": unit, "long_name": words})
+        values = wavefront.pixel_errors if name == "opd_error" else getattr(wavefront, name)
+        variables[name] = (("y", "x"), values, {"units": unit, "long_name": words})
     variables["opd"][2]["sign_convention"] = SIGN_CONVENTION
     coordinates = {
         name: (name, wavefront.coordinate, {"units": "m", "long_name": f"{name} in the pupil, from its centre"})
@@ -173,8 +150,8 @@ def to_xarray(wavefront: Any) -> "xarray.Dataset":
     return xarray.Dataset(variables, coordinates, {**attributes, **numbers})
 
 
-def from_xarray(dataset) -> dict[str, Any]:
-    """Return the attributes of the wavefront by name."""
+def from_xarray(cls: type[W], dataset) -> W:
+    """Make the wavefront of a dataset of `to_xarray`, or of one read from its NetCDF file."""
     if not hasattr(dataset, "attrs") or not hasattr(dataset, "data_vars"):
         raise TypeError(f"dataset must be an xarray.Dataset, as `to_xarray` makes one, got {type(dataset).__name__}")
     lost = [name for name in ("opd", "weight") if name not in dataset] + [
@@ -193,14 +170,17 @@ def from_xarray(dataset) -> dict[str, Any]:
     error = numbers.pop("opd_error", np.nan)
     maps = {name: _map(dataset, name) for name in ("opd", "weight", "intensity") if name in dataset}
     _check_coordinates(dataset, maps["opd"].shape, numbers["pixel"])
-    return {
+    known = _map(dataset, "opd_error") if "opd_error" in dataset else None
+    if known is not None and np.isfinite(known[maps["weight"] > 0.0]).all():
+        maps["error_map"] = np.nan_to_num(known)
+    return cls(
         **maps,
         **numbers,
-        "removed": tuple(str(attributes.get("removed", "")).split()),
-        "direction": _numbers(attributes, "direction", (3,)) if "direction" in attributes else None,
-        "pupil": _pupil(dataset),
-        "budget": partial(ErrorBudget, total=error) if np.isfinite(error) else None,
-    }
+        removed=tuple(str(attributes.get("removed", "")).split()),
+        direction=_numbers(attributes, "direction", (3,)) if "direction" in attributes else None,
+        pupil=_pupil(dataset),
+        budget=partial(ErrorBudget, total=error) if np.isfinite(error) else None,
+    )
 
 
 def _pupil_numbers(pupil: Pupil | None) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -223,15 +203,15 @@ def _pupil(dataset) -> Pupil | None:
     kind = PUPILS.get(str(dataset.attrs.get("pupil")))
     if kind is None:
         return None
-    found = {}
+    result = {}
     for field in fields(kind):
         name = f"pupil_{field.name}"
         if name not in dataset and name not in dataset.attrs:
             return None
-        found[field.name] = np.asarray(dataset[name] if name in dataset else dataset.attrs[name])
-        if found[field.name].ndim < 2 and found[field.name].size == 1:  # files turn single numbers into arrays
-            found[field.name] = found[field.name].item()
-    return kind(**found)
+        result[field.name] = np.asarray(dataset[name] if name in dataset else dataset.attrs[name])
+        if result[field.name].ndim < 2 and result[field.name].size == 1:  # files turn single numbers into arrays
+            result[field.name] = result[field.name].item()
+    return kind(**result)
 
 
 def _map(dataset, name: str) -> np.ndarray:
@@ -248,10 +228,10 @@ def _check_coordinates(dataset, shape: tuple[int, ...], pixel: float) -> None:
     for name, count in zip(("y", "x"), shape, strict=True):
         if name not in dataset.coords:
             continue
-        found, expected = np.asarray(dataset[name]), pixel * (np.arange(count) - 0.5 * (count - 1))
+        result, expected = np.asarray(dataset[name]), pixel * (np.arange(count) - 0.5 * (count - 1))
         # A file may hold coordinates in single precision.
-        is_right = found.dtype.kind in "iuf" and found.shape == (count,)
-        if not (is_right and np.abs(found - expected).max(initial=0.0) <= 1e-3 * pixel):
+        is_right = result.dtype.kind in "iuf" and result.shape == (count,)
+        if not (is_right and np.abs(result - expected).max(initial=0.0) <= 1e-3 * pixel):
             raise ValueError(
                 f"the dataset's {name} must ascend about the pupil's centre in steps of its pixel, {pixel:g} m: give "
                 "the whole map, not cut, thinned out or flipped"
