@@ -83,12 +83,12 @@ class Stages:
     """The stages that a worker process caches during its life.
 
     Attributes:
-        made: How often each stage was computed: "flow", "index", "strehl", "echo".
+        counts: How often each stage was computed: "flow", "index", "strehl", "echo".
     """
 
     def __init__(self) -> None:
         """Start with an empty cache."""
-        self.made = dict.fromkeys(("flow", "index", "strehl", "echo"), 0)
+        self.counts = dict.fromkeys(("flow", "index", "strehl", "echo"), 0)
         self._caches: dict[str, dict[str, Any]] = {}
 
     def _cached(self, kind: str, key: str, make: Callable[[], Any]) -> Any:
@@ -99,13 +99,13 @@ class Stages:
         while len(cache) >= CACHED:
             del cache[next(iter(cache))]  # free memory before the next stage: fields can be large
         result = cache[key] = make()
-        self.made[kind] += 1
+        self.counts[kind] += 1
         return result
 
     def run(self, case: Case) -> RunResult:
         """Compute a case."""
         result = run_stages(case.scene, partial(self._prepared, case), partial(self._strehl, case), with_views=False)
-        self.made["echo"] += 1
+        self.counts["echo"] += 1
         return result
 
     def _prepared(self, case: Case) -> Prepared:
