@@ -188,15 +188,14 @@ def usual_name(path, dataset: Dataset, known: Sequence[str]) -> str | None:
     Means over time count after all others. A "T" counts before a "t", which may be the time: it is not taken where it
     is the same everywhere.
     """
-    result = known_names(
-        (name for name in dataset.array_names() if not _is_time(dataset, name)), known, dataset.grouped
-    )
+    usual = (name for name in dataset.array_names() if not _is_time(dataset, name))
+    named = known_names(usual, known, dataset.grouped)
     if dataset.grouped:
-        level = min((name.count("/") for name in result), default=0)
-        result = [name for name in result if name.count("/") == level]
-        if level and len(result) > 1:
-            raise ReadError(path, f"several groups have such an array: {', '.join(result)}", "name one of them")
-    return min(result, key=lambda name: name[-1:] == "t", default=None)
+        level = min((name.count("/") for name in named), default=0)
+        named = [name for name in named if name.count("/") == level]
+        if level and len(named) > 1:
+            raise ReadError(path, f"several groups have such an array: {', '.join(named)}", "name one of them")
+    return min(named, key=lambda name: name[-1:] == "t", default=None)
 
 
 def _is_time(dataset: Dataset, name: str) -> bool:
