@@ -25,7 +25,6 @@ settings.load_profile("at any load")
 # Files that take longest, first: with two processes none of them is left to one alone at the end (see scripts/test).
 LONGEST = (
     "tests/tracing/engines/test_cross_backend.py",
-    "tests/tracing/error_budget/test_budget_coverage.py",
     "tests/tracing/error_budget/test_scene_budgets.py",
     "tests/tracing/engines/test_backends_agree.py",
     "tests/tracing/leapfrog/test_leapfrog.py",
@@ -78,13 +77,14 @@ def pytest_collect_directory(path: Path, parent: pytest.Collector) -> pytest.Col
 
 # Warp's tracer on a processor has the bits of the generated OpenCL one (test_generated_kernels.py), and takes long to
 # compile: the other tests of tracing take it with --all, but for the transfers and calls that are its own.
-OF_WARP = ("test_on_device", "test_repeated_work", "test_rejected_rays", "test_device_memory", "test_trace_interface")
+OF_WARP = ("test_repeated_work", "test_rejected_rays", "test_device_memory")
+FOLDERS_OF_KERNELS = ("tracing", "physics", "stress", "strehl", "rays", "wavefront")
 
 
 def is_slow(item: pytest.Item) -> bool:
     """Whether a test waits for `scripts/test --all`."""
     # OpenCL's kernels are generated from Warp's and compared bit by bit, so that one of the two is enough.
-    is_warps = "warp" in item.name.partition("[")[2] and item.nodeid.split("/")[1] in ("tracing", "physics", "stress")
+    is_warps = "warp" in item.name.partition("[")[2] and item.nodeid.split("/")[1] in FOLDERS_OF_KERNELS
     return item.get_closest_marker("slow") is not None or (is_warps and item.path.stem not in OF_WARP)
 
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from aerokernels.tracing import ArcLength, trace
+from tests.slow import first_of
 
 from .checks import assert_float64, case
 from .closed_forms import Case
@@ -30,7 +31,7 @@ def momenta(medium: Case, lengths):
         yield result.position, medium.index(result.position)[:, None] * result.direction
 
 
-@pytest.mark.parametrize("name", ["parabolic planar", "sech planar", "exponential planar"])
+@pytest.mark.parametrize("name", first_of(["exponential planar", "parabolic planar", "sech planar"]))
 def test_level_momentum_in_layers(name):
     """In n(y), n l_x and n l_z are kept. The tracer keeps T_z to rounding, so n l_z also says that |T| is the exact n.
 
@@ -45,13 +46,16 @@ def test_level_momentum_in_layers(name):
 
 @pytest.mark.parametrize(
     ("name", "allowed"),
-    [
-        ("parabolic axisymmetric", 1e-11),
-        ("parabolic volume", 1e-11),
-        ("linear axisymmetric", 1e-11),
-        ("fish-eye axisymmetric", 3e-9),
-        ("spherical p=-1 axisymmetric", 3e-9),
-    ],
+    first_of(
+        [
+            ("linear axisymmetric", 1e-11),
+            ("fish-eye axisymmetric", 3e-9),
+            ("spherical p=-1 axisymmetric", 3e-9),
+            ("parabolic axisymmetric", 1e-11),
+            ("parabolic volume", 1e-11),
+        ],
+        3,
+    ),
 )
 def test_skewness_about_an_axis(name, allowed):
     """In n(r, z), on a grid of r and z or in a volume, the skewness n (x l_y - y l_x) is kept.
@@ -93,7 +97,7 @@ def test_bouguer_about_a_centre(name, allowed):
         assert np.abs(np.cross(place, momentum) - before).max() < allowed
 
 
-@pytest.mark.parametrize("name", ["Luneburg volume", "fish-eye axisymmetric", "exponential planar"])
+@pytest.mark.parametrize("name", first_of(["Luneburg volume", "fish-eye axisymmetric", "exponential planar"]))
 def test_path_and_momentum_are_integrals_of_the_index(name):
     """Optical path = integral of n ds and n l = its start + integral of grad n ds, by 24 Gauss points along each ray.
 

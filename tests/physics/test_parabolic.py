@@ -2,13 +2,13 @@
 
 import pytest
 
+from tests.slow import first_of
+
 from .checks import assert_float32, assert_float64, case
 from .media import parabolic
 
-GEOMETRIES = ("planar", "axisymmetric", "volume")
 
-
-@pytest.mark.parametrize("geometry", GEOMETRIES)
+@pytest.mark.parametrize("geometry", first_of(["axisymmetric", "planar", "volume"]))
 def test_meridional_skew_and_helical_rays(geometry):
     """Ten pitches, 63 lengths 1/g: position, direction and optical path of rays of every kind.
 
@@ -20,6 +20,7 @@ def test_meridional_skew_and_helical_rays(geometry):
     assert_float64(case(f"parabolic {geometry}"), 1e-10, tolerance=1e-6)
 
 
+@pytest.mark.slow
 def test_a_hundred_pitches():
     """628 lengths 1/g = 6.3 m, 1300 radii of the rod, in float64 and float32.
 

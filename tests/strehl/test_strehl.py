@@ -11,6 +11,7 @@ from scipy.special import j1, ndtri
 import aerokernels
 from aerokernels import Body, Disc, IndexField, available_backends, strehl, strehl_marechal
 from aerokernels.rays import unit_disc_samples
+from tests.slow import first_of
 
 # The media of this page end at the faces of their boxes: what lies beyond is known to be ambient.
 estimate_strehl = partial(aerokernels.estimate_strehl, allow_truncation=True)
@@ -254,8 +255,8 @@ def opencl_device(gpu: bool) -> str:
 
 
 @pytest.mark.parametrize("gpu", [False, pytest.param(True, marks=pytest.mark.gpu)], ids=["cpu", "gpu"])
-@pytest.mark.parametrize("remove", ["piston", ("piston", "tilt")], ids=["piston", "tilt"])
-@pytest.mark.parametrize(("precision", "allowed"), [("float32", 1e-5), ("float64", 1e-9)])
+@pytest.mark.parametrize("remove", first_of(["tilt", "piston"]))
+@pytest.mark.parametrize(("precision", "allowed"), first_of([("float64", 1e-9), ("float32", 1e-5)]))
 def test_warp_and_opencl_agree(precision, allowed, remove, gpu):
     """The same seed gives the same rays on both; a pupil aside of the rod's axis, so that there is tilt to remove.
 
@@ -278,11 +279,11 @@ def test_warp_and_opencl_agree(precision, allowed, remove, gpu):
 def test_the_reference_backend_agrees():
     """A few rays through the same field in SciPy, another sample of the pupil: equal within twice both errors."""
     field, pupil = gaussian_rod(node_count=21), Disc(PUPIL)
-    slow = estimate_strehl(field, pupil, ray_count=32, backend="reference", remove="tilt")
+    slow = estimate_strehl(field, pupil, ray_count=16, backend="reference", remove="tilt")
     fast = estimate_strehl(field, pupil, ray_count=16_384, remove="tilt", symmetry="off")
-    assert slow.plan.backend == "reference" and slow.ray_count == 32
+    assert slow.plan.backend == "reference" and slow.ray_count == 16
     assert abs(slow.value - fast.value) < 2.0 * sum(total_but_truncation(each.error) for each in (slow, fast))
-    assert slow.error["step"] < 1e-6 and slow.evaluation_count > 32
+    assert slow.error["step"] < 1e-6 and slow.evaluation_count > 16
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ from aerokernels.focus.estimate import estimate_strehl
 from aerokernels.pupils import Disc, Mask, Polygon, Rectangle, seen_along, transverse_axes
 from aerokernels.rays import RayBundle
 from aerokernels.series.optical import optical_series
-from aerokernels.tracing import available_backends, trace
+from aerokernels.tracing import trace
 from aerokernels.wavefronts import wavefront
 
 WAVE = 905e-9
@@ -47,8 +47,7 @@ def test_tilts_are_the_turn_of_a_ray(look: str):
         angle = np.linspace(-3.0, 3.0, 121) * np.linalg.norm(expected)
         peak = np.unravel_index(seen.psf(angle).intensity.argmax(), (121, 121))
         assert np.abs(angle[list(peak)][::-1] - expected).max() < angle[1] - angle[0]
-        for backend in {info.backend for info in available_backends() if info.available}:
-            count = 1024 if backend == "reference" else 8192
+        for backend, count in (("auto", 8192), ("reference", 64)):
             found = estimate_strehl(field, pupil, ray_count=count, backend=backend, **options)
             assert np.abs(found.boresight - expected).max() < near
         history = optical_series(series, pupil, pixel_count=24, remove=("piston",), **options)
