@@ -102,8 +102,8 @@ def test_without_either_the_message_has_both_remedies(tmp_path):
     assert "pip install warp-lang" in warp and "aerokernels[opencl]" in opencl and there == "reference"
 
 
-def test_the_command_tells_what_auto_takes_and_why(aerokernels):
-    first, second = aerokernels("backends"), aerokernels("backends")
+def test_the_command_tells_what_auto_takes_and_why(aerokernels, command_line):
+    first, second = aerokernels("backends"), command_line("backends")
     assert first.returncode == second.returncode == 0, first.stderr
     sizes = r"\d+(\.\d+)? [KMGT]iB"  # PoCL tells what is free of the memory
     assert re.sub(sizes, "", first.stdout) == re.sub(sizes, "", second.stdout) and "auto chooses" in first.stdout
