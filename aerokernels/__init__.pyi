@@ -59,6 +59,7 @@ from .vtk_files import field_to_vtk as field_to_vtk
 from .vtk_files import rays_to_vtk as rays_to_vtk
 from .wavefronts import Wavefront as Wavefront
 from .wavefronts import point_spread_function as point_spread_function
+from .wavefronts.traced import compare_wavefronts as compare_wavefronts
 from .wavefronts.traced import wavefront as wavefront
 from .waves import Validity as Validity
 from .waves import Wave as Wave

@@ -23,6 +23,7 @@ extensions = [
     "sphinx_gallery.gen_gallery",
     "sphinx_design",
     "sphinx_copybutton",
+    "cover_pictures",
     "generated_pages",
     "mathml",
     "plain_docstrings",

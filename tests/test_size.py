@@ -27,7 +27,7 @@ LINES = {
     "hardware": 2380,
     "imaging": 1470,
     "inputs": 1110,
-    "jobs": 5930,
+    "jobs": 5970,
     "lidar": 3100,
     "medium": 3560,
     "process": 1150,
@@ -35,7 +35,7 @@ LINES = {
     "scene": 1600,
     "series": 2850,
     "tracing": 17630,
-    "wavefronts": 2460,
+    "wavefronts": 2630,
     "waves": 1050,
 }
 FILES = 341

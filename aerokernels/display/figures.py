@@ -15,15 +15,8 @@ if TYPE_CHECKING:
 
 INK, SOFT, BLUE, ORANGE, GREY, BELOW = "#1b2430", "#5a6573", "#1f5fa8", "#b4500f", "#8a94a0", "#c9ced4"
 COLORS = {"one": BLUE, "two": ORANGE, "twosolid": ORANGE, "plain": GREY, "free": GREY}
-SHADES = (
-    "#440154",
-    "#46327e",
-    "#375b8d",
-    "#277e8e",
-    "#1fa188",
-    "#48c16e",
-    "#9bd93c",
-)  # of ordered lines, dark to light
+# Colors of ordered lines, dark to light.
+SHADES = ("#440154", "#46327e", "#375b8d", "#277e8e", "#1fa188", "#48c16e", "#9bd93c")
 COLORS |= {f"c{k}": color for k, color in enumerate(SHADES)}
 DASHES = {"two": "--", "free": ":"}
 DELAY = ["#08305f", "#2d6fae", "#93c1e0", "#f6f5f1", "#f0b587", "#c05a22", "#6b2204"]
@@ -202,28 +195,31 @@ class Lines:
 
     def static(self) -> str:
         """Return the picture for paper, as a data URL."""
-        x, y = self._extremes
         with figure_of(2.7) as (figure, axes):
-            if self.band:
-                axes.axhspan(-self.band, self.band, color="#e6e9ed", lw=0.0)
-            for one in self.lines:
-                _draw_line(axes, one, many=len(self.lines) > 8)
-            for axis, value, words in self.limits:
-                draw = axes.axhline if axis == "y" else axes.axvline
-                draw(value, color=INK, lw=0.8, ls=":")
-                place = (0.02, value) if axis == "y" else (value, 0.94)
-                transform = axes.get_yaxis_transform() if axis == "y" else axes.get_xaxis_transform()
-                axes.text(*place, f" {words}", transform=transform, va="bottom", fontsize=7.5, color=INK)
-            for place in self.marks:
-                axes.plot(*place, "o", ms=4, color=ORANGE)
-            if self.gap is not None:
-                axes.text(0.97, 0.06, "\n".join(self.gap[2]), transform=axes.transAxes, ha="right", color=ORANGE)
-            _dress(axes, self.x, self.y, x, y)
-            if len({one.name for one in self.lines if one.name}) > 1:
-                handles, names = axes.get_legend_handles_labels()
-                unique = dict(zip(names, handles, strict=True))
-                axes.legend(unique.values(), unique.keys())
+            self.draw(axes)
             return data_url(figure, "svg")
+
+    def draw(self, axes: "Axes") -> None:
+        """Draw the picture on Matplotlib axes."""
+        if self.band:
+            axes.axhspan(-self.band, self.band, color="#e6e9ed", lw=0.0)
+        for one in self.lines:
+            _draw_line(axes, one, many=len(self.lines) > 8)
+        for axis, value, words in self.limits:
+            draw = axes.axhline if axis == "y" else axes.axvline
+            draw(value, color=INK, lw=0.8, ls=":")
+            place = (0.02, value) if axis == "y" else (value, 0.94)
+            transform = axes.get_yaxis_transform() if axis == "y" else axes.get_xaxis_transform()
+            axes.text(*place, f" {words}", transform=transform, va="bottom", fontsize=7.5, color=INK)
+        for place in self.marks:
+            axes.plot(*place, "o", ms=4, color=ORANGE)
+        if self.gap is not None:
+            axes.text(0.97, 0.06, "\n".join(self.gap[2]), transform=axes.transAxes, ha="right", color=ORANGE)
+        _dress(axes, self.x, self.y, *self._extremes)
+        if len({one.name for one in self.lines if one.name}) > 1:
+            handles, names = axes.get_legend_handles_labels()
+            unique = dict(zip(names, handles, strict=True))
+            axes.legend(unique.values(), unique.keys())
 
 
 def _draw_line(axes: "Axes", one: Line, many: bool) -> None:

@@ -4,25 +4,20 @@ import csv
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
-
-import numpy as np
+from typing import Any
 
 from aerokernels import __version__
 from aerokernels.compare import DEGREES
-from aerokernels.display.figures import BLUE, GREY, ORANGE, house_style, png, styled_figure
+from aerokernels.display.figures import Lines, png, styled_figure
 from aerokernels.display.quantities import Quantity, two_digits
 from aerokernels.hardware.export import csv_cell
 from aerokernels.jobs.comparison import EACH, NO_ALIGNMENT, BenchComparison, LabelComparison
 from aerokernels.jobs.echo_statistics import TOLD, covering, spread_factor
 from aerokernels.jobs.pages.compare_page import compare_page
+from aerokernels.jobs.pages.page import Page
 from aerokernels.jobs.recorded import LEAST_SAMPLES, label_text
 from aerokernels.jobs.store import REPORT_FILE, SUMMARY_FILE, staged_folder, to_json, write_result, write_summary
 from aerokernels.lidar.pulses import SPEED_OF_LIGHT
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 TABLE_FILE, WAVEFORM_FILE, FIGURE_FILE = "compare.csv", "compare.nc", "compare.png"
 
@@ -30,7 +25,6 @@ TABLE_FILE, WAVEFORM_FILE, FIGURE_FILE = "compare.csv", "compare.nc", "compare.p
 EDGE_METHODS = ("leading-edge", "constant-fraction")
 
 Table = tuple[str, tuple[str, ...], list[tuple[str, ...]]]
-MOST_PANELS = 12
 
 
 def peak_table(found: BenchComparison) -> Table:
@@ -191,8 +185,6 @@ def notes(found: BenchComparison) -> list[str]:
 def write_comparison(found: BenchComparison, out: Path) -> list[str]:
     """Write compare.csv, compare.nc, compare.png, summary.json and report.html: all or none; return their names."""
     rows = [one.row() for one in found.labels]
-    with house_style():
-        picture = png(waveforms_figure(found))
     summary = {
         "recording": str(found.source),
         "align": found.options.align,
@@ -201,7 +193,8 @@ def write_comparison(found: BenchComparison, out: Path) -> list[str]:
         "left_out": [label_text(label) for label in found.left_out],
         "version": __version__,
     }
-    report = compare_page(found, [make(found) for make in TABLES], notes(found)).html()
+    page = compare_page(found, [make(found) for make in TABLES], notes(found))
+    report, picture = page.html(), _picture(page)
     with staged_folder(out) as folder:
         _write_csv(folder / TABLE_FILE, rows)
         (folder / FIGURE_FILE).write_bytes(picture)
@@ -221,42 +214,12 @@ def _write_csv(path: Path, rows: Sequence[dict[str, Any]]) -> None:
             writer.writerow({name: "" if value is None else csv_cell(value) for name, value in plain.items()})
 
 
-def waveforms_figure(found: BenchComparison) -> "Figure":
-    """Draw recorded mean and simulation of the first twelve labels, and below each their difference."""
-    shown = found.labels[:MOST_PANELS]
-    columns = min(2, len(shown))
-    rows = math.ceil(len(shown) / columns)
-    with styled_figure(5.4 * columns, 4.2 * rows) as figure:
-        parts = figure.subfigures(rows, columns, squeeze=False).ravel()
-        for part, one in zip(parts, shown, strict=False):
-            above, below = part.subplots(2, 1, sharex=True, height_ratios=(3.0, 1.2))
-            _draw_waveforms(above, one)
-            _draw_residual(below, one)
-        parts[0].axes[0].legend(loc="upper right", fontsize=9)
-    return figure
-
-
-def _draw_waveforms(axes: "Axes", one: LabelComparison) -> None:
-    time, mean = 1e9 * one.recorded.time, one.recorded.mean
-    axes.plot(time, mean, color=BLUE, linewidth=1.6, label="recorded, mean")
-    axes.plot(time, one.simulated, color=ORANGE, linewidth=1.3, linestyle="--", label="simulated")
-    axes.axhline(one.waveform.edge_level, color=GREY, linewidth=0.8, linestyle=":")
-    high = np.flatnonzero(np.maximum(mean, one.simulated) > 0.01 * one.simulated.max())
-    margin = 0.4 * (time[high[-1]] - time[high[0]])
-    axes.set_xlim(max(time[0], time[high[0]] - margin), min(time[-1], time[high[-1]] + margin))
-    wave = one.waveform
-    axes.set_title(f"{label_text(one.label)}: r = {wave.correlation:.4f}, peak {100 * wave.peak_error:+.2f} %")
-    axes.set_ylabel("voltage [V]")
-    axes.grid(True, color="#e3e7eb")
-
-
-def _draw_residual(axes: "Axes", one: LabelComparison) -> None:
-    recorded = one.recorded
-    time, residual = 1e9 * recorded.time, 1e3 * (recorded.mean - one.simulated)
-    spread, error = 1e3 * recorded.spread, 1e3 * recorded.standard_error
-    axes.fill_between(time, residual - spread, residual + spread, color=BLUE, alpha=0.15, linewidth=0.0)
-    axes.fill_between(time, residual - error, residual + error, color=BLUE, alpha=0.5, linewidth=0.0)
-    axes.plot(time, residual, color=BLUE, linewidth=0.8)
-    axes.axhline(0.0, color=ORANGE, linewidth=1.0, linestyle="--")
-    axes.set(xlabel="time after the pulse's peak left [ns]", ylabel="difference [mV]")
-    axes.grid(True, color="#e3e7eb")
+def _picture(page: Page) -> bytes:
+    """Draw a report's waveforms, and beside each its difference, as a PNG file."""
+    drawn = [panel for panel in page.panels if panel.name.startswith(("waveform-", "residual-"))]
+    with styled_figure(10.8, 1.6 * len(drawn)) as figure:
+        for axes, panel in zip(figure.subplots(len(drawn) // 2, 2, squeeze=False).ravel(), drawn, strict=True):
+            assert isinstance(panel.shown, Lines)
+            panel.shown.draw(axes)
+            axes.set_title(panel.title)
+        return png(figure)

@@ -29,6 +29,9 @@ from aerokernels.wavefronts import Wavefront, point_spread_function
 if TYPE_CHECKING:
     import xarray
 
+    from aerokernels.waves import Validity
+
+TERMS = 11  # Zernike polynomials whose coefficients are written, up to spherical aberration
 SPOT_PADDING, SPOT_RINGS = 8, 8.0  # samples per wavelength / diameter of the spot, and its half-width in these
 
 
@@ -82,6 +85,16 @@ class RunResult:
         if self.echo is not None:
             numbers["echo's peak power"] = self.echo.quantities["peak_power"]
         return judge(numbers, main_cause(self.strehl.error))
+
+    @cached_property
+    def ray_optics(self) -> "Validity | None":
+        """Whether rays give the Strehl ratio, by a wave through the field; None if that cannot be computed."""
+        from aerokernels.waves import validity
+
+        try:
+            return validity(self.prepared.field, self.scene.view, wavefront=self.wavefront)
+        except ValueError:  # the pupil does not see the field
+            return None
 
     @cached_property
     def summary(self) -> dict[str, Any]:
@@ -212,6 +225,7 @@ def run_dataset(result: RunResult, summary: Mapping[str, Any]) -> "xarray.Datase
         variables["ray_deviation"] = variable(("ray", "plane"), result.fan.deviation, "m", words)
     if result.wavefront is not None:
         variables |= _maps(result.wavefront)
+        variables |= _terms(result.wavefront)
         coordinate = result.wavefront.coordinate
         angle, spread, perfect = _spot(result.wavefront)
         angles = ("angle_y", "angle_x")
@@ -257,11 +271,15 @@ def _attributes(result: RunResult, summary: Mapping[str, Any], axes: tuple[str, 
             attributes["index_per_density"] = (result.prepared.field.ambient_index - 1.0) / flow.ambient_density
     if scene.detector.ranging == "leading-edge":  # the other methods use no fixed level
         attributes["threshold_v"] = scene.detector.threshold
+    if result.ray_optics is not None:
+        attributes["ray_optics"] = result.ray_optics.reason
+        attributes["ray_optics_strehl_change"] = result.ray_optics.strehl_change
+        attributes["ray_optics_strehl_change_error"] = number_or_nan(result.ray_optics.error)
     return attributes
 
 
 def _maps(wave: Wavefront) -> dict[str, Any]:
-    """Return the OPD over the pupil without piston, tilt and focus, each with the error of its rms."""
+    """Return the OPD over the pupil without piston, tilt and focus with errors of its rms, and errors by pixel."""
     maps = {}
     for name, terms in (("opd", ()), ("opd_without_tilt", ("tilt",)), ("opd_without_focus", ("tilt", "focus"))):
         one = wave.remove(*terms)
@@ -270,12 +288,37 @@ def _maps(wave: Wavefront) -> dict[str, Any]:
         )
         rms = one.quantities["opd_rms"]
         maps[name][2].update(rms_m=rms.value, rms_error_m=number_or_nan(rms.error))
-    for name, values, words in (
-        ("pupil_weight", wave.weight, "amplitude transmission of the pixel"),
-        ("pupil_intensity", wave.intensity, "mean intensity in the pixel"),
+    valley = wave.quantities["peak_to_valley"]
+    maps["opd"][2].update(peak_to_valley_m=valley.value, peak_to_valley_error_m=number_or_nan(valley.error))
+    maps["opd"][2]["ancillary_variables"] = "opd_error"
+    for name, values, unit, words in (
+        ("opd_error", wave.pixel_errors, "m", "error of the optical path difference of each pixel from the mean"),
+        ("pupil_weight", wave.weight, "1", "amplitude transmission of the pixel"),
+        ("pupil_intensity", wave.intensity, "1", "mean intensity in the pixel"),
     ):
-        maps[name] = variable(("pupil_y", "pupil_x"), values, "1", words)
+        maps[name] = variable(("pupil_y", "pupil_x"), values, unit, words)
     return maps
+
+
+def _terms(wave: Wavefront) -> dict[str, Any]:
+    """Return the first Zernike coefficients with their errors, by Noll's index; nothing of too small a pupil."""
+    try:
+        table = wave.zernike_table(TERMS)
+    except ValueError:
+        return {}
+    rest = wave.without_zernike(*range(1, TERMS + 1)).quantities["opd_rms"]
+    columns = (
+        ("noll_index", "index", "1", "Noll's index of the Zernike polynomial"),
+        ("zernike_name", "name", "1", "name of the polynomial"),
+        ("zernike", "value", "m", "coefficient of the polynomial of rms 1"),
+        ("zernike_error", "error", "m", "error of the coefficient"),
+    )
+    terms = {
+        name: variable("noll_index", np.array([getattr(term, key) for term in table]), unit, words)
+        for name, key, unit, words in columns
+    }
+    terms["zernike"][2].update(rest_rms_m=rest.value, rest_rms_error_m=number_or_nan(rest.error))
+    return terms
 
 
 def _spot(wave: Wavefront) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -26,7 +26,15 @@ def times(wave: W, factor: float) -> W:
         return NotImplemented
     varied = None if wave.varied is None else partial(_scaled, wave.varied, factor)
     budget = partial(_joined, (wave,), (factor,), sum) if varied is None else None
-    return replace(wave, opd=wave.opd * factor, varied=varied, budget=budget, seconds={})
+    known = None if wave.error_map is None else abs(factor) * wave.error_map
+    return replace(wave, opd=wave.opd * factor, varied=varied, budget=budget, error_map=known, seconds={})
+
+
+def divided(wave: W, number: float) -> W:
+    """Return a wavefront with its OPD, and the errors of it, divided by a number; a ValueError refuses 0."""
+    if isinstance(number, (int, float, np.number)) and number == 0:
+        raise ValueError("a wavefront cannot be divided by 0: give another number")
+    return times(wave, 1.0 / number) if isinstance(number, (int, float, np.number)) else NotImplemented
 
 
 def minus(one: W, other: W) -> W:
@@ -45,7 +53,9 @@ def plus(one: W, other: W, sign: float = 1.0) -> W:
     removed = tuple(name for name in one.removed if name in other.removed)
     budget = partial(_joined, (one, other), (1.0, sign), join)
     opd = first.opd + sign * second.opd
-    return replace(first, opd=opd, removed=removed, plan=None, seconds={}, varied=None, budget=budget)
+    maps = [wave.error_map for wave in (one, other)]
+    known = None if any(error is None for error in maps) else np.hypot(*maps)
+    return replace(first, opd=opd, removed=removed, plan=None, seconds={}, varied=None, budget=budget, error_map=known)
 
 
 def shared(one: W, other: W) -> tuple[W, W]:
@@ -147,6 +157,8 @@ def correlation(one: W, other: W) -> float:
 
 def compare(wavefront: W, other: W) -> WavefrontComparison[W]:
     """Return both wavefronts, their difference, and Strehl ratios, rms and correlation with errors in `quantities`.
+
+    `compare_wavefronts` compares runs and flows too.
 
     Raises:
         TypeError: `other` is no Wavefront.

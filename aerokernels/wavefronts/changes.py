@@ -1,17 +1,20 @@
 """Errors of a wavefront's numbers: each computed again on a map that changes by cause, and on finer pixels.
 
 A traced map changes as some of its rays do, each pixel as the nearest of them; a map from elsewhere by smooth patterns
-as large as its error. The error due to the pixels is three times the change on pixels of a third of the side: eight
-ninths of what a number of second order is off by, more of a steep or rough wavefront.
+as large as its error. A pixel's error is found by the places nearest to it. The error due to the pixels is three times
+the change on pixels of a third of the side: eight ninths of what a number of second order is off by, more of a steep or
+rough wavefront.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 
-from ..tracing.variants.causes import FACTOR, Variants, errors, of_a_ray
+from ..tracing.some_pixels import NEAR, STUDENT, total
+from ..tracing.variants.causes import FACTOR, Variants, errors, of_a_ray, of_each
 from ..tracing.variants.paths import Cause, Rays
 from .pixels import PARTS, repeated, three_in_a_row, values_of_parts
 from .terms import PupilNumbers, remove_named, weighted_mean
@@ -51,11 +54,13 @@ def changes_of(wave: Any) -> Changes | None:
             return None
         points = (found.start - wave.pupil.center) @ np.linalg.pinv(np.stack(wave.aperture.axes, axis=1)).T
     else:
-        total = float(wave.error.get("total", np.nan))
-        if np.isnan(total):
+        sizes = known_errors(wave)
+        if sizes is None:
             return None
-        points = wave.points[np.random.default_rng(0).permutation(len(wave.points))[:PIXELS]]
-        draws = smooth_draws(points, wave.radius, total / FACTOR) if total > 0.0 else ()
+        some = np.random.default_rng(0).permutation(len(wave.points))[:PIXELS]
+        points, sizes = wave.points[some], sizes[some]
+        draws = smooth_draws(points, wave.radius, 1.0 / FACTOR) if sizes.any() else ()
+        draws = tuple(one * sizes for one in draws)
         found = Variants(points, points, points, Rays.still(len(points)), {"interpolation": Cause(draws=draws)})
     own = cKDTree(wave.points).query(points)[1]
     opd, weight = (values[own] for values in wave.samples)
@@ -68,6 +73,14 @@ def changes_of(wave: Any) -> Changes | None:
     causes = {name: cause for name, cause in found.causes.items() if not size[name] <= least}
     nearest = cKDTree(points).query(wave.points)[1]
     return Changes(points, found, nearest, replace(found, causes=causes))
+
+
+def known_errors(wave: Any) -> np.ndarray | None:
+    """Return the errors [m] that a map from elsewhere has at its pixels, shape (lit count,); None if not known."""
+    if wave.error_map is not None:
+        return np.asarray(wave.error_map[wave.lit])
+    error = float({"total": np.nan, **({} if wave.budget is None else wave.budget())}["total"])
+    return None if np.isnan(error) else np.full(len(wave.points), error)
 
 
 def smooth_draws(points: np.ndarray, radius: float, rms: float) -> tuple[Rays, ...]:
@@ -128,28 +141,45 @@ def of_samples(wave: Any) -> np.ndarray:
 
 def of_opd(wave: Any):
     """Return the error budget of the OPD of a pixel [m], about the mean and without the removed terms."""
-    changes = wave.changes
+    return of_a_ray(partial(_of_opd, wave), wave.changes.found, "m")
 
-    def flat(change: Rays) -> np.ndarray:
-        left = remove_named(change.opd, changes.found.weight, changes.points, wave.removed, wave.radius)
-        return left - weighted_mean(changes.found.weight, left)
 
-    return of_a_ray(flat, changes.found, "m")
+def of_each_pixel(wave: Any) -> np.ndarray:
+    """Return the error of the OPD of each pixel [m], as of_opd has it of all, shape (n, n); NaN if it is not known."""
+    from scipy.spatial import cKDTree
+
+    found = np.full(wave.opd.shape, np.nan)
+    if wave.varied is None:
+        sizes = known_errors(wave)
+        found[wave.lit] = np.nan if sizes is None else sizes
+    elif wave.changes is not None:
+        points = wave.changes.points
+        near = cKDTree(points).query(wave.points, min(NEAR, len(points)))[1].reshape(len(wave.points), -1)
+        found[wave.lit] = STUDENT * total(of_each(partial(_of_opd, wave), wave.changes.found, near))
+    return found
+
+
+def _of_opd(wave: Any, change: Rays) -> np.ndarray:
+    """Return what a change of the places makes of the OPD there, about the mean and without the removed terms."""
+    points, weight = wave.changes.points, wave.changes.found.weight
+    left = remove_named(change.opd, weight, points, wave.removed, wave.radius)
+    return np.asarray(left - weighted_mean(weight, left))
 
 
 def of_extremes(wave: Any) -> float:
     """Return the error of the greatest OPD minus the least [m].
 
-    Both are off by the OPD's error, and lie between pixels: at most a step to a neighbour from those that were found.
+    Each is off by the error of its pixel, and lies between pixels: at most a step to a neighbor from its pixel.
     """
     if not three_in_a_row(wave.lit):
         return float("nan")
-    steps = 0.0
+    steps = off = 0.0
     for place in (np.nanargmax(wave.opd), np.nanargmin(wave.opd)):
         row, column = np.unravel_index(place, wave.opd.shape)
         about = wave.opd[max(row - 1, 0) : row + 2, max(column - 1, 0) : column + 2]
         steps += float(np.nanmax(np.abs(about - wave.opd[row, column])))
-    return float(np.hypot(2.0 * wave.opd_error, steps))
+        off += float(wave.pixel_errors[row, column])
+    return float(np.hypot(off, steps))
 
 
 def finer(wave: Any) -> Any:
@@ -157,7 +187,7 @@ def finer(wave: Any) -> Any:
     found = values_of_parts(np.where(wave.lit, wave.opd, 0.0), wave.lit)
     weight, intensity = _divided(wave, wave.weight, 1), _divided(wave, wave.intensity, 2)
     intensity = np.maximum(intensity, weight**2)
-    fine = replace(wave, opd=found, weight=weight, intensity=intensity, pixel=wave.pixel / PARTS)
+    fine = replace(wave, opd=found, weight=weight, intensity=intensity, pixel=wave.pixel / PARTS, error_map=None)
     return without_named(fine, wave.removed)
 
 

@@ -16,16 +16,23 @@ from ..display.quantities import ErrorBudget
 from ..files.writing import replacing
 from ..inputs.arguments import checked
 from ..inputs.checks import check_choice
+from ..process.foreign_files import fault_text
 from ..pupils import Annulus, Disc, Mask, Polygon, Pupil, Rectangle
 from .point_spread import complex_amplitude
 
 if TYPE_CHECKING:
     import xarray
 
+# The units of an OPD in a FITS file [m].
+FITS_UNITS = {"meter": 1.0, "m": 1.0, "micron": 1e-6, "um": 1e-6, "nanometer": 1e-9, "nm": 1e-9}
+
 
 @checked
 def to_fits(wavefront: Any, path: str | Path) -> tuple[Path, Path]:
-    """Write the OPD [m], in poppy's sign, and the amplitude; return both paths.
+    """Write the OPD [m], in poppy's sign, and the amplitude, which `Wavefront.read` reads again; return both paths.
+
+    Rows are along y and columns along x, both ascending: FITS' first axis is x, and its first pixel at the lowest x
+    and y. The first file has the errors of the pixels [m] as its extension ERROR, the second their INTENSITY.
 
     Raises:
         ModuleNotFoundError: astropy is not installed.
@@ -36,8 +43,11 @@ def to_fits(wavefront: Any, path: str | Path) -> tuple[Path, Path]:
     fits = package("astropy.io.fits")
     amplitude = path.with_name(f"{path.stem}_amplitude{path.suffix}")
     with replacing(path, amplitude) as drafts:
-        maps = ("OPD", poppy_opd(wavefront)), ("AMPLITUD", np.array(wavefront.weight))
-        for draft, (kind, array) in zip(drafts, maps, strict=True):
+        maps = (
+            ("OPD", poppy_opd(wavefront), "ERROR", wavefront.pixel_errors),
+            ("AMPLITUD", np.array(wavefront.weight), "INTENSITY", np.array(wavefront.intensity)),
+        )
+        for draft, (kind, array, name, beside) in zip(drafts, maps, strict=True):
             header = fits.Header()
             header["PIXELSCL"] = (wavefront.pixel, "[m/pixel]")
             header["PUPLSCAL"] = (wavefront.pixel, "[m/pixel]")
@@ -46,8 +56,49 @@ def to_fits(wavefront: Any, path: str | Path) -> tuple[Path, Path]:
             header["CONTENT"] = (kind, "what the pixels hold")
             header["WAVELEN"] = (wavefront.wavelength, "[m] vacuum wavelength")
             header["OPDSIGN"] = ("NEGATIVE", "where light is delayed (poppy's sign)")
-            fits.PrimaryHDU(array, header).writeto(draft, overwrite=True)
+            header["ZRADIUS"] = (wavefront.radius, "[m] unit disc of Zernike polynomials")
+            parts = [fits.PrimaryHDU(array, header), fits.ImageHDU(beside, name=name)]
+            fits.HDUList(parts).writeto(draft, overwrite=True)
     return path, amplitude
+
+
+def from_fits(path: Path, wavelength: float | None) -> dict[str, Any]:
+    """Return the attributes of the wavefront of a FITS file by name; see `Wavefront.read`."""
+    fits = package("astropy.io.fits")
+    amplitude = path.with_name(f"{path.stem}_amplitude{path.suffix}")
+    try:
+        with fits.open(path, memmap=False) as parts:
+            header = dict(parts[0].header)
+            opd = np.array(parts[0].data, dtype=np.float64)
+            error = np.array(parts["ERROR"].data, dtype=np.float64) if "ERROR" in parts else None
+        weight, found = np.isfinite(opd).astype(float), {}
+        if amplitude.exists():
+            with fits.open(amplitude, memmap=False) as parts:
+                weight = np.array(parts[0].data, dtype=np.float64)
+                if "INTENSITY" in parts:
+                    found["intensity"] = np.array(parts["INTENSITY"].data, dtype=np.float64)
+    except (OSError, TypeError, ValueError) as fault:
+        raise ValueError(f"{path}: no FITS file of a map: {fault_text(fault)}") from fault
+    sides = [float(header[name]) for name in ("PUPLSCAL", "PIXELSCL") if name in header]
+    unit = str(header.get("BUNIT", "not stated")).strip().lower()
+    if not sides or unit not in FITS_UNITS:
+        raise ValueError(
+            f"{path}: the header must state the side of a pixel, PIXELSCL [m/pixel], and the unit of the OPD, BUNIT, "
+            f"among {', '.join(FITS_UNITS)}; its BUNIT is {unit!r}"
+        )
+    if "WAVELEN" not in header and wavelength is None:
+        raise ValueError(f"{path}: the header has no WAVELEN: give the wavelength [m], such as wavelength=905e-9")
+    sign = 1.0 if str(header.get("OPDSIGN", "NEGATIVE")).strip().upper() == "POSITIVE" else -1.0
+    if error is not None and np.isfinite(error[weight > 0.0]).all():
+        found["error_map"] = np.nan_to_num(error)
+    return {
+        "opd": sign * FITS_UNITS[unit] * opd + 0.0,
+        "weight": weight,
+        "pixel": sides[0],
+        "wavelength": float(header["WAVELEN"]) if wavelength is None else wavelength,
+        "radius": float(header["ZRADIUS"]) if "ZRADIUS" in header else None,
+        **found,
+    }
 
 
 def to_hcipy(wavefront: Any):
@@ -141,7 +192,7 @@ PUPILS: dict[str, Any] = {kind.__name__: kind for kind in (Annulus, Disc, Mask, 
 
 
 def to_xarray(wavefront: Any) -> "xarray.Dataset":
-    """Return an xarray.Dataset of "opd", "weight" and "intensity" over (y, x); computes the OPD's error budget."""
+    """Return an xarray.Dataset of "opd", "opd_error", "weight" and "intensity" over (y, x); computes the errors."""
     import xarray
 
     attributes: dict[str, Any] = {
@@ -159,12 +210,14 @@ def to_xarray(wavefront: Any) -> "xarray.Dataset":
         attributes["direction"] = np.asarray(wavefront.direction)
     maps = {
         "opd": ("m", "optical path difference"),
+        "opd_error": ("m", "error of the optical path difference from its mean"),
         "weight": ("1", "transmission of the amplitude, mean over the pixel"),
         "intensity": ("1", "mean intensity in the pixel"),
     }
     variables, numbers = _pupil_numbers(wavefront.pupil)
     for name, (unit, words) in maps.items():
-        variables[name] = (("y", "x"), getattr(wavefront, name), {"units": unit, "long_name": words})
+        values = wavefront.pixel_errors if name == "opd_error" else getattr(wavefront, name)
+        variables[name] = (("y", "x"), values, {"units": unit, "long_name": words})
     variables["opd"][2]["sign_convention"] = SIGN_CONVENTION
     coordinates = {
         name: (name, wavefront.coordinate, {"units": "m", "long_name": f"{name} in the pupil, from its centre"})
@@ -193,6 +246,9 @@ def from_xarray(dataset) -> dict[str, Any]:
     error = numbers.pop("opd_error", np.nan)
     maps = {name: _map(dataset, name) for name in ("opd", "weight", "intensity") if name in dataset}
     _check_coordinates(dataset, maps["opd"].shape, numbers["pixel"])
+    known = _map(dataset, "opd_error") if "opd_error" in dataset else None
+    if known is not None and np.isfinite(known[maps["weight"] > 0.0]).all():
+        maps["error_map"] = np.nan_to_num(known)
     return {
         **maps,
         **numbers,

@@ -18,10 +18,11 @@ from ..inputs.wavelength import check_wavelength
 from ..process.clock import clocked, stage
 from ..pupils import Projected, Pupil, seen_along
 from ..tracing.variants.causes import Variants
-from .arithmetic import compare, minus, plus, times
-from .changes import Changes, changes_of, of_extremes, of_opd, of_samples, without_named
+from .arithmetic import compare, divided, minus, plus, times
+from .changes import Changes, changes_of, of_each_pixel, of_extremes, of_opd, of_samples, without_named
 from .exports import (
     SIGN_CONVENTION,
+    from_fits,
     from_xarray,
     to_fits,
     to_hcipy,
@@ -62,7 +63,7 @@ class Wavefront:
     the beam by +a toward +x, and the peak of `psf` is at +a. A distant point seen through the same air appears at -a.
     All are angles in vacuum: in an ambient medium of index n the beam is turned by a / n.
 
-    `a + b`, `a - b` (over one pupil, at one wavelength), `a * 2.0` and `-a` are wavefronts too, of the OPDs'
+    `a + b`, `a - b` (over one pupil, at one wavelength), `2 * a`, `a / 2` and `-a` are wavefronts too, of the OPDs'
     sum, difference and so on, with errors: see arithmetic.py.
 
     Attributes:
@@ -84,11 +85,13 @@ class Wavefront:
         varied: Function that returns some of the rays, which are pixels, and how they change by each cause of an error
             (tracing/variants/causes.py), or None; the errors of all numbers follow from it.
         budget: Function that returns the error budget of the OPD [m], where no rays are known.
+        error_map: Error of the OPD of each pixel [m], where no rays are known, shape (n, n); None takes the budget's
+            total for all. The errors of all numbers follow from it.
 
     Raises:
         TypeError: An argument of the wrong type.
         ValueError: Shapes disagree, the pixel is not positive, the pupil is empty, the OPD inside the pupil is not
-            finite, a weight is negative, or the wavelength is outside 0.1 to 20 um.
+            finite, a weight or an error is negative, or the wavelength is outside 0.1 to 20 um.
     """
 
     opd: np.ndarray
@@ -105,6 +108,7 @@ class Wavefront:
     seconds: dict[str, float] = field(default_factory=dict)
     varied: Callable[[], Variants | None] | None = None
     budget: Callable[[], ErrorBudget] | None = None
+    error_map: np.ndarray | None = None
 
     @property
     def key(self) -> Hashable:
@@ -143,9 +147,13 @@ class Wavefront:
         check_share(self.blocked, "blocked")
         if self.direction is not None and not (np.shape(self.direction) == (3,) and np.isfinite(self.direction).all()):
             raise ValueError(f"the direction must be three finite numbers, got {self.direction!r}")
-        for array in (opd, weight, intensity):
+        error = None if self.error_map is None else np.array(self.error_map, dtype=np.float64)
+        if error is not None and not (error.shape == opd.shape and (error[lit] >= 0.0).all()):
+            raise ValueError(f"error_map must be lengths of at least 0 m in the shape of opd, {opd.shape}")
+        for array in (opd, weight, intensity, *(() if error is None else (error,))):
             array.setflags(write=False)
-        checked = {"opd": opd, "weight": weight, "intensity": intensity, "pixel": pixel, "radius": radius}
+        checked: dict[str, Any] = {"opd": opd, "weight": weight, "intensity": intensity}
+        checked |= {"pixel": pixel, "radius": radius, "error_map": error}
         for name, value in {**checked, "wavelength": check_wavelength(self.wavelength)}.items():
             object.__setattr__(self, name, value)
 
@@ -198,8 +206,8 @@ class Wavefront:
         Empty if it is not known. Some rays are traced again when it is first read.
         """
         with clocked() as spent, stage("error"):
-            if self.varied is None:
-                found = ErrorBudget() if self.budget is None else ErrorBudget(self.budget())
+            if self.varied is None and self.budget is not None:
+                found = ErrorBudget(self.budget())
             else:
                 found = ErrorBudget() if self.changes is None else of_opd(self)
         found.unit = "m"
@@ -210,6 +218,14 @@ class Wavefront:
     def opd_error(self) -> float:
         """Total OPD error [m] of the budget; NaN if it is not known."""
         return self.error.get("total", float("nan"))
+
+    @cached_property
+    def pixel_errors(self) -> np.ndarray:
+        """Error of the OPD of each pixel from the mean [m], shape (n, n); NaN outside the pupil, or if not known.
+
+        It is the spread, at the pixel, of the changes by all causes, of which `error` has the mean over the pupil.
+        """
+        return of_each_pixel(self)
 
     @classmethod
     @checked
@@ -263,7 +279,7 @@ class Wavefront:
 
     __array_ufunc__ = None  # np.float64(2.0) * wavefront is a wavefront
 
-    __add__, __sub__, __mul__, __rmul__ = plus, minus, times, times
+    __add__, __sub__, __mul__, __rmul__, __truediv__ = plus, minus, times, times, divided
     compare = checked(compare)
 
     def __neg__(self) -> "Wavefront":
@@ -291,7 +307,7 @@ class Wavefront:
 
     @property
     def peak_to_valley(self) -> float:
-        """Greatest OPD minus least OPD [m]."""
+        """Greatest OPD minus least OPD [m]; `quantities` has its error."""
         return float(np.nanmax(self.opd) - np.nanmin(self.opd))
 
     @property
@@ -399,15 +415,31 @@ class Wavefront:
 
     @classmethod
     @checked
-    def read(cls, path: str | Path) -> "Wavefront":
-        """Read the wavefront of a file that `wave.to_xarray().to_netcdf(path)` wrote, with the error of its OPD.
+    def read(cls, path: str | Path, *, wavelength: float | None = None) -> "Wavefront":
+        """Read the wavefront of a file, with the errors of its pixels if the file has them.
+
+        The file is one that `wave.to_xarray().to_netcdf(path)` wrote, or the FITS file of an OPD, such as the first one
+        of `to_fits` or one of poppy: rows along y and columns along x, both ascending; PIXELSCL [m/pixel]; BUNIT meter,
+        micron or nm; delayed light negative, unless the header says OPDSIGN = POSITIVE. A file of the same name that
+        ends in _amplitude has the transmission; without it all finite pixels are open.
+
+        Args:
+            path: The file.
+            wavelength: Vacuum wavelength [m]; None takes that of the file.
 
         Raises:
-            ValueError: A file that does not exist, is damaged, or was not written so.
+            ModuleNotFoundError: A FITS file, and astropy is not installed.
+            ValueError: A file that does not exist, is damaged, or lacks one of these statements.
         """
         from ..files.netcdf_reading import open_netcdf
 
-        return cls.from_xarray(open_netcdf(Path(path), str(path), whole=True))
+        path = Path(path)
+        if path.is_file():
+            with path.open("rb") as stream:
+                if stream.read(6) == b"SIMPLE":
+                    return cls(**from_fits(path, wavelength))
+        found = cls.from_xarray(open_netcdf(path, str(path), whole=True))
+        return found if wavelength is None else found.at_wavelength(wavelength)
 
     to_xarray = to_xarray
     to_poppy = to_poppy

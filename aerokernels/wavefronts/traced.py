@@ -6,6 +6,7 @@ from typing import Any, Unpack
 
 import numpy as np
 
+from ..flow import DensityField
 from ..inputs.arguments import Numbers, checked
 from ..inputs.kinds import wrong_kind
 from ..medium import IndexField
@@ -15,6 +16,7 @@ from ..tracing.plan import TraceOptions, complete
 from ..tracing.pupil.air import pupil_air
 from ..tracing.stop import plane_beyond
 from ..tracing.trace import trace
+from .arithmetic import WavefrontComparison
 from .pixels import pupil_grid
 from .result import Wavefront
 
@@ -101,3 +103,46 @@ def wavefront(
         seconds=dict(traced.seconds),
         varied=partial(getattr, traced, "variants"),
     )
+
+
+@checked
+def compare_wavefronts(
+    first: Any, second: Any, pupil: Pupil | None = None, **options: Any
+) -> WavefrontComparison[Wavefront]:
+    """Compare two wavefronts, the wavefronts of two runs, or those of two flows over a pupil, in any combination.
+
+    The result holds both wavefronts and their difference; its `quantities` are Strehl ratios, rms and correlation, with
+    errors. An example:
+
+        ak.compare_wavefronts(flow.shipped("mach2"), flow.shipped("mach3"), ak.Disc(0.004, center=(0, 0, -0.008)))
+
+    Args:
+        first: A Wavefront, a run (RunResult), a density field or an index field. The index of a density field is that
+            of `index_field` at the wavelength, 905 nm if none is given.
+        second: What is compared with it.
+        pupil: The pupil of fields; wavefronts and runs have their own.
+        options: Those of `wavefront` for fields, such as wavelength, direction and pixel_count.
+
+    Raises:
+        TypeError: An argument of another kind, or a field without a pupil.
+        ValueError: The pixels, pupils, directions or wavelengths differ; a run has no wavefront; or what `wavefront`
+            refuses.
+    """
+    one, other = (_wavefront_of(thing, pupil, options) for thing in (first, second))
+    return one.compare(other)
+
+
+def _wavefront_of(thing: Any, pupil: Pupil | None, options: dict[str, Any]) -> Wavefront:
+    if not isinstance(thing, (IndexField, DensityField)):
+        found = getattr(thing, "wavefront", thing)
+        if found is None:
+            raise ValueError(f"the run has no wavefront: {thing.failures.get('wavefront', 'it was left out')}")
+        if not isinstance(found, Wavefront):
+            raise TypeError(f"compare Wavefronts, runs or fields, got {type(thing).__name__}")
+        return found
+    if pupil is None:
+        raise TypeError("a field has no wavefront without a pupil: give one, such as Disc(radius=0.004)")
+    if isinstance(thing, DensityField):
+        wavelength = options.get("wavelength")
+        thing = thing.index_field() if wavelength is None else thing.index_field(wavelength)
+    return wavefront(thing, pupil, **options)

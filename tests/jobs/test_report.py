@@ -57,7 +57,7 @@ def test_nothing_that_is_drawn_is_cut_off_and_no_picture_is_blank(dataset: xarra
         box = figure.get_tightbbox()
         width, height = figure.get_size_inches()
         assert min(box.x0, box.y0) >= 0.0 and box.x1 <= width and box.y1 <= height, box
-    front = Front(dataset, {"else": 1e-9}, 1e-10)
+    front = Front(dataset, 1e-10)
     for picture in (front.map("opd"), front.panels()[3].shown):
         data = base64.b64decode(picture.static().partition(",")[2])
         pixels = matplotlib.image.imread(io.BytesIO(data), format="png")
@@ -89,7 +89,7 @@ def test_a_turned_pupil_is_not_labelled_with_the_frames_axes(dataset: xarray.Dat
     """A pupil that looks elsewhere has axes of its own: its map, its cuts and its boresight error say so."""
     own = ["the pupil's axis 1", "the pupil's axis 2"]
     for axes, words in (None, ("x", "y")), (own, own):
-        front = Front(dataset if axes is None else dataset.assign_attrs(pupil_axes=axes), {"else": 1e-9}, 1e-10)
+        front = Front(dataset if axes is None else dataset.assign_attrs(pupil_axes=axes), 1e-10)
         assert [axis.label for axis in (front.map("opd").x, front.map("opd").y)] == [f"{word} [mm]" for word in words]
     for azimuth, words in (0.0, "Boresight error x, y"), (0.3, "Boresight error along the pupil’s axes 1, 2"):
         rows = headline_rows({**SUMMARY, "scene_values": {"pupil": {"azimuth": azimuth, "elevation": 0.0}}})

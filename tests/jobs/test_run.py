@@ -107,6 +107,15 @@ def test_each_map_in_the_report_has_its_own_error(removed: str):
     result = simulate(scene, with_echo=False)
     dataset = result.to_xarray()
     whole = scene_wavefront(scene, result.prepared.mesh_field)
+    wave = result.wavefront
+    assert np.array_equal(dataset.opd_error, wave.pixel_errors, equal_nan=True)
+    table = wave.zernike_table(dataset.sizes["noll_index"])
+    assert [(one.value, one.error) for one in table] == list(
+        zip(dataset.zernike.values, dataset.zernike_error.values, strict=True)
+    )
+    assert dataset.opd.attrs["peak_to_valley_error_m"] == wave.quantities["peak_to_valley"].error
+    assert dataset.attrs["ray_optics"].startswith("rays are good: ")
+    assert abs(dataset.attrs["ray_optics_strehl_change"]) < 0.01
     for name, terms in (("opd", ()), ("opd_without_focus", ("tilt", "focus"))):
         rms, error = (dataset[name].attrs[key] for key in ("rms_m", "rms_error_m"))
         assert abs(rms - whole.remove(*terms).rms) <= error, name

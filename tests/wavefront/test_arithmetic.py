@@ -5,7 +5,7 @@ import csv
 import numpy as np
 import pytest
 
-from aerokernels import Annulus, Disc, Wavefront, wavefront
+from aerokernels import Annulus, Disc, Wavefront, compare_wavefronts, wavefront
 from aerokernels.wavefronts.pixels import pupil_grid
 from tests.phase_plates import RADIUS, WAVELENGTH, modes, phase_plate
 
@@ -39,6 +39,9 @@ def test_a_difference_has_the_difference_of_the_coefficients():
     for found, factor in ((2.5 * a, 2.5), (a * np.float64(2.5), 2.5), (np.float64(2.5) * a, 2.5)):
         assert found.zernike(8) == pytest.approx(factor * a.zernike(8), abs=1e-17)
         assert found.opd_error == pytest.approx(7.5e-9)
+    assert (a / 2).zernike(8) == pytest.approx(0.5 * a.zernike(8), abs=1e-17) and (a / 2).opd_error == 1.5e-9
+    with pytest.raises(ValueError, match="divided by 0"):
+        a / 0
     assert (-a).zernike(4)[3] == pytest.approx(-5e-8) and (-a).opd_error == pytest.approx(3e-9)
     assert (a.remove("focus") - b.remove("focus")).zernike(4)[3] == pytest.approx(0.0, abs=1e-17)
 
@@ -166,3 +169,51 @@ def test_each_sample_has_an_error_of_its_own():
     for wrong in (-1e-9, np.full(3, 1e-9), np.nan):
         with pytest.raises(ValueError, match="error must be a length of at least 0 m"):
             Wavefront.from_samples(places, opd, Disc(RADIUS), WAVELENGTH, error=wrong)
+
+
+def test_errors_of_the_pixels_are_those_of_all_numbers():
+    """Errors of 1 nm at x < 0 and of 9 nm at x > 0: kept by arithmetic and files, and behind the other errors."""
+    a = made({8: 5e-8}, 0.0)
+    sizes = np.where(np.arange(64) < 32, 1e-9, 9e-9) * np.ones((64, 64))
+    a = Wavefront(a.opd, a.weight, a.pixel, WAVELENGTH, a.intensity, RADIUS, a.pupil, error_map=sizes)
+    assert np.array_equal(a.pixel_errors[a.lit], sizes[a.lit]) and np.isnan(a.pixel_errors[~a.lit]).all()
+    assert (a / 2).pixel_errors[32] == pytest.approx(0.5 * a.pixel_errors[32], nan_ok=True)
+    b = Wavefront(2 * a.opd, a.weight, a.pixel, WAVELENGTH, a.intensity, RADIUS, a.pupil, error_map=sizes)
+    assert (a - b).pixel_errors[32, 40] == pytest.approx(np.sqrt(2.0) * 9e-9)
+    assert Wavefront.from_xarray(a.to_xarray()).pixel_errors == pytest.approx(a.pixel_errors, nan_ok=True)
+    # The greatest and the least OPD of coma x lie at x > 0 and at x < 0.
+    valley = a.quantities["peak_to_valley"]
+    assert valley.value == a.peak_to_valley and valley.error > 1e-8
+    assert all(0.0 < term.error < 9e-9 for term in a.zernike_table(8))
+    with pytest.raises(ValueError, match="error_map"):
+        Wavefront(a.opd, a.weight, a.pixel, WAVELENGTH, error_map=-sizes)
+
+
+def test_errors_of_traced_pixels_hold_what_each_is_off_by():
+    """A ripple at x > 0 alone, in a field of few samples: there the pixels are off, and are said to be."""
+
+    def opd(x, y):
+        return 2e-8 * np.exp(-((x - 1e-3) ** 2 + y**2) / 4e-4**2) * np.cos(1.2e4 * x)
+
+    field = phase_plate(opd, 4e-3, count=47)
+    seen = wavefront(field, Disc(RADIUS, (0, 0, -1e-3)), wavelength=WAVELENGTH, pixel_count=41)
+    x, y = np.meshgrid(seen.coordinate, seen.coordinate)
+    off = np.abs(seen.opd - opd(x, y))
+    known = seen.lit
+    assert np.mean(off[known] <= seen.pixel_errors[known] + 1e-12) >= 0.95
+    left, right = (seen.pixel_errors[known & side].mean() for side in (x < -5e-4, np.hypot(x - 1e-3, y) < 4e-4))
+    assert right > 3.0 * left
+
+
+def test_flows_are_compared_in_one_call():
+    """Two plates of 5e-8 and 3e-8 m of defocus; the same as tracing both and subtracting."""
+    pupil = Disc(RADIUS, (0, 0, -1e-3))
+    plates = [phase_plate(modes({4: size}), 4e-3) for size in (5e-8, 3e-8)]
+    options = {"wavelength": WAVELENGTH, "pixel_count": 32}
+    found = compare_wavefronts(*plates, pupil, **options)
+    one, other = (wavefront(plate, pupil, **options) for plate in plates)
+    assert found.quantities["opd_rms_difference"].value == pytest.approx(2e-8, rel=2e-2)
+    assert np.array_equal(found.difference.opd, (one - other).opd, equal_nan=True)
+    assert np.array_equal(one.compare(other).difference.opd, found.difference.opd, equal_nan=True)
+    with pytest.raises(TypeError, match="pupil"):
+        compare_wavefronts(*plates)

@@ -118,6 +118,43 @@ def test_poppy_reads_the_fits_files(wave: Wavefront, tmp_path):
     assert_same_psf(poppy_psf(element), wave)
 
 
+def test_a_fits_file_is_read_as_it_was_written(tmp_path):
+    """Coma along x and y of different size, which no mirrored, turned or negated map has; and the errors of pixels."""
+    pytest.importorskip("astropy")
+    given = made(np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 3e-8, -7e-8]))
+    given.to_fits(tmp_path / "opd.fits")
+    again = Wavefront.read(tmp_path / "opd.fits")
+    assert np.array_equal(again.opd, given.opd, equal_nan=True) and np.array_equal(again.weight, given.weight)
+    assert np.array_equal(again.intensity, given.intensity) and again.wavelength == WAVELENGTH
+    assert again.zernike(8) == pytest.approx(given.zernike(8), abs=1e-16)
+    assert again.pixel_errors == pytest.approx(given.pixel_errors, nan_ok=True)
+
+
+def test_a_fits_file_of_another_program_states_sign_unit_and_pixel(tmp_path):
+    """Light delayed at +x, in micron: negative in poppy's files, whose columns are x."""
+    fits = pytest.importorskip("astropy.io.fits")
+    ramp = np.tile(np.linspace(-0.05, 0.05, 8), (8, 1))
+    path = tmp_path / "poppy.fits"
+
+    def write(**header):
+        fits.writeto(path, -ramp, fits.Header(header), overwrite=True)
+
+    write(PIXELSCL=1e-3, BUNIT="micron")
+    with pytest.raises(ValueError, match="WAVELEN: give the wavelength"):
+        Wavefront.read(path)
+    found = Wavefront.read(path, wavelength=1e-6)
+    assert found.pixel == 1e-3 and found.tilt == pytest.approx([1e-7 / 7e-3, 0.0], abs=1e-15)
+    write(PIXELSCL=1e-3, BUNIT="micron", WAVELEN=1e-6, OPDSIGN="POSITIVE")
+    assert Wavefront.read(path).tilt == pytest.approx([-1e-7 / 7e-3, 0.0], abs=1e-15)
+    for header in ({"BUNIT": "micron"}, {"PIXELSCL": 1e-3}, {"PIXELSCL": 1e-3, "BUNIT": "waves"}):
+        write(**header)
+        with pytest.raises(ValueError, match=r"poppy\.fits: the header must state"):
+            Wavefront.read(path, wavelength=1e-6)
+    path.write_bytes(path.read_bytes()[:3000])
+    with pytest.raises(ValueError, match=r"poppy\.fits: no FITS file"):
+        Wavefront.read(path, wavelength=1e-6)
+
+
 def test_coefficients_are_those_of_the_others():
     """The same OPD, fitted by their own polynomials and plain least squares: to 1e-10 of the greatest coefficient."""
     values = 6e-8 * np.random.default_rng(11).uniform(-1.0, 1.0, 21)

@@ -1,7 +1,6 @@
 """Pictures of a wavefront: its map, cuts, the image of a point, and of what it is made."""
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -17,7 +16,9 @@ from aerokernels.display.figures import (
     packed,
     plain,
 )
-from aerokernels.jobs.pages.page import Bar, Panel
+from aerokernels.display.quantities import Quantity
+from aerokernels.jobs.pages.page import Bar, Panel, shown
+from aerokernels.jobs.store import number_or_nan
 
 if TYPE_CHECKING:
     import xarray
@@ -38,14 +39,27 @@ class Front:
     """The wavefront of a run's dataset, in mm, nm and microradian.
 
     Attributes:
-        dataset: The dataset, with "opd" and "point_spread".
-        sizes: Rms of each kind of aberration [m], by the keys of GROUPS, and "else".
+        dataset: The dataset, with "opd", "opd_error", "zernike" and "point_spread".
         error: Error of the OPD's rms [m]; NaN if not known.
     """
 
     dataset: "xarray.Dataset"
-    sizes: Mapping[str, float]
     error: float
+
+    @cached_property
+    def sizes(self) -> dict[str, Quantity]:
+        """Rms of each kind of aberration [m], by the keys of GROUPS, and "else".
+
+        A vector's length changes by at most the length of the vector of its components' errors.
+        """
+        terms = self.dataset["zernike"]
+        value, error = terms.values, self.dataset["zernike_error"].values
+        sizes = {}
+        for name, indices in GROUPS.items():
+            some = np.array(indices) - 1
+            sizes[name] = Quantity(float(np.linalg.norm(value[some])), float(np.linalg.norm(error[some])))
+        rest, off = (number_or_nan(terms.attrs.get(f"rest_rms{name}_m")) for name in ("", "_error"))
+        return {**sizes, "else": Quantity(rest, off)}
 
     @cached_property
     def axes(self) -> tuple[str, str]:
@@ -82,6 +96,7 @@ class Front:
         return {
             "kind": "wavefront",
             "opd": packed(1e9 * data["opd"].values),
+            "errors": packed(1e9 * data["opd_error"].values),
             **{
                 name: packed(data[f"pupil_{name}"].values)
                 for name in ("weight", "intensity")
@@ -139,21 +154,19 @@ class Front:
         ]
 
     def _kinds(self) -> Panel:
-        most = max(*self.sizes.values(), self.error if math.isfinite(self.error) else 0.0, 1e-15)
+        most = max(*(one.value for one in self.sizes.values()), 1e-15)
         names = {"else": "All else", **{name: name.capitalize() for name in GROUPS}}
         rows = [
             Bar(
                 names[name],
-                f"{1e9 * size:.2f} nm",
-                100.0 * size / most,
-                kind="below" if size < self.error else "",
+                shown(size, 1e9, "nm"),
+                100.0 * size.value / most,
+                kind="below" if size.value < (size.error or 0.0) else "",
             )
             for name, size in self.sizes.items()
         ]
-        error = f"Vertical line: error of the OPD, {self.grey:.2g} nm. Grey rows are below it." if self.grey else ""
-        says = "Rms of each kind of aberration, by Zernike polynomials over the pupil."
-        mark = 100.0 * self.error / most if self.grey else None
-        return Panel("parts", "What the wavefront is made of", says, rows=rows, mark=mark, caption=error)
+        says, grey = "Rms of each kind of aberration, by Zernike polynomials.", "Grey rows are below their error."
+        return Panel("parts", "What the wavefront is made of", says, rows=rows, caption=grey)
 
     def map(self, name: str) -> Raster:
         """Return the picture of a map of the dataset."""

@@ -8,20 +8,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from aerokernels.display.figures import Axis, Line, Lines
 from aerokernels.display.quantities import CAUSES, REMEDIES, TOTAL, WORTHLESS, Quantity, two_digits
 from aerokernels.display.shown import is_flat
 from aerokernels.jobs.numbers import NUMBERS, quantity_of, remark_rows
 from aerokernels.jobs.pages.air import Air
+from aerokernels.jobs.pages.echo import Echo
 from aerokernels.jobs.pages.front import GROUPS, Front
 from aerokernels.jobs.pages.page import Answer, Bar, Page, Panel, Row, flat, shown
 from aerokernels.jobs.store import number_or_nan
-from aerokernels.zernike import zernike_modes
 
 if TYPE_CHECKING:
     import xarray
 
-SPEED_OF_LIGHT = 299_792_458.0  # [m/s]
 BACKENDS = {"opencl": "OpenCL", "warp": "Warp", "reference": "NumPy"}
 CAUSE_NAMES = {
     "step": "Steps along a ray",
@@ -34,12 +32,6 @@ CAUSE_NAMES = {
     "bundle": "Rays between rays",
     "sampling": "Number of rays",
 }
-METHODS = {
-    "leading-edge": "Leading edge",
-    "constant-fraction": "Constant fraction",
-    "centroid": "Centroid",
-    "matched-filter": "Matched filter",
-}
 RAW_LEFT_OUT = ("scene_values", "plan")
 LEAST_SHARE = 0.01  # of the total error, below which causes are listed together
 
@@ -51,7 +43,7 @@ def run_page(dataset: "xarray.Dataset", summary: Mapping[str, Any]) -> Page:
         dataset: The content of result.nc.
         summary: The content of summary.json.
     """
-    echo = _Echo(dataset, summary) if "echo_voltage" in dataset else None
+    echo = Echo(dataset, summary) if "echo_voltage" in dataset else None
     panels: list[Panel] = []
     plots: list[Callable[[], Mapping[str, Any]]] = []
     front = None
@@ -59,9 +51,9 @@ def run_page(dataset: "xarray.Dataset", summary: Mapping[str, Any]) -> Page:
         air = Air(dataset)
         plots.append(air.plot)
         panels += air.panels()
-    if {"opd", "point_spread"} <= set(dataset.variables):
+    if {"opd", "zernike", "point_spread"} <= set(dataset.variables):
         error = number_or_nan(dataset["opd"].attrs.get("rms_error_m"))
-        front = Front(dataset, _aberrations(dataset), error)
+        front = Front(dataset, error)
         plots.append(front.plot)
         panels += front.panels()
     if echo is not None:
@@ -151,9 +143,9 @@ def _bent(summary: Mapping[str, Any], front: Front | None) -> Answer:
     size = "" if not waves else f", 1/{1.0 / waves:.0f} of a wave" if waves < 0.4 else f", {waves:.2g} waves"
     more = ""
     if front is not None:
-        most = max(front.sizes, key=lambda name: front.sizes[name])
-        share = front.sizes[most] ** 2 / (sum(one**2 for one in front.sizes.values()) or 1.0)
-        known = front.sizes[most] > (front.error if math.isfinite(front.error) else 0.0)
+        most = max(front.sizes, key=lambda name: front.sizes[name].value)
+        share = front.sizes[most].value ** 2 / (sum(one.value**2 for one in front.sizes.values()) or 1.0)
+        known = front.sizes[most].value > (front.sizes[most].error or 0.0)
         if share > 0.5 and known and most in GROUPS:
             more = f"{'Nearly all' if share > 0.98 else f'{100.0 * share:.0f} %'} of it is {most}."
         rest = quantity_of_map(front.dataset, "opd_without_focus")
@@ -162,15 +154,15 @@ def _bent(summary: Mapping[str, Any], front: Front | None) -> Answer:
     return Answer.of("The wavefront is bent by", rms.scaled(1e9, "nm"), f"rms{size}.", more.strip())
 
 
-def quantity_of_map(dataset: "xarray.Dataset", name: str) -> Quantity | None:
-    """Return the rms of a map with its error [m]; None without the map."""
-    if name not in dataset or "rms_m" not in dataset[name].attrs:
+def quantity_of_map(dataset: "xarray.Dataset", name: str, number: str = "rms") -> Quantity | None:
+    """Return the rms of a map, or another number of it, with its error [m]; None without the map."""
+    if name not in dataset or f"{number}_m" not in dataset[name].attrs:
         return None
     attributes = dataset[name].attrs
-    return Quantity(float(attributes["rms_m"]), number_or_nan(attributes.get("rms_error_m")))
+    return Quantity(float(attributes[f"{number}_m"]), number_or_nan(attributes.get(f"{number}_error_m")))
 
 
-def _range(summary: Mapping[str, Any], echo: "_Echo | None") -> Answer:
+def _range(summary: Mapping[str, Any], echo: Echo | None) -> Answer:
     """Return the answer of the range."""
     error = quantity_of(summary, "range_error_m")
     if math.isnan(error.value):
@@ -181,163 +173,6 @@ def _range(summary: Mapping[str, Any], echo: "_Echo | None") -> Answer:
     more = "" if echo is None else echo.reason
     size = Quantity(abs(error.value), error.error)
     return Answer.of("The range reads", size.scaled(1e3, "mm"), f"{side}.", more, "The range is off by at most")
-
-
-class _Echo:
-    """The echo of a run's dataset, in ns, V and mm."""
-
-    def __init__(self, dataset: "xarray.Dataset", summary: Mapping[str, Any]) -> None:
-        self.dataset, self.summary = dataset, summary
-        self.time, self.voltage = 1e9 * dataset["time"].values, dataset["echo_voltage"].values
-        self.clean = dataset["echo_voltage_clean"].values if "echo_voltage_clean" in dataset else self.voltage
-        self.free = dataset["echo_voltage_vacuum"].values if "echo_voltage_vacuum" in dataset else None
-        level = number_or_nan(dataset.attrs.get("threshold_v"))
-        self.threshold = level if math.isfinite(level) else None
-        self.crossed = None if self.threshold is None else _crossing(self.time, self.clean, self.threshold)
-        self.crossed_free = None
-        if self.threshold is not None and self.free is not None:
-            self.crossed_free = _crossing(self.time, self.free, self.threshold)
-
-    @property
-    def late(self) -> float | None:
-        """How much later the pulse crosses the threshold than it would without flow [ns]."""
-        return None if self.crossed is None or self.crossed_free is None else self.crossed - self.crossed_free
-
-    @property
-    def reason(self) -> str:
-        """Why the range has an error, in words."""
-        height = number_or_nan(self.summary.get("echo_peak_v")) / number_or_nan(self.dataset.attrs.get("vacuum_peak_v"))
-        still = quantity_of(self.summary, "still_air_m")
-        words = f" The air at rest alone adds {shown(still, 1e3, 'mm', True)}." if still.value else ""
-        if self.late is None or self.late <= 0.0 or not height < 1.0:
-            return words.strip()
-        return (
-            f"The flow takes {100.0 * (1.0 - height):.2g} % off the pulse, and a lower pulse crosses the fixed "
-            f"threshold of {self.threshold:g} V {_duration(self.late)} later.{words}"
-        )
-
-    def panels(self) -> list[Panel]:
-        """Return the panels: the pulse, the crossing of the threshold, and the errors of all ranging methods."""
-        panels = [self._pulse()]
-        if self.late is not None and self.late > 0.0:
-            panels.append(self._near())
-        return [*panels, *self._methods()]
-
-    def _lines(self) -> list[Line]:
-        lines = []
-        if not np.array_equal(self.clean, self.voltage):
-            lines.append(Line(self.time, self.voltage, "recorded, with noise", "plain"))
-        lines.append(Line(self.time, self.clean, "with flow", "one"))
-        if self.free is not None:
-            lines.append(Line(self.time, self.free, "without flow", "free"))
-        return lines
-
-    def _pulse(self) -> Panel:
-        top = max(float(one.y.max()) for one in self._lines())
-        low = min(0.0, float(self.voltage.min()))
-        above = np.flatnonzero(np.maximum(self.clean, self.free if self.free is not None else self.clean) > 1e-3 * top)
-        ends = (0, -1) if above.size == 0 else (max(above[0] - 2, 0), min(above[-1] + 2, self.time.size - 1))
-        limits = [] if self.threshold is None else [("y", self.threshold, f"threshold {self.threshold:.4g} V")]
-        limits.append(("x", 2e9 * float(self.dataset.attrs["true_range_m"]) / SPEED_OF_LIGHT, "target"))
-        marks = [] if self.crossed is None or self.threshold is None else [(self.crossed, self.threshold)]
-        x = Axis("time since the pulse left [ns]", (float(self.time[ends[0]]), float(self.time[ends[1]])), "ns")
-        y = Axis("voltage [V]", (1.08 * low, 1.08 * top), "V")
-        return Panel(
-            "echo",
-            "Laser echo",
-            "The pulse that comes back from the target.",
-            "Detector voltage against time, with and without flow, and the threshold.",
-            Lines(x, y, self._lines(), limits=limits, marks=marks),
-            "The dot marks where the threshold is crossed." if marks else "",
-        )
-
-    def _near(self) -> Panel:
-        assert self.crossed is not None and self.crossed_free is not None and self.late is not None
-        assert self.threshold is not None and self.free is not None
-        middle, half = 0.5 * (self.crossed + self.crossed_free), max(2.2 * self.late, 0.05)
-        around = np.linspace(middle - half, middle + half, 41)
-        lines = [
-            Line(around, np.interp(around, self.time, self.clean), "with flow", "one"),
-            Line(around, np.interp(around, self.time, self.free), "without flow", "free"),
-        ]
-        marks = [(self.crossed_free, self.threshold), (self.crossed, self.threshold)]
-        error = number_or_nan(self.summary.get("range_error_m"))
-        words = [f"{_duration(self.late)} later", *([f"{1e3 * error:+.1f} mm"] if math.isfinite(error) else [])]
-        x = Axis("time since the pulse left [ns]", (float(around[0]), float(around[-1])), "ns")
-        return Panel(
-            "crossing",
-            "Where the threshold is crossed",
-            f"The pulse crosses {_duration(self.late)} later than without flow.",
-            "The rising edges with and without flow near the threshold.",
-            Lines(
-                x,
-                Axis("voltage [V]", unit="V"),
-                lines,
-                limits=[("y", self.threshold, f"threshold {self.threshold:.4g} V")],
-                marks=marks,
-                gap=(self.crossed_free, self.crossed, words),
-            ),
-            "The range is read at this crossing, on a scale that is right without flow.",
-        )
-
-    def _methods(self) -> list[Panel]:
-        summary = self.summary
-        errors = (summary.get("errors") or {}).get("ranges_m") or {}
-        true = float(summary["true_range_m"])
-        read = {
-            method: Quantity(number_or_nan(value) - true, number_or_nan(errors.get(method)))
-            for method, value in (summary.get("ranges_m") or {}).items()
-            if value is not None
-        }
-        if not read:
-            return []
-        ends = [end for one in read.values() for end in (*one.interval, 0.0) if math.isfinite(end)]
-        low, high = min(ends), max(ends)
-        low, high = low - 0.04 * (high - low), high + 0.04 * (high - low) or 1e-6
-
-        def place(length: float) -> float:
-            return min(max(100.0 * (length - low) / (high - low), 0.0), 100.0)
-
-        used = str(self.dataset.attrs.get("ranging", ""))
-        rows = [
-            Bar(
-                METHODS.get(method, method) + (", used" if method == used else ""),
-                shown(one, 1e3, "mm", True),
-                dot=(place(one.interval[0]), place(one.value), place(one.interval[1])),
-            )
-            for method, one in read.items()
-        ]
-        says = "Read minus true range. Only a fixed threshold depends on the height of the pulse."
-        return [Panel("methods", "Range error by method", says, rows=rows, mark=place(0.0))]
-
-
-def _crossing(time: np.ndarray, voltage: np.ndarray, level: float) -> float | None:
-    """Return the time at which a voltage first rises through a level; None if it does not."""
-    rises = np.flatnonzero((voltage[:-1] < level) & (voltage[1:] >= level))
-    if rises.size == 0:
-        return None
-    k = int(rises[0])
-    return float(time[k] + (level - voltage[k]) / (voltage[k + 1] - voltage[k]) * (time[k + 1] - time[k]))
-
-
-def _duration(nanoseconds: float) -> str:
-    return f"{1e3 * nanoseconds:.0f} ps" if nanoseconds < 1.0 else f"{nanoseconds:.2f} ns"
-
-
-def _aberrations(dataset: "xarray.Dataset") -> dict[str, float]:
-    """Return the rms of each kind of aberration over the pupil, and "else" [m]."""
-    opd, x, y = (dataset[name].values for name in ("opd", "pupil_x", "pupil_y"))
-    known = np.isfinite(opd)
-    across, up = np.meshgrid(x, y)
-    radius = float(np.hypot(across, up)[known].max()) or 1.0
-    modes = zernike_modes(11, across[known] / radius, up[known] / radius)
-    share = dataset["pupil_intensity"].values[known] if "pupil_intensity" in dataset else np.ones(opd[known].shape)
-    weight = np.sqrt(share / share.sum())
-    terms = np.linalg.lstsq((weight * modes).T, weight * opd[known], rcond=None)[0]
-    sizes = {name: math.sqrt(sum(float(terms[j - 1]) ** 2 for j in indices)) for name, indices in GROUPS.items()}
-    rest = weight * (opd[known] - terms @ modes)
-    sizes["else"] = float(np.linalg.norm(rest))
-    return sizes
 
 
 def _budget(budget: Mapping[str, Any]) -> Panel:
@@ -366,7 +201,7 @@ def _remedy(cause: str) -> str:
     return f"{words[:1].upper()}{words[1:]}." if words else ""
 
 
-def _numbers(dataset: "xarray.Dataset", summary: Mapping[str, Any], echo: _Echo | None) -> list[tuple[str, list[Row]]]:
+def _numbers(dataset: "xarray.Dataset", summary: Mapping[str, Any], echo: Echo | None) -> list[tuple[str, list[Row]]]:
     """Return the numbers in groups, in the units that people use."""
 
     def row(key: str, word: str, remark: str = "", unit: str = "") -> Row:
@@ -382,8 +217,9 @@ def _numbers(dataset: "xarray.Dataset", summary: Mapping[str, Any], echo: _Echo 
         row("boresight_rad", "boresight"),
     ]
     if "opd" in dataset and not is_flat(dataset["opd"].values, "m"):
-        valley = float(np.ptp(dataset["opd"].values[np.isfinite(dataset["opd"].values)]))
-        quality.insert(3, ("OPD, peak to valley", f"{1e9 * valley:.3g} nm", "of the map's pixels", "opd"))
+        valley = quantity_of_map(dataset, "opd", "peak_to_valley")
+        if valley is not None:
+            quality.insert(3, ("OPD, peak to valley", shown(valley, 1e9, "nm"), "", "opd"))
         rest = quantity_of_map(dataset, "opd_without_focus")
         if rest is not None:
             quality.insert(4, ("Left without tilt and focus", shown(rest, 1e9, "nm"), "rms", "opd"))
@@ -408,6 +244,10 @@ def _numbers(dataset: "xarray.Dataset", summary: Mapping[str, Any], echo: _Echo 
         )
     rays = f"{summary['traced_ray_count']:,} traced"
     seconds = f"{summary['trace_seconds']:.2f} s in kernels, {summary['compile_seconds']:.2f} s compiling"
+    if "ray_optics" in dataset.attrs:
+        change = Quantity(*(float(dataset.attrs[f"ray_optics_strehl_change{name}"]) for name in ("", "_error")))
+        verdict, _, why = str(dataset.attrs["ray_optics"]).partition(": ")
+        quality.append(("Strehl ratio, wave less rays", shown(change, 1.0, "", True), f"{verdict}: {why}", "strehl"))
     work = [
         ("Rays for the Strehl ratio", f"{summary['ray_count']:,}", rays, "rays"),
         ("Time", f"{summary['total_seconds']:.1f} s", seconds, ""),

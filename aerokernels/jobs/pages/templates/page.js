@@ -345,7 +345,7 @@ function air(all) {
 
 // Wavefront: terms are fitted together over the pupil's pixels; map, cuts, image of a point and its cuts are linked ---------
 function wavefront(s) {
-  const opd = unpack(s.opd), weight = s.weight && unpack(s.weight), intensity = s.intensity && unpack(s.intensity), [PY, PX] = s.opd.shape, axis = s.axis, live = [];
+  const opd = unpack(s.opd), weight = s.weight && unpack(s.weight), intensity = s.intensity && unpack(s.intensity), errors = unpack(s.errors), [PY, PX] = s.opd.shape, axis = s.axis, live = [];
   for (let i = 0; i < opd.length; i++) if (!Number.isNaN(opd[i])) live.push(i);
   const W = Float64Array.from(live, i => weight ? weight[i] : 1), all = W.reduce((a, b) => a + b, 0); // amplitudes
   const V = Float64Array.from(live, (i, n) => intensity ? intensity[i] : W[n] * W[n]), light = V.reduce((a, b) => a + b, 0); // by which terms are fitted
@@ -391,12 +391,12 @@ function wavefront(s) {
     xlim: span, ylim: span, xlabel: `${across} [mm]`, ylabel: `${up} [mm]`,
     bar: () => ({ lo: -state.reach, hi: state.reach, name: "delay", label: "OPD [nm], + is delayed" }),
     raster: (p, w, h) => lookUp(p, w, h, (u, v) => {
-      const o = state.map[Math.min(PY - 1, Math.floor(v * PY)) * PX + Math.min(PX - 1, Math.floor(u * PX))];
-      return Number.isNaN(o) ? 0 : state.grey && Math.abs(o) < s.error ? BELOW : LUT.delay[clamp(Math.round((o / state.reach + 1) * 127.5), 0, 255)];
+      const k = Math.min(PY - 1, Math.floor(v * PY)) * PX + Math.min(PX - 1, Math.floor(u * PX)), o = state.map[k];
+      return Number.isNaN(o) ? 0 : state.grey && Math.abs(o) < errors[k] ? BELOW : LUT.delay[clamp(Math.round((o / state.reach + 1) * 127.5), 0, 255)];
     }),
     value(x, y) {
-      const c = nearest(axis, this.unX(x)), r = nearest(axis, this.unY(y)), o = state.map[r * PX + c];
-      return [`${across} ${fixed(axis[c], 2)} mm, ${up} ${fixed(axis[r], 2)} mm: ` + (Number.isNaN(o) ? "outside the pupil" : `${short(o)} nm` + (Math.abs(o) < s.error ? ", below its error" : "")), this.cross(x, y)];
+      const c = nearest(axis, this.unX(x)), r = nearest(axis, this.unY(y)), k = r * PX + c, o = state.map[k];
+      return [`${across} ${fixed(axis[c], 2)} mm, ${up} ${fixed(axis[r], 2)} mm: ` + (Number.isNaN(o) ? "outside the pupil" : short(o) + (Number.isNaN(errors[k]) ? " nm" : ` \u00b1 ${short(errors[k])} nm`) + (Math.abs(o) < errors[k] ? ", below its error" : "")), this.cross(x, y)];
     },
   });
   const middle = (PX - 1) / 2 | 0, cutX = () => axis.map((_, i) => state.map[middle * PX + i]), cutY = () => axis.map((_, i) => state.map[i * PX + middle]);
