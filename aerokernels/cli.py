@@ -149,6 +149,8 @@ def main() -> NoReturn:
     atexit.register(_leave_at_once, interrupted)  # registered first, so it is called last
     arguments, switches = split_switches(sys.argv[1:])
     output.as_json, output.quiet = "--json" in switches, "--quiet" in switches
+    if output.quiet:
+        os.environ["AEROKERNELS_PROGRESS"] = "off"
     warnings.showwarning = _show_warning
     try:
         check_values(arguments)

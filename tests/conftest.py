@@ -1,16 +1,24 @@
 """What every test may ask for."""
 
+import functools
 import gc
+import importlib
 import os
-import signal
+import pickle
 import subprocess
 import sys
-import warnings
 from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
+from unittest import mock
 
 import pytest
 from hypothesis import settings
+
+from tests.command import command
+
+if TYPE_CHECKING:
+    from aerokernels import RunResult
 
 ROOT = Path(__file__).resolve().parents[1]
 # Processes that tests start, in other folders, take this checkout too where it is not installed.
@@ -149,29 +157,46 @@ def aerokernels(tmp_path: Path) -> Callable[..., subprocess.CompletedProcess[str
 
 
 @pytest.fixture
-def command_line(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> Callable[..., subprocess.CompletedProcess[str]]:
-    """As `aerokernels`, but in this process, which saves its start: for refusals and what else needs no own process."""
-    from aerokernels import cli
-    from aerokernels.commands._output import output
-    from aerokernels.process.interrupt import STOPPING
+def command_line(tmp_path: Path) -> Callable[..., subprocess.CompletedProcess[str]]:
+    """As `aerokernels`, but in this process: see command.py."""
+    return functools.partial(command, tmp_path)
 
-    def run(*arguments: object) -> subprocess.CompletedProcess[str]:
-        monkeypatch.chdir(tmp_path)
-        monkeypatch.setattr(sys, "argv", ["aerokernels", *map(str, arguments)])
-        threshold, handlers = gc.get_threshold(), {one: signal.getsignal(one) for one in STOPPING}
-        capsys.readouterr()
-        try:
-            with warnings.catch_warnings(), pytest.raises(SystemExit) as left:
-                warnings.simplefilter("default")
-                cli.main()
-        finally:
-            gc.set_threshold(*threshold)
-            for number, handler in handlers.items():
-                signal.signal(number, handler)
-            output.as_json = output.quiet = False
-        said = capsys.readouterr()
-        return subprocess.CompletedProcess(arguments, left.value.code, said.out, said.err)
 
-    return run
+@pytest.fixture(scope="session")
+def small_run(tmp_path_factory: pytest.TempPathFactory) -> tuple["RunResult", Path]:
+    """A run of a shipped scene with few rays, and the folder that it is written to: for tests that only read it."""
+    from aerokernels import Scene, simulate
+    from aerokernels.jobs.run import write_run
+
+    few = {"strehl.ray_count": 2000, "beam.ray_count": 32, "receiver.ray_count": 32, "grid.spacing": "0.2 mm"}
+    run, folder = simulate(Scene.load("wind-tunnel-mach3", few)), tmp_path_factory.mktemp("small") / "run"
+    write_run(run, folder)
+    return run, folder
+
+
+@pytest.fixture
+def readers_here(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Files that need a child to read them are read in this process: for sound ones, and those that we refuse.
+
+    A file that is refused ends the child, and the next one takes a second to start.
+    """
+    from aerokernels.process import fragile
+
+    class Here:
+        is_late = False
+        process = mock.Mock(poll=lambda: None)
+
+        def ask(self, request: tuple, time_limit: float) -> tuple[bool, object]:
+            _, path, _, function, arguments = request
+            try:
+                fragile.check_own_files(path)
+                module, _, name = function.partition(":")
+                return False, pickle.loads(pickle.dumps(getattr(importlib.import_module(module), name)(*arguments)))
+            except Exception as fault:
+                return True, fragile._sent(fault)
+
+        def end(self) -> int:
+            return 0
+
+    monkeypatch.setattr(fragile, "_Child", Here)
+    monkeypatch.setattr(fragile, "_idle", list)

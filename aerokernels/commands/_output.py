@@ -11,7 +11,7 @@ import os
 import re
 import sys
 import threading
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
@@ -19,6 +19,7 @@ from typing import Any
 import typer
 
 from aerokernels.display.plain_text import plain, plain_json
+from aerokernels.display.progress import Progress, alone, progress_bar
 from aerokernels.display.quantities import Verdict
 from aerokernels.files.writing import FULL
 
@@ -107,7 +108,6 @@ def json_text(data: Any) -> str:
     return plain_json(json.dumps(to_json(data), indent=2, allow_nan=False, ensure_ascii=False))
 
 
-Progress = Callable[[str, float], None]
 LINE_EVERY = 0.1  # share of the steps between two lines, where no terminal shows a bar
 
 
@@ -115,22 +115,11 @@ LINE_EVERY = 0.1  # share of the steps between two lines, where no terminal show
 def shown_progress(title: str) -> Iterator[Progress]:
     """Yield a function to call with the name of each stage as it begins and the fraction of the job done before it."""
     if output.quiet or not sys.stderr.isatty():
-        yield lambda stage, fraction: note(f"{title}: {stage}")
+        with alone():
+            yield lambda stage, fraction: note(f"{title}: {stage}")
         return
-    from rich.console import Console
-    from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
-    from rich.progress import Progress as Bar
-
-    columns = (
-        TextColumn("{task.fields[title]}", markup=False),
-        BarColumn(),
-        TextColumn("{task.description}", markup=False),
-        TimeElapsedColumn(),
-    )
-    screen: Any = Screen(sys.stderr)
-    with Bar(*columns, console=Console(file=screen), transient=True) as bar:
-        task = bar.add_task("", total=1.0, title=plain(title))
-        yield lambda stage, fraction: bar.update(task, description=plain(stage), completed=fraction)
+    with progress_bar(title, Screen(sys.stderr), wait=0.0) as bar:
+        yield bar
 
 
 def every_tenth(progress: Progress) -> Progress:

@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from aerokernels.display.progress import Progress, shows_progress
 from aerokernels.flow import DensityField
 from aerokernels.focus import StrehlEstimate
 from aerokernels.focus.estimate import estimate_strehl
@@ -38,7 +39,6 @@ from aerokernels.tracing import Plane, trace
 from aerokernels.tracing.engines.choice import choose_backend
 from aerokernels.wavefronts import Wavefront, wavefront
 
-Progress = Callable[[str, float], None]
 T = TypeVar("T")
 
 # Name of each stage, its description, and the fraction of the job done before it.
@@ -112,6 +112,7 @@ def _distance_out(field: IndexField, scene: Scene, front: float) -> float:
     return float(ways.min()) if len(ways) else 2.0 * pupil.reach
 
 
+@shows_progress("run", wait=0.0)
 @checked
 def simulate(
     scene: Scene | str | Path,
@@ -126,7 +127,8 @@ def simulate(
         scene: The scene, the path of its TOML file, or the name of a shipped one.
         field: A flow to use unchanged in place of the scene's: flow.source and flow.density of the scene are then
             ignored. The index of a density field is computed by the scene's relation at the scene's wavelength.
-        progress: Called with the description of each stage as it begins and the fraction of the job done before it.
+        progress: Called with the description of each stage as it begins and the fraction of the job done before it;
+            None shows a bar in terminals and notebooks.
         with_echo: Whether to simulate and range the laser echo; if not, `failures` says so.
 
     Returns:

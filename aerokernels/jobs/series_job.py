@@ -1,12 +1,13 @@
 """Run a series job: OPD maps of flow snapshots, their statistics, and a report."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from aerokernels import __version__
+from aerokernels.display.progress import Progress
 from aerokernels.files.writing import only_writer, replacing
 from aerokernels.flow import Series, open_series
 from aerokernels.jobs.numbers import SERIES_NUMBERS, quantity_of
@@ -31,7 +32,6 @@ from aerokernels.series import optical_series, statistics
 if TYPE_CHECKING:
     import xarray
 
-Progress = Callable[[str, float], None]
 STATISTICS_FILE = "statistics.nc"
 
 

@@ -17,6 +17,7 @@ from aerokernels import __version__
 from aerokernels.inputs.checks import warn_caller
 from aerokernels.tracing.tasks.quadrature import asymmetry
 
+from ..display.progress import Progress, shows_progress
 from ..flow import DensityField, Series
 from ..focus.estimate import PreparedStrehl
 from ..focus.ratio import NoRayArrived
@@ -33,7 +34,6 @@ from ..wavefronts.terms import NUMBERS
 if TYPE_CHECKING:
     import xarray
 
-Progress = Callable[[str, float], None]
 ALIKE = 12  # decimals of the cosine with the axis to which directions count as equal in a symmetric flow
 COVERS = "it covers the truth in 95 of 100 cases"
 WITH_ERRORS = {
@@ -67,6 +67,7 @@ class Look:
     model: Callable[[], np.ndarray] | None = None  # computes those by all other causes, shape (5,)
 
 
+@shows_progress("look angles")
 @checked
 def look_map(
     field: IndexField | DensityField | Series,
@@ -104,7 +105,7 @@ def look_map(
         backend: See `trace`; likewise `device` and `precision`.
         device: Device of the backend.
         precision: "float32" or "float64".
-        progress: Called with a description of the progress and its share.
+        progress: Called with a description of the progress and its share; None shows a bar in terminals and notebooks.
 
     Returns:
         A dataset (azimuth, elevation), with `time` before them for a series: `strehl`, `opd_rms` [m], `boresight`,

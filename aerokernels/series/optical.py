@@ -1,7 +1,7 @@
 """Optical path differences of a series over a pupil: OPD(x, y, t), Strehl ratio and boresight of each snapshot."""
 
 import hashlib
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
@@ -14,6 +14,7 @@ from aerokernels.inputs.checks import warn_caller
 from aerokernels.inputs.kinds import wrong_kind
 from aerokernels.series.snapshot import NAMES, WRONG, Chosen
 
+from ..display.progress import Progress, shows_progress
 from ..flow import GridMesh, Series
 from ..flow.series import mark_of
 from ..inputs.arguments import checked
@@ -30,10 +31,10 @@ from .store import FIRST, KEPT, LAST, MemoryStore, ZarrStore, code_of
 if TYPE_CHECKING:
     import xarray
 
-Progress = Callable[[str, float], None]
 TRUNCATION, ENDS = "truncation", "ends"  # attributes: the warning of a pupil that misses air; where the flow ends
 
 
+@shows_progress("series")
 @checked
 def optical_series(
     series: Series,
@@ -80,7 +81,7 @@ def optical_series(
         precision: "float32" or "float64".
         out: A Zarr store to write to, snapshot by snapshot. An interrupted run continues in it, and its result equals
             that of an uninterrupted run bit for bit. None keeps all in memory.
-        progress: Called with a description of the progress and its share.
+        progress: Called with a description of the progress and its share; None shows a bar in terminals and notebooks.
 
     Returns:
         A dataset (time, y, x): `opd` [m], terms removed, NaN outside the pupil, and `valid`; over time `strehl`,

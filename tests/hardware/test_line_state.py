@@ -66,7 +66,9 @@ def test_a_lock_that_stays_ends_a_recording_with_a_sentence(tmp_path: Path, monk
 
 
 @needs_pseudo_terminals
-@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP"])
+@pytest.mark.parametrize(
+    "name", ["SIGTERM", *(pytest.param(one, marks=pytest.mark.slow) for one in ("SIGINT", "SIGHUP"))]
+)
 def test_an_interrupt_during_the_search_for_an_instrument(tmp_path: Path, name: str):
     """A silent line: the search ends at once with the status of the signal, 128 + its number, and leaves no store.
 

@@ -5,10 +5,11 @@ import datetime
 import platform
 import tempfile
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from aerokernels.display.progress import Progress, shows_progress
 from aerokernels.files.writing import only_writer
 from aerokernels.inputs.arguments import checked
 from aerokernels.inputs.checks import check_path
@@ -31,10 +32,10 @@ if TYPE_CHECKING:
     import xarray
 
 
-Progress = Callable[[str, float], None]
 EXECUTORS = ("local", "dask")
 
 
+@shows_progress("sweep")
 @checked
 def sweep(
     scene: Scene | str | Path,
@@ -63,7 +64,8 @@ def sweep(
         settings: Changes to the scene for all cases, by dotted key.
         zip: Whether the keys take their values in parallel, instead of in every combination.
         retry_failed: Whether cases that failed before are computed again.
-        progress: Called with a description of the progress and the share of finished cases.
+        progress: Called with a description of the progress and the share of finished cases; None shows a bar in
+            terminals and notebooks.
 
     Returns:
         One dataset: the numbers of summary.json with a dimension per key, or the dimension "case" for `zip`;

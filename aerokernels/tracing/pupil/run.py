@@ -26,6 +26,7 @@ from aerokernels.tracing.tasks.sums import (
 )
 
 from ...derived import cached_on
+from ...display.progress import tracked
 from ...process.clock import stage
 from ...pupils import across_look
 from ...rays import RayBundle
@@ -115,7 +116,7 @@ class PupilRun:
         task = self.task
         kept, parts, rejected = [], [], 0
         points = task.points(seed)
-        for number, rows in enumerate(self.batches):
+        for number, rows in enumerate(tracked("rays", self.batches)):
             batch = self._place(number, rows, points)
             if self.repeat is None:
                 self._trace(batch)

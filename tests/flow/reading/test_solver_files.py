@@ -143,7 +143,7 @@ def test_exodus(tmp_path, time, factor):
 @pytest.mark.parametrize(
     ("make", "name"), [(ensight, "flow.0.00000.geo"), (fluent, "flow.cas"), (fluent, "flow.dat"), (exodus, "flow.e")]
 )
-def test_files_cut_short_are_refused(tmp_path, make, name):
+def test_files_cut_short_are_refused(tmp_path, make, name, readers_child):
     path = make(tmp_path)
     for share in (0.1, 0.95):
         data = (tmp_path / name).read_bytes()
