@@ -12,7 +12,7 @@ from aerokernels.imaging.spreads import defocus_paths, node_paths
 from tests.slow import first_of
 
 OPTIONS = {"precision": "float64", "tolerance": 1e-5, "backend": "reference"}
-TANGENT, Q = np.array([[0.1, 0.3], [-0.2, 0.05]]), np.array([[0.0, 0.0], [4e-3, -3e-3], [-2e-3, 5e-3]])
+TANGENT, Q = np.array([[0.1, 0.3], [-0.2, 0.05]]), np.array([[4e-3, -3e-3], [-2e-3, 5e-3]])
 
 
 def prism() -> IndexField:
@@ -47,7 +47,7 @@ def from_near_points() -> np.ndarray:
         for j, q in enumerate(Q):
             start = np.array([*q, -0.01])
             aim = point.copy()
-            for _ in range(5):
+            for _ in range(3):
                 way = (aim - start) / np.linalg.norm(aim - start)
                 end, _, path = traced(field, start, way, plane)
                 aim = aim + point - end
