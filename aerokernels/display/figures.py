@@ -2,6 +2,7 @@
 
 import base64
 import io
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -75,9 +76,8 @@ def packed(values: Any) -> dict[str, Any]:
 def plain(values: Any, digits: int = 6) -> list[Any]:
     """Return numbers for the page's script with so many significant digits, None where they are not finite."""
     numbers = np.asarray(values, float)
-    if numbers.ndim > 1:
-        return [plain(one, digits) for one in numbers]
-    return [float(f"{one:.{digits}g}") if np.isfinite(one) else None for one in numbers]
+    rounded = [float(f"{one:.{digits}g}") if math.isfinite(one) else None for one in numbers.ravel().tolist()]
+    return np.array(rounded, dtype=object).reshape(numbers.shape).tolist()
 
 
 @dataclass(frozen=True)

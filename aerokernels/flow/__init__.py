@@ -1,5 +1,8 @@
 """Density fields of flows: gas relations, exact flows, flow files, and the flow fields shipped with the package."""
 
+from typing import TYPE_CHECKING
+
+from aerokernels import attributes_of
 from aerokernels.flow.blunt_body import BluntBodyFlow, BowShock, blunt_body, bow_shock
 from aerokernels.flow.ciddor import ciddor_constant, ciddor_refractivity, moist_air_density, water_fraction
 from aerokernels.flow.conical_field import ConicalFlow, cone
@@ -26,7 +29,6 @@ from aerokernels.flow.plane_flows import (
     maximum_expansion,
     wedge,
 )
-from aerokernels.flow.reading import Contents, Frame, Reader, ReadError, Resampling, VolumeResampling, contents, read
 from aerokernels.flow.refractivity import (
     MODELS,
     RELATIONS,
@@ -36,12 +38,16 @@ from aerokernels.flow.refractivity import (
     refractivity_model,
 )
 from aerokernels.flow.sampled_density import CellDensity, GridDensity, VertexDensity
-from aerokernels.flow.series import GridMesh, Series
-from aerokernels.flow.series_sources import open_series
 from aerokernels.flow.shipped import shipped, shipped_names
 from aerokernels.flow.shocks import PrandtlMeyer, Shock, maximum_deflection, normal_shock, oblique_shock, prandtl_meyer
 from aerokernels.flow.species import SPECIES, SPECIES_NAMES, Composition, Species, species_constant
 from aerokernels.flow.taylor_maccoll import ConeShock, cone_shock, maximum_cone_angle
+
+if TYPE_CHECKING:
+    from aerokernels.flow.reading import Contents, Frame, ReadError, Resampling, VolumeResampling, contents
+    from aerokernels.flow.reading.read import Reader, read
+    from aerokernels.flow.series import GridMesh, Series
+    from aerokernels.flow.series_sources import open_series
 
 __all__ = [
     "GAMMA_AIR",
@@ -113,3 +119,8 @@ __all__ = [
     "water_fraction",
     "wedge",
 ]
+
+# Modules that read files, which are imported when one of their names is first used.
+_FILES = ("Contents", "Frame", "ReadError", "Reader", "Resampling", "VolumeResampling", "contents", "read")
+_MODULE_OF = {"GridMesh": "series", "Series": "series", "open_series": "series_sources"}
+__getattr__ = attributes_of(__name__, dict.fromkeys(_FILES, "reading") | _MODULE_OF)

@@ -8,8 +8,7 @@ appendices A and B; group index: P. E. Ciddor and R. J. Hill, Applied Optics 38 
 import math
 
 from aerokernels.inputs.arguments import checked
-from aerokernels.inputs.checks import check_positive, warn_caller
-from aerokernels.inputs.wavelength import SAME, check_wavelength
+from aerokernels.inputs.checks import SAME, check_positive, check_wavelength, warn_caller
 
 # Wavelengths for which the equations were fitted [m].
 RANGE = (0.3e-6, 1.69e-6)

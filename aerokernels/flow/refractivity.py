@@ -17,8 +17,7 @@ import numpy as np
 from aerokernels.flow import ciddor
 from aerokernels.flow.species import WATER, Composition
 from aerokernels.inputs.arguments import checked
-from aerokernels.inputs.checks import check_choice
-from aerokernels.inputs.wavelength import LONGEST, SHORTEST, check_wavelength
+from aerokernels.inputs.checks import LONGEST, SHORTEST, check_choice, check_wavelength
 from aerokernels.medium import GroupIndex, IndexField, Upstream
 
 RELATIONS = ("gladstone-dale", "lorentz-lorenz")

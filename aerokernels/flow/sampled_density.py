@@ -13,9 +13,8 @@ from aerokernels.flow.gas import FreeStream, check_density, no_gas
 from aerokernels.flow.refractivity import MODELS, RELATIONS, refractivity_model
 from aerokernels.flow.species import Composition
 from aerokernels.inputs.arguments import Numbers, checked
-from aerokernels.inputs.checks import check_choice, check_positive
+from aerokernels.inputs.checks import DEFAULT_WAVELENGTH, check_choice, check_positive, check_wavelength
 from aerokernels.inputs.kinds import refuse_half_precision, refuse_masked
-from aerokernels.inputs.wavelength import DEFAULT_WAVELENGTH, check_wavelength
 from aerokernels.medium import Body, IndexField, QuadMesh, SolidBody
 from aerokernels.medium.grid import check_starts_on_axis, checked_axes
 from aerokernels.medium.mesh import GEOMETRIES

@@ -13,7 +13,7 @@ import numpy as np
 
 from aerokernels.flow import ciddor
 from aerokernels.inputs.arguments import checked
-from aerokernels.inputs.wavelength import SAME, check_wavelength
+from aerokernels.inputs.checks import SAME, check_wavelength
 
 # The sum of fractions may differ from 1 by this much, as rounded fractions do; they are then scaled to a sum of 1.
 SUM_TOLERANCE = 2e-3

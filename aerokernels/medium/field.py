@@ -5,6 +5,7 @@ The contrast is stored, never the index: float32 cannot represent small contrast
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -12,9 +13,8 @@ import numpy as np
 from aerokernels.derived import Derived
 from aerokernels.display.shown import plane_picture, shown
 from aerokernels.inputs.arguments import Numbers, checked
-from aerokernels.inputs.checks import check_choice, check_positive
+from aerokernels.inputs.checks import check_choice, check_positive, check_wavelength, field_wavelength
 from aerokernels.inputs.kinds import are_numbers
-from aerokernels.inputs.wavelength import check_wavelength, field_wavelength
 from aerokernels.medium.averages.kept_averages import conserving_values, cut_and_kept
 from aerokernels.medium.averages.vertex_values import vertex_values
 from aerokernels.medium.bodies.body import Body
@@ -247,7 +247,7 @@ class IndexField(Derived):
         samples = MeshSamples(mesh, values.reshape(-1), interpolation, averages)
         return cls(samples, mesh.geometry, ambient_index, body, wavelength=wavelength, upstream=upstream)
 
-    @property
+    @cached_property
     def is_uniform(self) -> bool:
         """Whether the samples are on a uniform grid."""
         return isinstance(self.samples, UniformGrid)
@@ -260,7 +260,7 @@ class IndexField(Derived):
         before = getattr(self.resampling, "source", None)
         return None if before is None else before.source
 
-    @property
+    @cached_property
     def interpolation(self) -> str:
         """Name of the interpolant."""
         return self.samples.interpolation
@@ -272,7 +272,7 @@ class IndexField(Derived):
             raise ValueError("this field lies on a uniform grid, it has no mesh")
         return self.samples.mesh
 
-    @property
+    @cached_property
     def spacing(self) -> np.ndarray:
         """Node spacing [m] of a uniform grid; the median cell size of a mesh, one entry per axis."""
         if self.is_uniform:

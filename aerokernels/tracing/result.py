@@ -14,7 +14,7 @@ from ..inputs.arguments import checked
 from ..process.clock import clocked, stage
 from ..pupils import transverse_axes
 from .plan import RAY_OUTPUTS
-from .status import RayStatus, reached
+from .stop import RayStatus, reached
 
 if TYPE_CHECKING:
     import xarray

@@ -19,8 +19,7 @@ from .lines import check_meeting
 from .plan import RAY_OUTPUTS
 from .planning import check_choices, plan_bundle
 from .result import TraceResult
-from .status import RayStatus
-from .stop import ArcLength, Plane
+from .stop import ArcLength, Plane, RayStatus
 
 if TYPE_CHECKING:
     from .variants.causes import Variants

@@ -14,7 +14,7 @@ import numpy as np
 
 from ..display.shown import drawn_on, extent_of, shown
 from ..inputs.arguments import Numbers, checked
-from ..inputs.wavelength import check_wavelength
+from ..inputs.checks import check_wavelength
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

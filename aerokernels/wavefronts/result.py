@@ -12,9 +12,8 @@ from ..derived import key_of
 from ..display.quantities import ErrorBudget, Quantity
 from ..display.shown import drawn_on, is_flat, map_picture, say_flat, shown
 from ..inputs.arguments import Numbers, checked
-from ..inputs.checks import check_count, check_positive, check_share
+from ..inputs.checks import check_count, check_positive, check_share, check_wavelength
 from ..inputs.kinds import refuse_masked, wrong_kind
-from ..inputs.wavelength import check_wavelength
 from ..process.clock import clocked, stage
 from ..pupils import Projected, Pupil, seen_along
 from ..tracing.variants.causes import Variants
@@ -177,7 +176,7 @@ class Wavefront:
         """Sum of the intensity over the pixels."""
         return float(np.asarray(self.intensity).sum())
 
-    @property
+    @cached_property
     def lit(self) -> np.ndarray:
         """Mask of the pixels inside the pupil (positive weight), shape (n, n)."""
         return self.weight > 0.0

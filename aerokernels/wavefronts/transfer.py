@@ -16,8 +16,7 @@ import numpy as np
 from ..display.quantities import Quantity
 from ..display.shown import drawn_on, shown
 from ..inputs.arguments import checked
-from ..inputs.checks import check_at_least
-from ..inputs.wavelength import check_spectrum
+from ..inputs.checks import check_at_least, check_spectrum
 from ..pupils import Disc
 from .changes import of_map
 from .point_spread import PointSpread, complex_amplitude, width_at_half

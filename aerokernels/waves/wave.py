@@ -13,8 +13,7 @@ import numpy as np
 from ..display.quantities import Quantity
 from ..display.shown import drawn_on, shown
 from ..inputs.arguments import Numbers, checked
-from ..inputs.checks import check_at_least, check_positive, warn_caller
-from ..inputs.wavelength import check_wavelength
+from ..inputs.checks import check_at_least, check_positive, check_wavelength, warn_caller
 from ..pupils import as_unit_vector, as_vector, transverse_axes
 from ..wavefronts import PointSpread
 from ..wavefronts.point_spread import far_field

@@ -22,7 +22,7 @@ from aerokernels import (
 )
 from aerokernels.benches import line_of_sight
 from aerokernels.focus.estimate import PreparedStrehl
-from aerokernels.inputs.wavelength import check_wavelength
+from aerokernels.inputs.checks import check_wavelength
 
 GREEN = 532e-9
 

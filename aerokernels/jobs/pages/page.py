@@ -207,7 +207,8 @@ class Page:
             "version": __version__,
             "has_budget": any(panel.name == "budget" for panel in self.panels),
         }
-        return template.render(page=content, plots=_script_json(data) if data else "", citation=CITATION, **parts)
+        plots = _script_json(data) if data else ""
+        return plain(template.render(page=content, plots=plots, citation=CITATION, **parts))
 
 
 def _drawn(panel: Panel) -> tuple[dict[str, Any], list[str], str]:
@@ -257,7 +258,6 @@ def _template() -> "tuple[jinja2.Template, dict[str, Any]]":
         autoescape=True,
         trim_blocks=True,
         lstrip_blocks=True,
-        finalize=lambda value: plain(value) if type(value) is str else value,
     )
     environment.filters["link"] = _link
     read = environment.loader.get_source if environment.loader is not None else None

@@ -31,9 +31,9 @@ from ...process.clock import stage
 from ...pupils import across_look
 from ...rays import RayBundle
 from ..engines import OUTPUT_TYPES, Engine, engine_of
-from ..engines.device_memory import memory_of
+from ..engines.info import memory_of
 from ..launch import RAY_BYTES, retrace_rejected
-from ..status import RayStatus
+from ..stop import RayStatus
 
 
 @dataclass(eq=False)

@@ -16,7 +16,7 @@ from aerokernels.tracing.tasks.sums import (
 from ....pupils import across_look
 from ....rays import RayBundle
 from ...launch import run_plan
-from ...status import reached
+from ...stop import reached
 
 
 class PupilRun:

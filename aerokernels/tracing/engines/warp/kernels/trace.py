@@ -22,7 +22,7 @@ order in the contrast, position and direction to first order.
 import warp as wp
 
 from ....scheme import ARC_SURFACE, LEAST_STEP, MAGNIFIED, STRAIGHT_LEVER, TINY, WALL_ASIDE, WALL_BACK, WALL_CLOSE
-from ....status import RayStatus
+from ....stop import RayStatus
 from ....tableau import A, C, has_consistent_gradient
 from ..library import Scene, built_once
 from .crossings import NEVER
