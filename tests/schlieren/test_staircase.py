@@ -53,7 +53,6 @@ def picture_of(rng: np.random.Generator, slope: float, at_points: bool, noise: f
             (False, 0.0, 0.0),
             (False, 0.04, 2.0),
         ],
-        2,
     ),
 )
 def test_the_standard_error_covers_the_error(at_points, noise, smoothing):

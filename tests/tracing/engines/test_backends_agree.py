@@ -41,7 +41,7 @@ PAIRS = (
 
 @pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize(
-    ("geometry", "interpolation", "precision"), first_of(sorted(FIXED_STEPS, key=lambda kind: kind[:2] not in PAIRS), 6)
+    ("geometry", "interpolation", "precision"), first_of(sorted(FIXED_STEPS, key=lambda kind: kind[:2] not in PAIRS), 4)
 )
 def test_fixed_steps_agree_step_by_step(geometry, interpolation, precision, engine):
     """The same scheme with the same steps in both: what differs is rounding.
