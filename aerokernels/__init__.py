@@ -11,11 +11,14 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+from .old_modules import OldModules
+
 __version__ = "0.1.0"
 
 _STUB = Path(__file__).with_suffix(".pyi").read_text(encoding="utf-8")
 _MODULE_OF = {name: module for module, name in re.findall(r"^from \.([\w.]*) import (\w+) as", _STUB, re.MULTILINE)}
 __all__ = sorted(_MODULE_OF)
+sys.meta_path.append(OldModules())  # type: ignore[arg-type]
 
 
 def attributes_of(package: str, module_of: Mapping[str, str]) -> Callable[[str], Any]:

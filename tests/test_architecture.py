@@ -41,7 +41,6 @@ RANK = {
             ("commands",),
             ("cli",),
             ("old_modules",),
-            ("echo", "schlieren", "strehl", "wavefront"),
             ("__main__",),
         ]
     )

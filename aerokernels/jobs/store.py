@@ -107,6 +107,17 @@ def _plain(value: Any) -> Any:
     return list(value) if isinstance(value, (set, frozenset)) else str(value)
 
 
+def flat(tree: Mapping[str, Any], prefix: str = "") -> list[tuple[str, str]]:
+    """Return the keys and values of nested mappings, keys joined by dots and values as JSON."""
+    rows: list[tuple[str, str]] = []
+    for key, value in tree.items():
+        if isinstance(value, Mapping) and value:
+            rows += flat(value, f"{prefix}{key}.")
+        else:
+            rows.append((f"{prefix}{key}", json.dumps(value, ensure_ascii=False)))
+    return rows
+
+
 def number_or_nan(value: float | None) -> float:
     """Return a number as JSON holds it as a float; NaN for null."""
     return math.nan if value is None else float(value)

@@ -235,12 +235,12 @@ def key_value(key: str, value: Any) -> Any:
 
 def with_units(changes: Mapping[str, Any]) -> dict[str, Any]:
     """Write the SI numbers of quantities as texts such as "0.2 rad", so that an error about a value shows its unit."""
-    found = dict(changes)
+    result = dict(changes)
     for key, value in changes.items():
         unit = key_unit(key)
         if unit != "1" and isinstance(value, (int, float)) and not isinstance(value, bool):
-            found[key] = f"{float(value)!r} {unit}"
-    return found
+            result[key] = f"{float(value)!r} {unit}"
+    return result
 
 
 def _without_none(values: Mapping[str, Any]) -> dict[str, Any]:

@@ -38,8 +38,8 @@ def read(out: Path) -> tuple[dict, str]:
     "changes",
     [
         {"target.distance": "30 m"},
-        {"receiver.diameter": "6 mm"},
-        {"target.tilt": "80 deg"},
+        pytest.param({"receiver.diameter": "6 mm"}, marks=pytest.mark.slow),
+        pytest.param({"target.tilt": "80 deg"}, marks=pytest.mark.slow),
         {"detector.threshold": "5 V"},
     ],
 )

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
 
 from aerokernels import __version__
-from aerokernels.display.figures import color_tables
+from aerokernels.display.canvas import color_tables
 from aerokernels.display.plain_text import plain
 from aerokernels.display.quantities import Quantity
 from aerokernels.display.shown import told
@@ -231,17 +231,6 @@ def _typeset(text: str) -> str:
     """Return the text of a number with "±", and with a minus sign in place of a hyphen."""
     text = text.replace("+-", "±")
     return re.sub(r"(?<![\w.])-(?=\d)|(?<=e)-(?=\d)", "−", text)
-
-
-def flat(tree: Mapping[str, Any], prefix: str = "") -> "list[tuple[str, str]]":
-    """Return the keys and values of nested mappings, keys joined by dots and values as JSON."""
-    rows: list[tuple[str, str]] = []
-    for key, value in tree.items():
-        if isinstance(value, Mapping) and value:
-            rows += flat(value, f"{prefix}{key}.")
-        else:
-            rows.append((f"{prefix}{key}", json.dumps(value, ensure_ascii=False)))
-    return rows
 
 
 def _script_json(data: Mapping[str, Any]) -> str:
