@@ -86,7 +86,7 @@ def pytest_collect_directory(path: Path, parent: pytest.Collector) -> pytest.Col
 
 # Warp's tracer on a processor has the bits of the generated OpenCL one (test_generated_kernels.py), and takes long to
 # compile: the other tests of tracing take it with --all, but for the transfers and calls that are its own.
-OF_WARP = ("test_device_arrays", "test_repeated_work", "test_rejected_rays", "test_device_memory")
+OF_WARP = ("test_device_arrays", "test_repeated_work")
 FOLDERS_OF_KERNELS = ("tracing", "physics", "stress", "strehl", "rays", "wavefront")
 
 

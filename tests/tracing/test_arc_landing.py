@@ -53,12 +53,12 @@ def ends() -> np.ndarray:
 )
 def test_all_rays_end_at_the_arc_length(engine, precision):
     """Warp in float32 only, by a kernel of test_cross_backend.py: both land alike (test_generated_kernels.py)."""
-    field, bundle, until = strong_field(), rays(), ArcLength(LENGTH)
+    field, bundle, until = strong_field(), rays()[::20], ArcLength(LENGTH)
     off = []
     for step in (1.5 * CELL, 0.75 * CELL):
         found = trace(field, bundle, until=until, method="fixed", step=step, precision=precision, **on(engine))
         assert found.ok.all(), found.status_summary()
-        off.append(np.linalg.norm(found.position - ends(), axis=1).max())
+        off.append(np.linalg.norm(found.position - ends()[::20], axis=1).max())
     assert off[1] < off[0] / 6.0
 
 

@@ -170,6 +170,7 @@ def test_rays_above_the_tolerance_are_told_of(engine):
     assert fixed.ok.all() and not (fixed.status == RayStatus.TOLERANCE_NOT_MET).any()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("engine", ENGINES)
 def test_a_pupil_counts_rays_above_the_tolerance(engine):
     """Those to the same plane: 320 in the sums, counted as above the tolerance."""
