@@ -195,8 +195,9 @@ class Lines:
 
     def static(self) -> str:
         """Return the picture for paper, as a data URL."""
-        with figure_of(2.7) as (figure, axes):
+        with figure_of(2.05) as (figure, axes):
             self.draw(axes)
+            make_room(figure, axes)
             return data_url(figure, "svg")
 
     def draw(self, axes: "Axes") -> None:
@@ -310,7 +311,7 @@ class Raster:
         low, high = self.z.around(self.frames)
         left, right = self.x.around(())
         bottom, top = self.y.around(())
-        with figure_of(min(3.1, 0.75 + 2.6 * self.shape), bar=True) as (figure, axes):
+        with figure_of(min(2.45, 0.65 + 1.95 * self.shape), bar=True) as (figure, axes):
             values = self.frames[frame]
             extent = (left, right, bottom, top)
             shown = np.log10(np.maximum(values, 10.0**low)) if self.z.log else values
@@ -360,6 +361,15 @@ def figure_of(height: float, bar: bool = False) -> "Iterator[tuple[Figure, Axes]
         figure = Figure(figsize=(WIDTH, height), dpi=DPI)
         size = 1.0 - (left + right) / WIDTH, 1.0 - (bottom + top) / height
         yield figure, figure.add_axes((left / WIDTH, bottom / height, *size))
+
+
+def make_room(figure: "Figure", axes: "Axes") -> None:
+    """Move the left side of axes so far that their longest labels are inside the figure."""
+    whole = axes.get_tightbbox()
+    assert whole is not None  # the axes are visible
+    lacking = max(0.04 - float(whole.x0) / figure.dpi, 0.0) / WIDTH
+    box = axes.get_position()
+    axes.set_position((box.x0 + lacking, box.y0, box.width - lacking, box.height))
 
 
 def color_bar(figure: "Figure", image: Any, label: str) -> Any:

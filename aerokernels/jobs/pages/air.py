@@ -205,7 +205,7 @@ class AirView:
         density = data["density"].values
         low, high = density_limits(density)
         colors = color_map("density")
-        with figure_of(min(3.2, 0.75 + 2.5 * view.shape), bar=True) as (figure, axes):
+        with figure_of(min(2.5, 0.65 + 2.0 * view.shape), bar=True) as (figure, axes):
             ambient = (float(data.attrs.get("ambient_density", density.flat[-1])) - low) / (high - low)
             axes.set_facecolor(colors(min(max(ambient, 0.0), 1.0)))  # the free stream goes on beyond the mesh
             mesh = None
