@@ -19,7 +19,7 @@ LINES = {
     "benchmark": 610,
     "commands": 1350,
     "device_arrays": 1190,
-    "display": 985,
+    "display": 992,
     "files": 430,
     "fldi": 620,
     "flow": 12410,
