@@ -239,15 +239,15 @@ def _edge(samples: np.ndarray, level: float) -> float:
 
 def _widths(samples: np.ndarray) -> list[float]:
     """Return widths [samples] at WIDTH_SHARES of the peak; NaN if the record does not contain both sides of one."""
-    curve, found = PulseCurve(samples), []
+    curve, result = PulseCurve(samples), []
     for share in WIDTH_SHARES:
         try:
             level = share * curve.peak
             is_complete = samples[0] < level and samples[-1] < level
-            found.append(curve.fall_after_peak(level) - curve.rise_before_peak(level) if is_complete else math.nan)
+            result.append(curve.fall_after_peak(level) - curve.rise_before_peak(level) if is_complete else math.nan)
         except ValueError:  # the peak is at an end of the record
-            found.append(math.nan)
-    return found
+            result.append(math.nan)
+    return result
 
 
 def _same_widths(recorded: np.ndarray, simulated: np.ndarray, noise: float, model: np.ndarray) -> bool | None:

@@ -27,67 +27,64 @@ class Cached(Generic[P, R]):
 
     def __call__(self, *arguments: P.args, **named: P.kwargs) -> R:
         """Return the result for these arguments; the owner is given by position."""
-        results, key = self._place(arguments, named)
+        results = arguments[self.place].__dict__.setdefault("_derived", {}).setdefault(self.function, {})
+        key = len(named), *keys_of((*arguments[: self.place], *arguments[self.place + 1 :], *named, *named.values()))
         cached = results.get(key, NOTHING)
         return _keep(results, key, self.function(*arguments, **named), self.most) if cached is NOTHING else cached
 
-    def keep(self, result: R, *arguments: P.args, **named: P.kwargs) -> None:
-        """Let this be the result for these arguments, unless there is one."""
-        _keep(*self._place(arguments, named), result, self.most)
-
-    def _place(self, arguments: tuple, named: dict[str, Any]) -> tuple[dict[Hashable, Any], Hashable]:
-        """The results of the owner, and the key of the other arguments."""
-        others = arguments[: self.place] + arguments[self.place + 1 :]
-        results = arguments[self.place].__dict__.setdefault("_derived", {}).setdefault(self.function, {})
-        return results, keys_of((*others, *named.items()))
+    def keep(self, result: R, owner: Any) -> None:
+        """Let this be the result for an owner and no other arguments, unless there is one."""
+        _keep(owner.__dict__.setdefault("_derived", {}).setdefault(self.function, {}), (0,), result, self.most)
 
 
 def cached_on(owner: str, most: int = 1) -> Callable[[Callable[P, R]], Cached[P, R]]:
     """Return a decorator of functions that caches their latest results on one of their arguments, with which they die.
 
-    The key of a result is made of all other arguments by `key_of`, so that no call finds the result of another one.
+    The key of a result is made of all other arguments by `keys_of`, so that no call finds the result of another one.
     Threads may call the function: two may compute one result, of which the first is taken by both. `owner` is the name
     of the parameter that owns the results, an object that never changes; `most` of them are cached.
     """
     return lambda function: Cached(function, owner, most)
 
 
-def keys_of(values: Iterable[Any]) -> tuple[Hashable, ...]:
-    """Return what identifies values by `key_of`; a text is its own key."""
-    keys: list[Hashable] = []
-    for one in values:
-        keys.append(one if one is None or type(one) is str else key_of(one))
-    return tuple(keys)
-
-
 def key_of(value: Any) -> Hashable:
-    """Return what identifies an argument: its type and content, or weakly the object itself where that never changes.
+    """Return what identifies a value by `keys_of`."""
+    return keys_of((value,))[0]
+
+
+def keys_of(values: Iterable[Any]) -> tuple[Hashable, ...]:
+    """Return what identifies arguments: type and content, or weakly an object itself where that never changes.
 
     A TypeError refuses an object that may change, and a function that hides what it depends on.
     """
-    kind = type(value)
-    if value is None or kind in (bool, int, str, bytes, frozenset):
-        return kind, value
-    if kind is float:
-        return kind, value.hex()  # 0.0 and -0.0 are equal
-    if isinstance(value, (tuple, list)):
-        return kind, *keys_of(value)
-    if isinstance(value, (np.ndarray, np.generic)):
-        content = value.tobytes()
-        return value.dtype.str, value.shape, content if len(content) <= 256 else blake2b(content).digest()
-    if isinstance(value, slice):  # cannot be hashed
-        return kind, value.start, value.stop, value.step
-    if hasattr(kind, "key"):
-        return kind, value.key
-    if isinstance(value, dict):
-        return kind, *value, *keys_of(value.values())
-    if is_dataclass(kind) and kind.__eq__ is not object.__eq__:
-        return kind, *keys_of([getattr(value, name) for name in kind.__dataclass_fields__])
-    if isinstance(value, ReadOnly):
-        return ref(value)
-    if isinstance(value, (type, np.dtype)) or (isinstance(value, FunctionType) and value.__closure__ is None):
-        return value
-    raise TypeError(f"{kind.__name__} is no argument of a cached function: pass what the result depends on")
+    keys: list[Hashable] = []
+    for value in values:
+        kind, key = type(value), value
+        if value is None or kind is str:
+            pass
+        elif kind in (bool, int, bytes, frozenset):
+            key = kind, value
+        elif kind is float:
+            key = kind, value.hex()  # 0.0 and -0.0 are equal
+        elif isinstance(value, (tuple, list)):
+            key = kind, *keys_of(value)
+        elif isinstance(value, (np.ndarray, np.generic)):
+            content = value.tobytes()
+            key = value.dtype.str, value.shape, content if len(content) <= 256 else blake2b(content).digest()
+        elif isinstance(value, slice):  # cannot be hashed
+            key = kind, value.start, value.stop, value.step
+        elif hasattr(kind, "key"):
+            key = kind, value.key
+        elif isinstance(value, dict):
+            key = kind, *value, *keys_of(value.values())
+        elif is_dataclass(kind) and kind.__eq__ is not object.__eq__:
+            key = kind, *keys_of([getattr(value, name) for name in kind.__dataclass_fields__])
+        elif isinstance(value, ReadOnly):
+            key = ref(value)
+        elif not (isinstance(value, (type, np.dtype)) or (isinstance(value, FunctionType) and not value.__closure__)):
+            raise TypeError(f"{kind.__name__} is no argument of a cached function: pass what the result depends on")
+        keys.append(key)
+    return tuple(keys)
 
 
 class ReadOnly:

@@ -170,21 +170,21 @@ class RayBundle(ReadOnly):
     @property
     def device(self) -> str | None:
         """Warp's name of the device that holds the rays; None if they are NumPy arrays."""
-        found = self.held("position")
+        found = self.__dict__["position"]
         return found.device if isinstance(found, DeviceArray) else None
 
     @property
     def ray_count(self) -> int:
         """Number of rays."""
-        return len(self.held("position"))
+        return len(self.__dict__["position"])
 
     def __len__(self) -> int:
         """Number of rays."""
-        return len(self.held("position"))
+        return len(self.__dict__["position"])
 
     def __getitem__(self, rows) -> "RayBundle":
         """Return the rays of a slice or index array, with their weights scaled to a sum of 1."""
-        position, direction = self.held("position")[rows], self.held("direction")[rows]
+        position, direction = self.__dict__["position"][rows], self.__dict__["direction"][rows]
         return RayBundle(position, direction, np.atleast_1d(np.asarray(self.weight)[rows]))
 
     def rows(self, rows) -> "RayBundle":
@@ -192,7 +192,7 @@ class RayBundle(ReadOnly):
 
         They were checked with the bundle, and are not checked again.
         """
-        position, direction = self.held("position"), self.held("direction")
+        position, direction = self.__dict__["position"], self.__dict__["direction"]
         if not isinstance(rows, slice) and not len(rows):
             raise ValueError("these rows hold no ray")
         if isinstance(position, DeviceArray) and not isinstance(rows, slice):

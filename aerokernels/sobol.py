@@ -38,11 +38,11 @@ def sobol_points(count: int, dimension: int, seed: int, scramble: bool = True) -
     point = np.empty((count, dimension), dtype=np.uint32)
     point[0] = start
     # In the reflected Gray code 2^k points are followed by the same points in reverse order with one more bit set.
-    made, bit = 1, 0
-    while made < count:
-        more = min(made, count - made)
-        point[made : made + more] = point[made - more : made][::-1] ^ directions[:, bit]
-        made, bit = made + more, bit + 1
+    result, bit = 1, 0
+    while result < count:
+        more = min(result, count - result)
+        point[result : result + more] = point[result - more : result][::-1] ^ directions[:, bit]
+        result, bit = result + more, bit + 1
     return point * 2.0**-BITS
 
 

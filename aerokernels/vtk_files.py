@@ -14,8 +14,7 @@ from aerokernels.inputs.kinds import wrong_kind
 from aerokernels.medium import IndexField
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import ArcLength, Plane, RayStatus, trace
-from aerokernels.tracing.status import reached
-from aerokernels.tracing.stop import way_beyond
+from aerokernels.tracing.stop import reached, way_beyond
 
 
 @checked

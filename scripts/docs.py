@@ -30,7 +30,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=ROOT / "build" / "docs", help="folder of the site")
     parser.add_argument("--no-execute", action="store_true", help="run no tutorial: a quick look at the pages")
     parser.add_argument(
-        "--remake", metavar="NAME", help="make a table of the validation pages again, and note the commit"
+        "--remake", metavar="NAME", help="make a table of the validation pages again, and note the date"
     )
     options = parser.parse_args()
     if options.remake:
@@ -117,28 +117,23 @@ def dead_links(site: Path) -> list[str]:
 
 
 def remake(name: str) -> None:
-    """Run the command of a record in docs/validation/made.toml, and write its commit and date."""
+    """Run the command of a record in docs/validation/made.toml, and write its date."""
     from validation_pages import RECORDS, records
 
     found = records()
     if name not in found:
         raise SystemExit(f"error: {name!r} is not made by any command: choose one of {', '.join(found)}")
     subprocess.run(shlex.split(found[name]["command"]), cwd=ROOT, check=True)
-    commit = subprocess.run(
-        ["git", "rev-parse", "--short", "HEAD"], cwd=ROOT, check=True, capture_output=True, encoding="utf-8"
-    )
     today = datetime.date.today().isoformat()
-    text = noted(RECORDS.read_text(encoding="utf-8"), name, commit.stdout.strip(), today)
-    RECORDS.write_text(text, encoding="utf-8")
+    RECORDS.write_text(noted(RECORDS.read_text(encoding="utf-8"), name, today), encoding="utf-8")
 
 
-def noted(text: str, name: str, commit: str, date: str) -> str:
-    """Return the records with another commit and date for one of them."""
+def noted(text: str, name: str, date: str) -> str:
+    """Return the records with another date for one of them."""
     start = text.index(f"[{name}]")
     end = text.find("\n[", start)
     record = text[start : end if end >= 0 else None]
-    new = re.sub(r'^commit = ".*"$', f'commit = "{commit}"', record, flags=re.MULTILINE)
-    new = re.sub(r'^date = ".*"$', f'date = "{date}"', new, flags=re.MULTILINE)
+    new = re.sub(r'^date = ".*"$', f'date = "{date}"', record, flags=re.MULTILINE)
     return text[:start] + new + (text[end:] if end >= 0 else "")
 
 

@@ -18,7 +18,7 @@ wp.config.quiet = True
 from kernel_generator.files import FOLDER, texts  # noqa: E402
 from kernel_generator.source import Unsupported  # noqa: E402
 
-from aerokernels.tracing.engines.opencl.headers import HEADERS  # noqa: E402
+from aerokernels.tracing.engines.opencl.program import HEADERS  # noqa: E402
 
 KERNELS = Path(__file__).resolve().parents[1] / "kernels"
 

@@ -1,16 +1,24 @@
 """What every test may ask for."""
 
+import functools
 import gc
+import importlib
 import os
-import signal
+import pickle
 import subprocess
 import sys
-import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
+from unittest import mock
 
 import pytest
 from hypothesis import settings
+
+from tests.command import command
+
+if TYPE_CHECKING:
+    from aerokernels import RunResult
 
 ROOT = Path(__file__).resolve().parents[1]
 # Processes that tests start, in other folders, take this checkout too where it is not installed.
@@ -24,27 +32,26 @@ settings.load_profile("at any load")
 
 # Files that take longest, first: with two processes none of them is left to one alone at the end (see scripts/test).
 LONGEST = (
-    "tests/tracing/engines/test_cross_backend.py",
-    "tests/tracing/error_budget/test_budget_coverage.py",
-    "tests/tracing/error_budget/test_scene_budgets.py",
-    "tests/tracing/engines/test_backends_agree.py",
-    "tests/tracing/leapfrog/test_leapfrog.py",
     "tests/tracing/engines/test_generated_kernels.py",
-    "tests/jobs/test_sweep.py",
-    "tests/tracing/engines/test_random_fields_backends.py",
-    "tests/tracing/test_bodies.py",
-    "tests/tracing/test_along_faces.py",
-    "tests/tracing/bundle/test_bundles_against_reference.py",
-    "tests/tracing/error_budget/test_straight_errors.py",
+    "tests/tracing/leapfrog/test_leapfrog.py",
+    "tests/fldi/test_fldi.py",
+    "tests/tracing/engines/test_backends_agree.py",
     "tests/commands/test_cli.py",
+    "tests/tracing/test_along_faces.py",
     "tests/tracing/leapfrog/test_support.py",
-    "tests/tracing/test_methods.py",
-    "tests/stress/test_hard_fields.py",
-    "tests/waves/test_verdict.py",
-    "tests/jobs/test_pupil_table.py",
-    "tests/benchmark/test_benchmark.py",
-    "tests/jobs/test_compare_loop.py",
-    "tests/jobs/test_series_job.py",
+    "tests/tracing/engines/test_backends.py",
+    "tests/tracing/engines/test_cross_backend.py",
+    "tests/tracing/error_budget/test_calibration.py",
+    "tests/jobs/test_sweep.py",
+    "tests/jobs/test_unfinished.py",
+    "tests/echo/test_cut_beam.py",
+    "tests/echo/test_echo_errors.py",
+    "tests/tracing/bundle/test_bundles.py",
+    "tests/tracing/engines/test_opencl_devices.py",
+    "tests/tracing/test_gaps_in_meshes.py",
+    "tests/tracing/engines/test_opencl_program.py",
+    "tests/rays/test_pupils.py",
+    "tests/physics/test_invariants.py",
 )
 
 
@@ -99,9 +106,13 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     items[:] = [items[number] for number in order]
 
 
+# What is collected lives to the end: the garbage collector, a fifth of collecting's time, need not look through it.
+gc.disable()
+
+
 def pytest_collection_finish() -> None:
-    """The collected tests live to the end: the garbage collector need not look through them again and again."""
     gc.freeze()
+    gc.enable()
 
 
 @pytest.fixture(scope="session")
@@ -145,29 +156,62 @@ def aerokernels(tmp_path: Path) -> Callable[..., subprocess.CompletedProcess[str
 
 
 @pytest.fixture
-def command_line(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> Callable[..., subprocess.CompletedProcess[str]]:
-    """As `aerokernels`, but in this process, which saves its start: for refusals and what else needs no own process."""
-    from aerokernels import cli
-    from aerokernels.commands._output import output
-    from aerokernels.process.interrupt import STOPPING
+def command_line(tmp_path: Path) -> Callable[..., subprocess.CompletedProcess[str]]:
+    """As `aerokernels`, but in this process: see command.py."""
+    return functools.partial(command, tmp_path)
 
-    def run(*arguments: object) -> subprocess.CompletedProcess[str]:
-        monkeypatch.chdir(tmp_path)
-        monkeypatch.setattr(sys, "argv", ["aerokernels", *map(str, arguments)])
-        threshold, handlers = gc.get_threshold(), {one: signal.getsignal(one) for one in STOPPING}
-        capsys.readouterr()
-        try:
-            with warnings.catch_warnings(), pytest.raises(SystemExit) as left:
-                warnings.simplefilter("default")
-                cli.main()
-        finally:
-            gc.set_threshold(*threshold)
-            for number, handler in handlers.items():
-                signal.signal(number, handler)
-            output.as_json = output.quiet = False
-        said = capsys.readouterr()
-        return subprocess.CompletedProcess(arguments, left.value.code, said.out, said.err)
 
-    return run
+@pytest.fixture
+def full_disk() -> Iterator[Callable[[int | None], None]]:
+    """A function that limits the bytes of a file: beyond them it fails with EFBIG, as on a full disk with ENOSPC.
+
+    None ends the limit, and so does the end of the test.
+    """
+    resource = pytest.importorskip("resource")
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+
+    def limit(size: int | None) -> None:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft if size is None else size, hard))
+
+    yield limit
+    limit(None)
+
+
+@pytest.fixture(scope="session")
+def small_run(tmp_path_factory: pytest.TempPathFactory) -> tuple["RunResult", Path]:
+    """A run of a shipped scene with few rays, and the folder that it is written to: for tests that only read it."""
+    from aerokernels import Scene, simulate
+    from aerokernels.jobs.run import write_run
+
+    few = {"strehl.ray_count": 2000, "beam.ray_count": 32, "receiver.ray_count": 32, "grid.spacing": "0.2 mm"}
+    run, folder = simulate(Scene.load("wind-tunnel-mach3", few)), tmp_path_factory.mktemp("small") / "run"
+    write_run(run, folder)
+    return run, folder
+
+
+@pytest.fixture
+def readers_here(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Files that need a child to read them are read in this process: for sound ones, and those that we refuse.
+
+    A file that is refused ends the child, and the next one takes a second to start.
+    """
+    from aerokernels.process import fragile
+
+    class Here:
+        is_late = False
+        process = mock.Mock(poll=lambda: None)
+
+        def ask(self, request: tuple, time_limit: float) -> tuple[bool, object]:
+            _, path, _, function, arguments = request
+            try:
+                fragile.check_own_files(path)
+                module, _, name = function.partition(":")
+                return False, pickle.loads(pickle.dumps(getattr(importlib.import_module(module), name)(*arguments)))
+            except Exception as fault:
+                return True, fragile._sent(fault)
+
+        def end(self) -> int:
+            return 0
+
+    monkeypatch.setattr(fragile, "_Child", Here)
+    monkeypatch.setattr(fragile, "_idle", list)

@@ -41,7 +41,6 @@ RANK = {
             ("commands",),
             ("cli",),
             ("old_modules",),
-            ("echo", "schlieren", "strehl", "wavefront"),
             ("__main__",),
         ]
     )
@@ -103,7 +102,8 @@ def imported(path: Path) -> set[tuple[int, str]]:
             base += node.module.split(".") if node.module else []
             # `from aerokernels import flow` names a package only in what is imported
             names = [[*base, alias.name] for alias in node.names] if len(base) < 2 else [base]
-        names = [name for name in names if name[0] == PACKAGE.name and name[1:] != ["__version__"]]
+        own = (["__version__"], ["attributes_of"])  # of the package itself
+        names = [name for name in names if name[0] == PACKAGE.name and name[1:] not in own]
         found |= {(node.lineno, name[1] if len(name) > 1 else "") for name in names}
     return found
 

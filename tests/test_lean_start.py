@@ -14,16 +14,17 @@ PARSED = COMMAND_LINE | {"typing_extensions", "pydantic", "pydantic_core", "anno
 SLOW = ("warp", "pyopencl", "matplotlib", "pandas", "xarray", "h5py", "scipy.stats", "scipy.signal", "scipy.optimize")
 
 
-def imported(code: str, *arguments: str) -> set[str]:
-    """Modules that `code` adds to those of a Python that does nothing."""
-    script = (
-        f"import sys\nbefore = set(sys.modules)\ntry:\n    exec({code!r})\n"
-        "finally:\n    print('modules:', *sorted(set(sys.modules) - before), file=sys.stderr)"
+def imported(*parts: str) -> list[set[str]]:
+    """Modules that a Python has imported after each part of a program."""
+    script = "import sys\nbefore = set(sys.modules)\n" + "".join(
+        f"try:\n    exec({part!r})\nexcept SystemExit:\n    pass\n"
+        "print('modules:', *sorted(set(sys.modules) - before), file=sys.stderr)\n"
+        for part in parts
     )
-    done = subprocess.run([sys.executable, "-c", script, *arguments], capture_output=True, encoding="utf-8")
-    last = done.stderr.strip().splitlines()[-1]
-    assert done.returncode == 0 and last.startswith("modules:"), done.stderr
-    return set(last.split()[1:])
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, encoding="utf-8")
+    found = [set(line.split()[1:]) for line in done.stderr.splitlines() if line.startswith("modules:")]
+    assert done.returncode == 0 and len(found) == len(parts), done.stderr
+    return found
 
 
 def foreign(modules: set[str]) -> set[str]:
@@ -32,33 +33,22 @@ def foreign(modules: set[str]) -> set[str]:
     return {name for name in packages if not name.startswith("_")}
 
 
-def command(*arguments: str) -> set[str]:
-    return imported("import runpy; runpy.run_module('aerokernels', run_name='__main__')", *arguments)
-
-
-def slow(modules: set[str]) -> set[str]:
-    return modules & set(SLOW)
-
-
-def test_importing_the_package_imports_no_other():
-    assert foreign(imported("import aerokernels; dir(aerokernels)")) == set()
+def command(*arguments: str) -> str:
+    return f"sys.argv[1:] = {arguments!r}\nimport runpy; runpy.run_module('aerokernels', run_name='__main__')"
 
 
 def test_help_and_version_need_the_command_lines_parser_only():
-    assert foreign(command("--version")) <= COMMAND_LINE
-    assert foreign(command("--help")) <= COMMAND_LINE
-    assert foreign(command("run", "--help")) <= PARSED
+    version, its_help, run = map(foreign, imported(command("--version"), command("--help"), command("run", "--help")))
+    assert version | its_help <= COMMAND_LINE and run <= PARSED
 
 
-def test_a_scene_is_checked_without_what_computes():
-    """A scene that does not exist is refused, and the shipped ones are listed, before anything slow is imported."""
-    modules = imported("import aerokernels; aerokernels.Scene.load('wind-tunnel-mach3')")
-    assert not slow(modules) and not [name for name in modules if name.startswith("scipy")]
-
-
-def test_a_field_is_prepared_by_arrays_and_linear_algebra_alone():
-    modules = imported(
-        "from aerokernels.scene import Scene\nfrom aerokernels.prepare import prepare_field\n"
-        "assert prepare_field(Scene.load('wind-tunnel-mach3')).resampling.opd_rms > 0.0"
+def test_each_stage_imports_what_it_needs():
+    """The package imports no other; a scene is checked without what computes; a field needs linear algebra alone."""
+    package, checked, prepared = imported(
+        "import aerokernels; dir(aerokernels)",
+        "scene = aerokernels.Scene.load('wind-tunnel-mach3')",
+        "from aerokernels.prepare import prepare_field\nassert prepare_field(scene).resampling.opd_rms > 0.0",
     )
-    assert not slow(modules)
+    assert foreign(package) == set()
+    assert not [name for name in checked if name.startswith("scipy")]
+    assert not (checked | prepared) & set(SLOW)

@@ -53,8 +53,20 @@ def strehl_of_chords(flow_name: str, density: float | None, ring_count: int = 40
     return float(abs(np.mean(np.exp(2j * np.pi / WAVELENGTH * delay))) ** 2)
 
 
-@pytest.mark.parametrize("air", ["wind-tunnel", "sea-level"])
-@pytest.mark.parametrize("mach", [2, 3, 4])
+WIND_TUNNEL, SEA_LEVEL = "wind-tunnel", "sea-level"
+
+
+@pytest.mark.parametrize(
+    ("air", "mach"),
+    [
+        (WIND_TUNNEL, 3),
+        (SEA_LEVEL, 2),
+        (SEA_LEVEL, 4),
+        pytest.param(WIND_TUNNEL, 2, marks=pytest.mark.slow),
+        pytest.param(WIND_TUNNEL, 4, marks=pytest.mark.slow),
+        pytest.param(SEA_LEVEL, 3, marks=pytest.mark.slow),
+    ],
+)
 def test_strehl_ratios_of_the_shipped_scenes(air, mach):
     """Plane wave looking forward from the dome over 12 mm, beside exact chords through cells times their averages.
 
@@ -62,14 +74,14 @@ def test_strehl_ratios_of_the_shipped_scenes(air, mach):
     most. The Strehl ratio S = exp(-variance) then moves by 2 x 0.007 x variance x S at most, which is 2e-4 to 4e-3,
     where no flow at all is 0.012 to 0.34 off.
     """
-    expected = strehl_of_chords(f"mach{mach}", 1.225 if air == "sea-level" else None)
+    expected = strehl_of_chords(f"mach{mach}", 1.225 if air == SEA_LEVEL else None)
     scene = Scene.load(f"{air}-mach{mach}", FEW)
     estimate = scene_strehl(scene, prepare_field(scene).field)
     assert estimate.value == pytest.approx(expected, abs=-0.014 * expected * np.log(expected))
     assert np.hypot(*estimate.boresight) < 1e-7
 
 
-@pytest.mark.parametrize("density", [None, 1.225])
+@pytest.mark.parametrize("density", [pytest.param(None, marks=pytest.mark.slow), 1.225])
 def test_refining_the_grid_moves_the_answer_within_its_budget(density):
     """Halving the spacing lowers the reported resampling error; the Strehl ratio moves by less than it said."""
     density_field = flow.shipped("mach3")

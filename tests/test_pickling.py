@@ -10,7 +10,6 @@ import aerokernels as ak
 from aerokernels import flow
 
 SMALL = {"strehl.ray_count": 160, "beam.ray_count": 25, "receiver.ray_count": 64, "grid.spacing": "0.4 mm"}
-HERE = {"backend": "warp", "device": "cpu"}
 
 
 def same(one, other, path: str = "") -> None:
@@ -64,7 +63,7 @@ def test_fields_rays_and_scenes_come_back_equal(field: ak.IndexField):
 
 
 def test_a_trace_comes_back_and_still_knows_its_error(field: ak.IndexField):
-    result = ak.trace(field, RAYS, **HERE)
+    result = ak.trace(field, RAYS)
     found = again(result)
     same(found, result, "TraceResult")
     assert np.array_equal(found.status, result.status) and np.array_equal(found.truncation, result.truncation)
@@ -73,7 +72,7 @@ def test_a_trace_comes_back_and_still_knows_its_error(field: ak.IndexField):
 
 
 def test_an_estimate_comes_back_and_still_knows_its_error(field: ak.IndexField):
-    estimate = ak.estimate_strehl(field, PUPIL, ray_count=160, allow_truncation=True, **HERE)
+    estimate = ak.estimate_strehl(field, PUPIL, ray_count=160, allow_truncation=True)
     found = again(estimate)
     same(found, estimate, "StrehlEstimate")
     assert found.error == estimate.error and np.isfinite(found.error["total"])

@@ -73,6 +73,7 @@ def figure1(root: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return out
 
 
+@pytest.mark.slow
 def test_figure1_writes_table_curves_and_picture(figure1: Path):
     curves = read_csv(figure1 / "error_along_z.csv")
     assert [round(1e3 * float(row["z_m"]), 6) for row in curves] == [15.5, 31.0, 46.5, 62.0]
@@ -80,6 +81,7 @@ def test_figure1_writes_table_curves_and_picture(figure1: Path):
     assert is_picture(figure1 / "figure1.png")
 
 
+@pytest.mark.slow
 def test_figure1_errors(figure1: Path):
     """Greatest error of each scheme over four planes, at every start height.
 

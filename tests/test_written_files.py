@@ -1,7 +1,6 @@
 """Files that are written at one go: a full disk leaves an earlier file as it was, and nothing that is half-written."""
 
 import os
-import resource
 from pathlib import Path
 
 import numpy as np
@@ -44,23 +43,14 @@ WRITERS = {
 }
 
 
-@pytest.fixture
-def full_disk():
-    """Files of more than 2000 bytes fail with EFBIG, as on a full disk with ENOSPC."""
-    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (2000, hard))
-    yield
-    resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
-
-
 @pytest.mark.parametrize("name", WRITERS)
-def test_a_full_disk_leaves_an_earlier_file_as_it_was(name: str, tmp_path: Path, request):
+def test_a_full_disk_leaves_an_earlier_file_as_it_was(name: str, tmp_path: Path, full_disk):
     """What to do is said, once for the file that was asked for."""
     place = tmp_path / name
     WRITERS[name](place)
     made = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
     assert max(map(len, made.values())) > 2000
-    request.getfixturevalue("full_disk")
+    full_disk(2000)
     with pytest.raises(OutputError, match=f"^{place}: .*: make room, or choose another place$"):
         WRITERS[name](place)
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == made

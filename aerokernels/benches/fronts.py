@@ -67,7 +67,7 @@ def inner_bands(lines: np.ndarray, guess: np.ndarray, reach: float) -> np.ndarra
     """
     from scipy.signal import find_peaks
 
-    found = np.full(len(lines), np.nan)
+    result = np.full(len(lines), np.nan)
     for k, (line, middle) in enumerate(zip(lines, guess, strict=True)):
         low, high = max(int(np.ceil(middle - reach)), 0), min(int(np.floor(middle + reach)), line.size - 1)
         if high - low < 4:
@@ -81,8 +81,8 @@ def inner_bands(lines: np.ndarray, guess: np.ndarray, reach: float) -> np.ndarra
             _, sign, top = max(tops)
             before, at, after = sign * part[top - 1 : top + 2]
             bend = before - 2.0 * at + after
-            found[k] = low + top + (0.5 * (before - after) / bend if bend < 0.0 else 0.0)
-    return found
+            result[k] = low + top + (0.5 * (before - after) / bend if bend < 0.0 else 0.0)
+    return result
 
 
 def fit_curve(
@@ -124,9 +124,9 @@ def fit_curve(
         if (kept == used).all():
             break
         used = kept
-    rest = residual[used]
-    variance = float(rest @ rest) / (rest.size - degree - 1)
-    rho = float(rest[1:] @ rest[:-1] / (rest @ rest)) if variance > 0.0 else 0.0
+    scatter = residual[used]
+    variance = float(scatter @ scatter) / (scatter.size - degree - 1)
+    rho = float(scatter[1:] @ scatter[:-1] / (scatter @ scatter)) if variance > 0.0 else 0.0
     rho = min(max(rho, 0.0), 0.98)
     inverse = np.linalg.inv(powers[used].T @ powers[used])
     return coefficients, inverse * variance * (1.0 + rho) / (1.0 - rho), used

@@ -15,7 +15,7 @@ import numpy as np
 from ..display.shown import ROUNDING, shown
 from ..flow.series import Series
 from ..inputs.arguments import checked
-from ..inputs.wavelength import DEFAULT_WAVELENGTH
+from ..inputs.checks import DEFAULT_WAVELENGTH
 from ..medium import IndexField
 from .bench import Bench, light_of_source
 from .line_of_sight import LineOfSight, check_exposure, check_turn, traced_light

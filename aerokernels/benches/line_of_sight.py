@@ -336,14 +336,14 @@ def line_of_sight(
         "device": device,
         "precision": precision,
     }
-    found = ParallelLight(field, window, int(rays_per_pixel), window.middle + float(focus), sine, options).trace()
-    if not found.known.all():
+    result = ParallelLight(field, window, int(rays_per_pixel), window.middle + float(focus), sine, options).trace()
+    if not result.known.all():
         warn_caller(
-            f"of {100.0 * float(np.mean(~found.known)):.3g} % of the picture's pixels the light is not known: their "
+            f"of {100.0 * float(np.mean(~result.known)):.3g} % of the picture's pixels the light is not known: their "
             "rays leave the field by a cut through disturbed air, or fail; those pixels are marked in `known`",
             RuntimeWarning,
         )
-    return found
+    return result
 
 
 def traced_light(field: IndexField | LineOfSight, options: dict[str, Any]) -> LineOfSight:

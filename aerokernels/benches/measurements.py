@@ -114,9 +114,9 @@ def measure_shock_angle(
             roll=0.5 * float(np.arctan(up.curve[1]) - np.arctan(down.curve[1])),
         )
 
-    found = found_with(smoothing)
-    error = math.hypot(found.standard_error, _edge_error(found.angle, found_with, smoothing))
-    return replace(found, standard_error=error)
+    result = found_with(smoothing)
+    error = math.hypot(result.standard_error, _edge_error(result.angle, found_with, smoothing))
+    return replace(result, standard_error=error)
 
 
 def _without_body(picture: PictureView) -> np.ndarray:
@@ -171,10 +171,10 @@ def _in_half(
         places = outer_fronts(lines, level)
     else:
         places = inner_bands(lines, (height[0] - _line_through(near, along)) / pitch, reach / pitch)
-    middle, found = 0.5 * (along[0] + along[-1]), height[0] - pitch * places
-    curve, covariance, used = fit_curve(along - middle, found, degree, 0.5 * pitch)
-    rest = found[used] - np.vander(along[used] - middle, degree + 1, increasing=True) @ curve
-    vertical = axis + (found if half == "upper" else -found)
+    middle, result = 0.5 * (along[0] + along[-1]), height[0] - pitch * places
+    curve, covariance, used = fit_curve(along - middle, result, degree, 0.5 * pitch)
+    scatter = result[used] - np.vander(along[used] - middle, degree + 1, increasing=True) @ curve
+    vertical = axis + (result if half == "upper" else -result)
     steps = 0.0
     if near is None and is_staircase(picture.intensity[scanned].T[used], places[used]):
         pixel_slope = pitch / float(along[1] - along[0])
@@ -185,7 +185,7 @@ def _in_half(
         place=float(middle),
         points=np.stack([along[used], vertical[used]], axis=1),
         curve=curve,
-        residual_rms=float(np.sqrt(np.mean(rest**2))),
+        residual_rms=float(np.sqrt(np.mean(scatter**2))),
     )
 
 
@@ -289,14 +289,14 @@ def _on_axis(
     """
     along, height = picture.horizontal[::step], picture.vertical[rows] - axis
     pitch, known = float(along[1] - along[0]), np.isfinite(places)
-    found = along[0] + pitch * places
+    result = along[0] + pitch * places
     try:
-        curve, covariance, used = fit_curve(height, found, 2, 0.5 * abs(pitch))
+        curve, covariance, used = fit_curve(height, result, 2, 0.5 * abs(pitch))
     except ValueError as fault:
         raise ValueError(f"{what}: {fault}") from None
     steps = is_staircase(picture.intensity[rows, ::step][known], places[known])
     error = math.hypot(math.sqrt(covariance[0, 0]), abs(pitch) * math.sqrt(1.0 / 12.0) * steps)
-    return float(curve[0]), error, np.stack([found[used], height[used] + axis], axis=1)
+    return float(curve[0]), error, np.stack([result[used], height[used] + axis], axis=1)
 
 
 def _dark_edge(line: np.ndarray, dark: float, start: float) -> float:

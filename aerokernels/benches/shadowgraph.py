@@ -140,12 +140,12 @@ def spread(traced: LineOfSight, shift: np.ndarray, share: np.ndarray | None = No
     `shift` displaces each ray's landing point [m], shape (ny k, nx k, 2), NaN if it does not land; `share` of its light
     is transmitted, None for all.
     """
-    rest, border = _with_border(traced, shift)
+    undisturbed, border = _with_border(traced, shift)
     if share is not None:
         edge = (len(border) - len(shift)) // 2
         share = np.pad(share, edge, mode="edge")
         share = 0.25 * (share[:-1, :-1] + share[:-1, 1:] + share[1:, :-1] + share[1:, 1:])
-    return _spread(rest, border, traced.window, share) / traced.rays_per_pixel**2
+    return _spread(undisturbed, border, traced.window, share) / traced.rays_per_pixel**2
 
 
 def _with_border(traced: LineOfSight, shift: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -157,17 +157,17 @@ def _with_border(traced: LineOfSight, shift: np.ndarray) -> tuple[np.ndarray, np
     for line, pitch in zip(ray_lines(window, k), window.pitch, strict=True):
         outside = pitch / k * np.arange(1, border + 1)
         lines.append(np.concatenate([line[0] - outside[::-1], line, line[-1] + outside]))
-    rest = np.stack(np.meshgrid(*lines), axis=-1)
-    return rest, np.pad(shift, ((border, border), (border, border), (0, 0)), mode="edge")
+    undisturbed = np.stack(np.meshgrid(*lines), axis=-1)
+    return undisturbed, np.pad(shift, ((border, border), (border, border), (0, 0)), mode="edge")
 
 
-def _spread(rest: np.ndarray, shift: np.ndarray, window: Window, share: np.ndarray | None = None) -> np.ndarray:
+def _spread(undisturbed: np.ndarray, shift: np.ndarray, window: Window, share: np.ndarray | None = None) -> np.ndarray:
     """Return the light in each pixel, shape (ny, nx), from the squares between rays, in units of one square.
 
     `rest` has the undisturbed positions (right, up) of the rays [m], shape (rows, columns, 2), `shift` the displacement
     of their landing points, NaN for rays that do not land; `share` is that of each square's light that counts.
     """
-    landing = rest + shift
+    landing = undisturbed + shift
     first = np.array([window.horizontal[0], window.vertical[0]])
     place = (landing - first) / np.asarray(window.pitch)
     corners = np.stack([place[:-1, :-1], place[:-1, 1:], place[1:, :-1], place[1:, 1:]], axis=2).reshape(-1, 4, 2)

@@ -136,14 +136,14 @@ def errors(truth: Truth, direction: Any, opd: Any, good: Any = None) -> dict:
     `direction` are unit tangents (n, 3), `opd` is in metres (n,), and `good` tells which rays arrived (n,).
     """
     good = np.ones(len(opd), dtype=bool) if good is None else np.asarray(good)
-    found: dict[str, float | None] = dict.fromkeys(("opd_rms_waves", "opd_max_waves", "direction_max_urad"))
+    result: dict[str, float | None] = dict.fromkeys(("opd_rms_waves", "opd_max_waves", "direction_max_urad"))
     if good.any():
         waves = (np.asarray(opd) - truth.opd)[good] / WAVELENGTH
         angle = np.linalg.norm((np.asarray(direction) - truth.direction)[good], axis=1)
-        found["opd_rms_waves"] = float(np.sqrt(np.mean(waves**2)))
-        found["opd_max_waves"] = float(np.abs(waves).max())
-        found["direction_max_urad"] = float(1e6 * angle.max())
-    return {**found, "ray_count": int(good.sum()), "lost_ray_count": int((~good).sum())}
+        result["opd_rms_waves"] = float(np.sqrt(np.mean(waves**2)))
+        result["opd_max_waves"] = float(np.abs(waves).max())
+        result["direction_max_urad"] = float(1e6 * angle.max())
+    return {**result, "ray_count": int(good.sum()), "lost_ray_count": int((~good).sum())}
 
 
 @dataclass(frozen=True)
@@ -194,17 +194,17 @@ def find_targets(settings: Settings) -> list[tuple[str, str]]:
 def _present(device: str | None) -> tuple[str, ...]:
     """The available backends that have the device, except the reference."""
     here = {info.backend for info in available_backends() if info.available} - {"reference"}
-    found = []
+    result = []
     for backend in sorted(here, reverse=True):  # warp, then opencl
         try:
             choose_backend(backend, device)
         except ValueError:
             continue
-        found.append(backend)
-    if not found:
+        result.append(backend)
+    if not result:
         choose_backend("auto", device)  # raises an error that names what is available
         raise ValueError(f"device {device!r} is not there: see `aerokernels backends`")
-    return tuple(found)
+    return tuple(result)
 
 
 def on_processor(backend: str, device: str) -> bool:
@@ -217,13 +217,13 @@ def on_processor(backend: str, device: str) -> bool:
 
 def table_row(run: dict) -> tuple[str, ...]:
     """A run as texts, in the order of COLUMNS."""
-    made, chosen, is_cone = run["settings"], run["plan"]["method"], run["suite"] == "cone"
-    method = made["method"] if made["method"] == chosen else f"{made['method']}: {chosen}"
-    how = f"{method}, {made['precision']}, {made['tolerance']:g} wave"
-    how += "" if is_cone else f", symmetry {made['symmetry']}"
+    settings, chosen, is_cone = run["settings"], run["plan"]["method"], run["suite"] == "cone"
+    method = settings["method"] if settings["method"] == chosen else f"{settings['method']}: {chosen}"
+    how = f"{method}, {settings['precision']}, {settings['tolerance']:g} wave"
+    how += "" if is_cone else f", symmetry {settings['symmetry']}"
     return (
         run["suite"],
-        f"{made['backend']} {made['device']}",
+        f"{settings['backend']} {settings['device']}",
         how,
         millions(run.get("kernel_rays_per_second")),
         millions(run.get("kernel_rays_per_core_second")),

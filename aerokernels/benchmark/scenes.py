@@ -101,7 +101,7 @@ def integrate(
     x, y = start = rays.position[:, :2].T
     value, _ = potential(x, y, rays.position[:, 2])
     momentum = np.sqrt(ambient**2 + 2.0 * value) * rays.direction[:, :2].T
-    found = solve_ivp(
+    result = solve_ivp(
         rate,
         (z_start, z_end),
         np.concatenate([*start, *momentum, np.zeros(count)]),
@@ -111,10 +111,10 @@ def integrate(
         max_step=longest,
         t_eval=[z_end],
     )
-    x, y, momentum_x, momentum_y, opd = found.y[:, -1].reshape(5, -1)
+    x, y, momentum_x, momentum_y, opd = result.y[:, -1].reshape(5, -1)
     z = np.full_like(x, z_end)
     direction = end_direction(momentum_x, momentum_y, potential(x, y, z)[0], ambient)
-    return Truth(np.stack([x, y, z], axis=1), direction, opd, int(found.nfev))
+    return Truth(np.stack([x, y, z], axis=1), direction, opd, int(result.nfev))
 
 
 def end_direction(momentum_x: Any, momentum_y: Any, potential: Any, ambient: float) -> np.ndarray:

@@ -80,18 +80,18 @@ def strehl_runs(settings: Settings, targets: Targets) -> Iterator[dict]:
             estimate = partial(estimate_strehl, ray_count=settings.ray_count, symmetry=symmetry, **options)
             timing = measure(partial(estimate, scene.field, scene.pupil), settings.repeats)
             fresh = strehl_scene()
-            found = timing.results[-1]
+            result = timing.results[-1]
             yield {
                 "suite": "strehl",
-                **_described({**options, "symmetry": symmetry}, settings, found.plan),
-                **traced_clocks(timing, found.traced_ray_count, on_processor(options["backend"], options["device"])),
+                **_described({**options, "symmetry": symmetry}, settings, result.plan),
+                **traced_clocks(timing, result.traced_ray_count, on_processor(options["backend"], options["device"])),
                 "fresh_field_seconds": measure(partial(estimate, fresh.field, fresh.pupil), 0).first_seconds,
-                "rays_traced": found.traced_ray_count,
-                "evaluations_per_ray": found.evaluation_count / found.traced_ray_count,
-                "value": found.value,
+                "rays_traced": result.traced_ray_count,
+                "evaluations_per_ray": result.evaluation_count / result.traced_ray_count,
+                "value": result.value,
                 "converged_value": true_value,
-                "error": {"value": found.value - true_value, "budget": found.error},
-                "blocked": found.blocked,
+                "error": {"value": result.value - true_value, "budget": result.error},
+                "blocked": result.blocked,
             }
 
 
@@ -157,7 +157,7 @@ def run_bench(settings: Settings, report: Callable[[str], None] = lambda line: N
     for suite in settings.wanted:
         report(f"suite {suite}")
         for run in RUNS[suite](settings, targets):
-            made = run["settings"]
-            report(f"  {made['method']}, {made['precision']} on {made['backend']} {made['device']}: done")
+            own = run["settings"]
+            report(f"  {own['method']}, {own['precision']} on {own['backend']} {own['device']}: done")
             runs.append(run)
     return to_json({"schema": SCHEMA, "begun": begun, "machine": machine(), "runs": runs})

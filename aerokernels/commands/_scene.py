@@ -61,7 +61,7 @@ def parse_vary(options: Sequence[str]) -> dict[str, list]:
     """
     from aerokernels.scene.scene import key_dimension
 
-    found: dict[str, list] = {}
+    result: dict[str, list] = {}
     for option in options:
         key, separator, text = option.partition("=")
         key = key.strip()
@@ -69,14 +69,14 @@ def parse_vary(options: Sequence[str]) -> dict[str, list]:
             raise ValueError(
                 f"--vary {option!r} is not KEY=V1,V2,...: write, say, --vary target.tilt='0 deg,10 deg,20 deg'"
             )
-        if key in found:
+        if key in result:
             raise ValueError(f"--vary {key} is given twice: write all its values in one, {key}=V1,V2,...")
         span = _SPAN.fullmatch(text.strip())
         if span and key_dimension(key) is not None:
-            found[key] = _spaced(key, text, *span.groups())
+            result[key] = _spaced(key, text, *span.groups())
         else:
-            found[key] = [part.strip() for part in split_at_commas(text)]
-    return found
+            result[key] = [part.strip() for part in split_at_commas(text)]
+    return result
 
 
 def split_at_commas(text: str) -> list[str]:

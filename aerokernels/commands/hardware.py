@@ -305,18 +305,18 @@ def compare(
     if out is not None:
         check_output_folder(out)
     with shown_progress("compare") as progress:
-        found = compare_recording(store, folders, options, progress)
-        files = [] if out is None else write_comparison(found, out)
+        result = compare_recording(store, folders, options, progress)
+        files = [] if out is None else write_comparison(result, out)
     for make in TABLES:
-        title, columns, rows = make(found)
+        title, columns, rows = make(result)
         print_table(title, columns, rows)
-    for text in found.warnings:
+    for text in result.warnings:
         warn(f"warning: {text}")
-    unfit = sum(one.unfit_count for one in found.labels)
+    unfit = sum(one.unfit_count for one in result.labels)
     if unfit:
         note(f"skipped {unfit} echoes with too few samples or without a sample period")
-    if found.left_out:
-        (note if output.as_json else say)(f"labels without a run: {', '.join(map(label_text, found.left_out))}")
+    if result.left_out:
+        (note if output.as_json else say)(f"labels without a run: {', '.join(map(label_text, result.left_out))}")
     if files:
         note(f"wrote {', '.join(files)} to {out}")
 

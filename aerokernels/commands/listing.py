@@ -43,8 +43,8 @@ def fields(
     if str(path) in shipped_names() and not path.exists():
         raise ValueError(f"{path} is a shipped field, not a file: `aerokernels fields` without a path lists those")
     when = _time(time)
-    found = contents(path, time=when)
-    rows = _rows(found)
+    result = contents(path, time=when)
+    rows = _rows(result)
     try:
         frame = {"optical": optical, "up": up}
         flow = read(
@@ -77,25 +77,25 @@ def _time(text: str | None) -> float | str | None:
     return moment
 
 
-def _rows(found: "Contents") -> list[tuple[str, str]]:
-    rows = [("format", found.format), ("geometry", found.geometry or "determined from its points")]
-    rows += [("zone", zone) for zone in found.zones[:20]]
-    if len(found.zones) > 20:
-        rows.append(("zone", f"and {len(found.zones) - 20} more"))
+def _rows(result: "Contents") -> list[tuple[str, str]]:
+    rows = [("format", result.format), ("geometry", result.geometry or "determined from its points")]
+    rows += [("zone", zone) for zone in result.zones[:20]]
+    if len(result.zones) > 20:
+        rows.append(("zone", f"and {len(result.zones) - 20} more"))
     rows += [
-        (f"extent in {axis}", _span(low, high)) for axis, low, high in zip("xyz", found.low, found.high, strict=True)
+        (f"extent in {axis}", _span(low, high)) for axis, low, high in zip("xyz", result.low, result.high, strict=True)
     ]
-    for array in found.arrays:
+    for array in result.arrays:
         kind = "" if array.components == 1 else f", {array.components} components"
         bad = f", {array.bad} not finite" if array.bad else ""
         rows.append((f"array {array.name}", f"{_span(array.low, array.high)} ({array.where}{kind}{bad})"))
-    if found.times:
-        listed = ", ".join(f"{value:g}" for value in found.times[:12]) + (", ..." if len(found.times) > 12 else "")
+    if result.times:
+        listed = ", ".join(f"{value:g}" for value in result.times[:12]) + (", ..." if len(result.times) > 12 else "")
         rows.append(
-            ("times", f"{len(found.times)}: {listed}; shown: {found.time:g}" if found.time is not None else listed)
+            ("times", f"{len(result.times)}: {listed}; shown: {result.time:g}" if result.time is not None else listed)
         )
-    rows += [("patch", f"{name} ({kind})") for name, kind in found.patches]
-    rows += [("note", note) for note in found.notes]
+    rows += [("patch", f"{name} ({kind})") for name, kind in result.patches]
+    rows += [("note", note) for note in result.notes]
     return rows
 
 
@@ -200,7 +200,7 @@ def backends() -> None:
     from aerokernels.tracing import available_backends
     from aerokernels.tracing.engines.choice import choose_backend
 
-    found = available_backends()
+    result = available_backends()
     backend, device, reason = choose_backend("auto", None)
     print_table(
         "Backends and devices",
@@ -214,14 +214,14 @@ def backends() -> None:
                 f"{info.memory / 2**30:.1f} GiB" if info.memory else "-",
                 info.description if info.available else f"absent: {info.reason}",
             )
-            for info in found
+            for info in result
         ],
         {
-            "backends": [asdict(info) for info in found],
+            "backends": [asdict(info) for info in result],
             "auto": {"backend": backend, "device": device, "reason": reason},
         },
     )
-    for info in found:
+    for info in result:
         if info.workaround:
             (note if output.as_json else say)(f"work-around on {info.device}: {info.workaround}")
     reason = reason.removeprefix(f"backend {backend} on {device}: ")

@@ -108,9 +108,9 @@ def strehl(
     warn_of_unused(loaded, "strehl")
     with naming_scene(scene):
         estimate = scene_strehl(loaded, prepare_field(loaded).field)
-    found = estimate.quantities
-    numbers = {name: {"value": one.value, "error": one.error, "unit": one.unit} for name, one in found.items()}
-    result(str(found["value"]), {"scene": loaded.name, **numbers, "verdict": estimate.verdict.level})
+    results = estimate.quantities
+    numbers = {name: {"value": one.value, "error": one.error, "unit": one.unit} for name, one in results.items()}
+    result(str(results["value"]), {"scene": loaded.name, **numbers, "verdict": estimate.verdict.level})
     leave_with(estimate.verdict)
 
 

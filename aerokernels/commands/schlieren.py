@@ -134,9 +134,9 @@ def schlieren(
     )
     photograph = None
     if measured is None:
-        given = {"--pixel-size": pixel_size, "--nose": nose, "--upstream": upstream, "--roll": roll}
+        values = {"--pixel-size": pixel_size, "--nose": nose, "--upstream": upstream, "--roll": roll}
         defaults = {"--upstream": "right", "--roll": "0 deg"}
-        if idle := [option for option, value in given.items() if value != defaults.get(option)]:
+        if idle := [option for option, value in values.items() if value != defaults.get(option)]:
             raise ValueError(f"{', '.join(idle)}: needs a photograph; give one as --measured, or leave this out")
     else:
         if pixel_size is None or nose is None:
@@ -152,19 +152,22 @@ def schlieren(
     check_output_folder(out)
     with only_writer(out), shown_progress(scene.name) as progress:
         with naming_scene(place):
-            made = make_pictures(scene, options, measured=photograph, progress=progress)
+            bench = make_pictures(scene, options, measured=photograph, progress=progress)
         progress("writing the pictures", 0.9)
-        files = write_pictures(made, out)
-    rows = [("Pictures", ", ".join(made.pictures)), ("Pixel", f"{1e3 * made.line_of_sight.window.pitch[0]:.4g} mm")]
-    for one, found_error in made.pixel_errors.items():
-        told = "not known" if found_error is None else "median {:.2g}, greatest {:.2g} of white".format(*found_error)
-        rows.append((f"Error of the {one}", told))
-    for words, found in (("Shock angle", made.shock), ("Shock angle, photograph", made.measured_shock)):
-        if found is not None:
-            angle = Quantity(math.degrees(found.angle), 2.0 * math.degrees(found.standard_error), "deg")
-            rows.append((words, f"{angle} at {1e3 * found.place:.2f} mm"))
-    if made.comparison is not None:
-        rows.append(("Correlation of the lower halves", f"{made.comparison.correlation:.4f}"))
+        files = write_pictures(bench, out)
+    rows = [
+        ("Pictures", ", ".join(bench.pictures)),
+        ("Pixel", f"{1e3 * bench.line_of_sight.window.pitch[0]:.4g} mm"),
+    ]
+    for one, found_error in bench.pixel_errors.items():
+        text = "not known" if found_error is None else "median {:.2g}, greatest {:.2g} of white".format(*found_error)
+        rows.append((f"Error of the {one}", text))
+    for words, result in (("Shock angle", bench.shock), ("Shock angle, photograph", bench.measured_shock)):
+        if result is not None:
+            angle = Quantity(math.degrees(result.angle), 2.0 * math.degrees(result.standard_error), "deg")
+            rows.append((words, f"{angle} at {1e3 * result.place:.2f} mm"))
+    if bench.comparison is not None:
+        rows.append(("Correlation of the lower halves", f"{bench.comparison.correlation:.4f}"))
     print_table(scene.title or scene.name, ("quantity", "value"), rows)
     note(f"wrote {', '.join(files)} to {out}")
 

@@ -12,16 +12,12 @@ def cut(text: str, most: int = 60) -> str:
 
 def plain(text: str) -> str:
     """Return a text with control characters, except line ends and tabs, replaced by their codes."""
-    return _HIDDEN.sub(lambda found: found[0] if found[0] == "\t" or found[0].isprintable() else _code(found[0]), text)
-
-
-def _code(character: str) -> str:
-    return f"\\x{ord(character):02x}"
+    return _HIDDEN.sub(lambda at: at[0] if at[0] == "\t" or at[0].isprintable() else f"\\x{ord(at[0]):02x}", text)
 
 
 def plain_json(text: str) -> str:
     """Return JSON of the same values with control characters escaped."""
-    return _HIDDEN.sub(lambda found: found[0] if found[0].isprintable() else _units(found[0]), text)
+    return _HIDDEN.sub(lambda at: at[0] if at[0].isprintable() else _units(at[0]), text)
 
 
 def _units(character: str) -> str:

@@ -75,8 +75,8 @@ class Quantity:
             raise ValueError(f"an error is not negative, got {self.error!r} for the value {self.value!r}")
         if self.is_ratio:
             object.__setattr__(self, "value", min(max(self.value, 0.0), 1.0))
-        if self.allows_any_ratio:
-            object.__setattr__(self, "error", greatest_ratio_error(self.value))
+            if self.allows_any_ratio:
+                object.__setattr__(self, "error", greatest_ratio_error(self.value))
 
     @property
     def interval(self) -> tuple[float, float]:
@@ -182,7 +182,7 @@ def _power(number: float, digits: int = LEAST_DIGITS) -> int:
 
 def root_sum_square(errors: Iterable[float]) -> float:
     """Return the error of a number from the errors of independent causes."""
-    return math.sqrt(sum(error * error for error in errors))
+    return math.sqrt(sum([error * error for error in errors]))
 
 
 class ErrorBudget(dict[str, float]):
@@ -200,7 +200,7 @@ class ErrorBudget(dict[str, float]):
 def combine(causes: Mapping[str, float], unit: str = "") -> ErrorBudget:
     """Return the budget of errors by cause, 0 for a cause that is not given, with their root sum of squares."""
     found = ErrorBudget({cause: float(causes.get(cause, 0.0)) for cause in CAUSES})
-    found[TOTAL] = math.sqrt(sum(error * error for error in found.values()))
+    found[TOTAL] = root_sum_square(found.values())
     found.unit = unit
     return found
 

@@ -113,8 +113,8 @@ def plane_picture(values: Any, box: tuple[Any, Any], geometry: str, label: str) 
     y, z = (a + (b - a) * (np.arange(n) + 0.5) / n for a, b, n in zip(low, high, count, strict=True))
     points = np.full((*count, 3), 0.5 * (box[0][0] + box[1][0]) if geometry == "volume" else 0.0)
     points[..., 1], points[..., 2] = y[:, None], z
-    found = np.reshape(values(points.reshape(-1, 3)), count)
-    return map_picture(found, (low[1], high[1], low[0], high[0]), ("z", "y"), label, "density")
+    result = np.reshape(values(points.reshape(-1, 3)), count)
+    return map_picture(result, (low[1], high[1], low[0], high[0]), ("z", "y"), label, "density")
 
 
 def is_flat(values: Any, unit: str | None = None, error: float = float("nan")) -> bool:

@@ -139,11 +139,10 @@ def write_netcdf(path: Path, dataset: "xarray.Dataset", encoding: Mapping[str, A
     import h5netcdf
     from xarray.backends import H5NetCDFStore
 
-    with RetryingFile(path) as disk:
-        with h5netcdf.File(disk, "w") as file:
-            dataset.dump_to_store(H5NetCDFStore(file, autoclose=False), encoding=encoding or {})
-        if disk.failure:
-            raise disk.failure
+    memory = io.BytesIO()  # HDF5 ends the process if it cannot close a file, see RetryingFile
+    with h5netcdf.File(memory, "w") as file:
+        dataset.dump_to_store(H5NetCDFStore(file, autoclose=False), encoding=encoding or {})
+    path.write_bytes(memory.getbuffer())
 
 
 class RetryingFile(io.FileIO):

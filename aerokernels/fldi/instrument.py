@@ -11,8 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..inputs.arguments import Numbers, checked
-from ..inputs.checks import check_positive
-from ..inputs.wavelength import check_wavelength
+from ..inputs.checks import check_positive, check_wavelength
 from ..medium import IndexField
 from ..medium.grid import contrast_without_gradient
 from ..pupils import as_unit_vector, as_vector, transverse_axes

@@ -182,10 +182,10 @@ def fldi_response(
             raise ValueError(f"time must have one entry for each of the {len(fields)} fields")
         if not (np.isfinite(times).all() and (np.diff(times) > 0.0).all()):
             raise ValueError("times of fields must be finite and increase")
-    found = [_read(one, instrument, moved, rays, relation) for one in fields]
-    if not found:
+    result = [_read(one, instrument, moved, rays, relation) for one in fields]
+    if not result:
         raise ValueError("no field was given")
-    arrays = np.stack(found)  # time, offset, quantity
+    arrays = np.stack(result)  # time, offset, quantity
     lost_share = float(arrays[..., -1].max())
     if lost_share > GREATEST_SHARE:
         text = (
@@ -203,13 +203,13 @@ def fldi_response(
 
 def _read(field: Any, instrument: FLDI, offsets: np.ndarray, rays: int | None, relation: dict[str, Any]) -> np.ndarray:
     """Return phase, visibility, mean phase, error and truncated share for each offset, shape (n, 5)."""
-    given = field
+    source = field
     if isinstance(field, DensityField):
         index = field.index_field(wavelength=instrument.wavelength, **relation)
         field = index if index.is_uniform else index.resample(tolerance=1e-3)
     if not isinstance(field, IndexField):
         raise wrong_kind(field, "field", "an IndexField, a DensityField or a Series")
-    if given is field and relation:
+    if source is field and relation:
         raise TypeError(
             f"fldi_response has no argument {next(iter(relation))!r} for an index field: it takes offsets, time and "
             "rays; a density field or a series also takes the arguments of `index_field`"
@@ -252,12 +252,12 @@ def _read(field: Any, instrument: FLDI, offsets: np.ndarray, rays: int | None, r
         rows.append((phase, abs(whole), mean, error, beyond))
     if not met:
         raise ValueError("the beams do not meet the field: check the focus, the axis and the units (metres)")
-    found = np.asarray(rows)
+    result = np.asarray(rows)
     if seen:
         number, places, ways = (np.asarray(column) for column in zip(*seen, strict=True))
         # The fourth column is the error.
-        found[number, 3] = np.hypot(found[number, 3], field_errors(field, instrument, places, ways))
-    return found
+        result[number, 3] = np.hypot(result[number, 3], field_errors(field, instrument, places, ways))
+    return result
 
 
 # Places of the focus at which the phase is computed again, the nearest of them by which an error is found, and rays
@@ -308,12 +308,12 @@ def _paths(
         ray_points(instrument, places, focus, side, np.full((1, len(places)), place))[0]
         for place in (ends[0], middle, ends[1])
     ]
-    found, missed = [], []
+    result, missed = [], []
     for begin, end in pairwise(stops):
         way = end - begin
         way = np.where(np.linalg.norm(way, axis=1, keepdims=True) > 0.0, way, instrument.axis)
         rays, until = RayBundle(begin, way), Plane(end[0], instrument.axis)
-        found.append(paths_of(field, rays.position, rays.direction, until))
+        result.append(paths_of(field, rays.position, rays.direction, until))
         outward = rays if end is stops[2] else RayBundle(end, -way)
         missed.append(lost(field, outward, None))
-    return Paths.joined(found), np.concatenate(missed)
+    return Paths.joined(result), np.concatenate(missed)

@@ -19,8 +19,7 @@ from aerokernels.flow.gas import GAMMA_AIR, SEA_LEVEL_DENSITY, check_density
 from aerokernels.flow.refractivity import refractivity_model
 from aerokernels.flow.taylor_maccoll import ConeShock, cone_shock
 from aerokernels.inputs.arguments import checked
-from aerokernels.inputs.checks import check_positive
-from aerokernels.inputs.wavelength import DEFAULT_WAVELENGTH, check_wavelength
+from aerokernels.inputs.checks import DEFAULT_WAVELENGTH, check_positive, check_wavelength
 from aerokernels.medium import Body, IndexField
 
 # Cells of free stream on the grid outside the shock: the width of the averaging kernel, and room for the spline's

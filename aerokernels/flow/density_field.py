@@ -10,14 +10,14 @@ from aerokernels.derived import ReadOnly
 from aerokernels.device_arrays import plain_array
 from aerokernels.display.shown import plane_picture
 from aerokernels.inputs.arguments import Numbers, checked
-from aerokernels.inputs.wavelength import DEFAULT_WAVELENGTH
+from aerokernels.inputs.checks import DEFAULT_WAVELENGTH
 from aerokernels.medium import Body, IndexField, SolidBody
 from aerokernels.medium.grid import as_points, local_coordinates
 from aerokernels.medium.labelled_grid import check_order
 
 if TYPE_CHECKING:
+    from aerokernels.flow.composition import Composition
     from aerokernels.flow.gas import FreeStream
-    from aerokernels.flow.species import Composition
 
 
 class DensityField(ReadOnly, ABC):

@@ -127,19 +127,19 @@ class Series:
             IndexError: No such snapshot.
             ValueError: A shape other than the mesh's.
         """
-        found = self.read(index)
-        density = getattr(found, "density", None) if isinstance(found, DensityField) else found
+        result = self.read(index)
+        density = getattr(result, "density", None) if isinstance(result, DensityField) else result
         if density is None:
-            raise ValueError(f"snapshot {index} is a {type(found).__name__}, which has no samples")
+            raise ValueError(f"snapshot {index} is a {type(result).__name__}, which has no samples")
         return np.asarray(density)
 
     def read(self, index: int) -> Any:
         """Return a snapshot as its source gives it: an array of densities on the series' mesh, or a DensityField."""
         number = self._number(index)
-        found = self.get(number)
-        if isinstance(found, DensityField):
-            return found
-        array = host_array(found)
+        result = self.get(number)
+        if isinstance(result, DensityField):
+            return result
+        array = host_array(result)
         if self.once:  # a solver may compute its next snapshot in the same memory while this one is processed
             array = array.copy()
         if isinstance(self.mesh, GridMesh) and tuple(array.shape) != self.mesh.shape:
@@ -183,15 +183,15 @@ class Series:
         return (VertexDensity if at_vertices else CellDensity)(mesh, density, ambient, *own)  # type: ignore[arg-type]
 
 
-def mark_of(found: Any) -> str:
+def mark_of(result: Any) -> str:
     """Return a hash of the samples of a snapshot, and of where a density field has them; empty for a formula."""
-    arrays = [getattr(found, "density", None) if isinstance(found, DensityField) else host_array(found)]
+    arrays = [getattr(result, "density", None) if isinstance(result, DensityField) else host_array(result)]
     if arrays[0] is None:
         return ""
-    if isinstance(found, GridDensity):
-        arrays += [found.origin, found.spacing]
-    elif isinstance(found, (CellDensity, VertexDensity)):
-        arrays.append(found.mesh.vertices)
+    if isinstance(result, GridDensity):
+        arrays += [result.origin, result.spacing]
+    elif isinstance(result, (CellDensity, VertexDensity)):
+        arrays.append(result.mesh.vertices)
     samples = hashlib.sha256()
     for array in arrays:
         flat = np.asarray(array).reshape(-1)

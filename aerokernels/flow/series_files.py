@@ -69,11 +69,11 @@ def series_of_dataset(data: Any, given: Mapping[str, Any], name: str, identity: 
         raise ValueError(f"{name}: data with a time axis hold the density itself: give density=NAME, got {density!r}")
     if hasattr(data, "data_vars"):
         names = {str(own): own for own in data.data_vars}
-        found = density if density is not None else next(map(names.get, known_names(names, DENSITY_NAMES)), None)
-        if found is None or found not in data.data_vars:
+        result = density if density is not None else next(map(names.get, known_names(names, DENSITY_NAMES)), None)
+        if result is None or result not in data.data_vars:
             wanted = density or "density, rho or the like"
             raise ValueError(f"{name}: no variable {wanted}; it holds {listed(data.data_vars)}: give density=NAME")
-        array, attributes = data[found], {**data.attrs, **data[found].attrs}
+        array, attributes = data[result], {**data.attrs, **data[result].attrs}
     else:
         array, attributes = data, dict(data.attrs)
     clock = next((one for one in TIME_NAMES if one in array.dims), None)
@@ -158,7 +158,7 @@ def _in_si(name: str, axis: str, array: Any, dimension: str, unit: float | None 
 
 def _factor(name: str, unit: str, dimension: str, what: str) -> float:
     try:
-        found = unit_of(unit, dimension)
+        result = unit_of(unit, dimension)
     except ValueError as fault:
         raise ValueError(f"{name}: the unit of {what}: {fault}; write it in SI") from None
-    return found.factor
+    return result.factor

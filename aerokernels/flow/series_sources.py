@@ -113,8 +113,8 @@ def open_series(
     if start_time != 0.0 and time_step is None:
         raise ValueError(f"start_time={start_time!r} goes with time_step: give it too")
     times = partial(times_of, time, time_step, start_time)
-    given = {name: value for name, value in named.items() if value is not None}
-    call = _Call(given, options, times, time is None)
+    arguments = {name: value for name, value in named.items() if value is not None}
+    call = _Call(arguments, options, times, time is None)
     if isinstance(source, (str, bytes, os.PathLike)):
         series = _of_path(check_path(source, "source"), call)
     elif type(source).__module__.partition(".")[0] == "xarray":
@@ -292,25 +292,25 @@ def _one_by_one(
 ) -> Series:
     """Return the series of files, or of times of one file: `places` has the path of each snapshot, and its time."""
     call.check(name, FILES)
-    given, own, behind = call.for_files(), call.only("body", "conditions"), import_module(f"{READING}.formats")
+    arguments, own, behind = call.for_files(), call.only("body", "conditions"), import_module(f"{READING}.formats")
     read: Any = call.named.get("read")
     if is_ours := read is None:
-        read = import_module(f"{READING}.read").Reader(**given)
-        given = read.options
+        read = import_module(f"{READING}.read").Reader(**arguments)
+        arguments = read.options
 
     def get(number: int) -> DensityField:
         path, *time = places[number]
         more = {"time": time[0]} if time else {}
-        field = read(path, **more) if is_ours else read(path, **given, **more)
+        field = read(path, **more) if is_ours else read(path, **arguments, **more)
         if is_ours:
             # The median of each file's own turbulence would tilt its wavefront: all get that of the first one.
-            given.setdefault("ambient_density", field.ambient_density)
+            arguments.setdefault("ambient_density", field.ambient_density)
         changed: DensityField = _with_own(field, own)
         return changed
 
     def stamp(number: int) -> str:
         path, *time = places[number]
-        return str(behind.stamp(behind.files_behind(path, given if is_ours else None, *time)))
+        return str(behind.stamp(behind.files_behind(path, arguments if is_ours else None, *time)))
 
     return _of_fields(get, times, get(0), described, identity=identity, stamp=stamp)
 

@@ -9,7 +9,6 @@ from typing import Literal, overload
 import numpy as np
 
 from aerokernels.flow.gas import FreeStream, tunnel_conditions
-from aerokernels.flow.reading.volumes.reconstruction import VolumeResampling
 from aerokernels.flow.sampled_density import CellDensity, GridDensity
 from aerokernels.inputs.arguments import checked
 from aerokernels.medium import Body, QuadMesh, SolidBody
@@ -69,6 +68,8 @@ def shipped(name: str) -> CellDensity | GridDensity:
 
 def _volume(name: str) -> GridDensity:
     """Return a volume that is symmetric about x = 0, of which the file holds one half."""
+    from aerokernels.flow.reading import VolumeResampling
+
     with (_DATA / f"{name}.npz").open("rb") as stream, np.load(stream, allow_pickle=False) as data:
         half, origin, spacing = data["rho"].astype(np.float64), data["origin"].copy(), data["spacing"]
         ambient, conditions, profile = float(data["rho_inf"]), _free_stream(data), data["profile"]

@@ -158,13 +158,13 @@ def _summit(mach: float, gamma: float) -> tuple[float, float]:
         # sin^2 b - sin^2 m as a product, with the Mach angle m = `low`: no cancellation near the Mach angle.
         return mach**2 * math.sin(angle + low) * math.sin(angle - low)
 
-    found = minimize_scalar(
+    result = minimize_scalar(
         lambda angle: -_wall_angle(mach, strength(angle), gamma, 0.0),
         bounds=(low, 0.5 * math.pi),
         method="bounded",
         options={"xatol": 1e-7},
     )
-    return strength(found.x), -float(found.fun)
+    return strength(result.x), -float(result.fun)
 
 
 def _shock_angle(mach: float, strength: float) -> float:

@@ -27,7 +27,7 @@ from ..tracing.engines import engine_of
 from ..tracing.launch import report_rejected
 from ..tracing.plan import TraceOptions, TracePlan, complete
 from ..tracing.pupil.job import REPLICATES, PupilJob, PupilRequest
-from ..tracing.status import reached
+from ..tracing.stop import reached
 from ..wavefronts.terms import NUMBERS, PupilNumbers, check_terms
 from .ratio import StrehlEstimate, combined, met_nothing
 

@@ -16,7 +16,7 @@ from aerokernels.tracing.tasks.sums import fit_terms
 from ..display.quantities import ErrorBudget, Quantity, Verdict, judge, listed, main_cause
 from ..display.shown import shown
 from ..inputs.arguments import Numbers, checked
-from ..inputs.wavelength import check_wavelength
+from ..inputs.checks import check_wavelength
 from ..medium import IndexField
 from ..process.clock import clocked, stage
 from ..tracing.lines import box_size
@@ -53,7 +53,7 @@ def strehl(
 
     Raises:
         TypeError: The wavelength is not one number.
-        ValueError: A wavelength outside 0.1 to 20 um, numbers that are not finite, an OPD of so many waves that its
+        ValueError: A wavelength outside 0.1 to 24 um, numbers that are not finite, an OPD of so many waves that its
             unit cannot be metres, shapes that disagree, an unknown term.
 
     Examples:

@@ -124,10 +124,10 @@ class EchoFrame(Waveform):
             if not 0 <= value < 1 << bits:
                 raise ValueError(f"{name} = {value} does not fit its unsigned {bits}-bit field: use 0 to 2**{bits} - 1")
         for name in ("scale", "offset"):
-            given = check_at_least(getattr(self, name), name)
-            volts = float(np.float32(given)) if abs(given) <= float(np.finfo(np.float32).max) else math.inf
-            if math.isinf(volts) or (given and not volts):
-                raise ValueError(f"{name} = {given} is beyond float32: give volts that are not")
+            number = check_at_least(getattr(self, name), name)
+            volts = float(np.float32(number)) if abs(number) <= float(np.finfo(np.float32).max) else math.inf
+            if math.isinf(volts) or (number and not volts):
+                raise ValueError(f"{name} = {number} is beyond float32: give volts that are not")
             object.__setattr__(self, name, volts)
         samples = as_counts(self.samples)
         if samples.size > GREATEST_SAMPLE_COUNT:
@@ -219,7 +219,7 @@ class FrameDecoder:
     def feed(self, chunk: bytes) -> list[EchoFrame | DamagedPiece]:
         """Take the next bytes; return the frames and damaged pieces that they complete, in order."""
         pieces: list[EchoFrame | DamagedPiece] = []
-        *ended, rest = bytes(chunk).split(DELIMITER)
+        *ended, unfinished = bytes(chunk).split(DELIMITER)
         for part in ended:
             self._pending += part
             pieces += self._overlong_pieces()
@@ -230,7 +230,7 @@ class FrameDecoder:
                     pieces.append(DamagedPiece(bytes(self._pending), str(error)))
                 self._pending.clear()
             pieces += self.finish()
-        self._pending += rest
+        self._pending += unfinished
         return [*pieces, *self._overlong_pieces()]
 
     def finish(self, reason: str = "cut off: the stream ended before its delimiter") -> list[DamagedPiece]:

@@ -123,10 +123,10 @@ class ScopeCurve(Waveform):
         if self.sequence is not None:
             object.__setattr__(self, "sequence", as_whole(self.sequence, "sequence"))
         for name in ("sample_period_ps", "scale", "offset", "first_sample_time"):
-            given = getattr(self, name)
-            number = check_at_least(given, name)
+            value = getattr(self, name)
+            number = check_at_least(value, name)
             # A whole number of picoseconds stays one: the store then holds it as a whole number.
-            object.__setattr__(self, name, given if isinstance(given, int) else number)
+            object.__setattr__(self, name, value if isinstance(value, int) else number)
         object.__setattr__(self, "samples", as_counts(self.samples))
 
     @cached_property

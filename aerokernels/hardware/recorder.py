@@ -81,9 +81,9 @@ class Recorder:
             count = check_count(count, "count", least=0)
             if count < 1:
                 raise ValueError(f"count = {count}: give 1 or more, or leave it out to record until interrupted")
-        for name, given in (("commit interval", commit_interval), ("stall time", stall_time)):
-            if not is_number(given) or not given >= 0.0:
-                raise ValueError(f"{name} = {given!r} s: give 0 or more")
+        for name, seconds in (("commit interval", commit_interval), ("stall time", stall_time)):
+            if not is_number(seconds) or not seconds >= 0.0:
+                raise ValueError(f"{name} = {seconds!r} s: give 0 or more")
         batch_size = check_count(batch_size, "batch_size")
         self._stream, self._store, self._reconnect, self._count = stream, store, reconnect, count
         self._commit_interval, self._batch_size, self._stall_time = commit_interval, batch_size, stall_time
@@ -106,8 +106,8 @@ class Recorder:
             try:
                 lost = self._record_from(stream)
             finally:
-                rest = stream.close()
-            self._take_all(rest)
+                last_pieces = stream.close()
+            self._take_all(last_pieces)
             if lost is None:
                 break
             self._take_all((piece, time.time_ns()) for piece in stream.cut_off(f"cut off: {lost}"))

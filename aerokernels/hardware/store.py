@@ -148,9 +148,9 @@ class EchoStore:
         Numbering continues from the last echo of the same port and protocol: echoes that the board sent while nobody
         recorded are a gap, unless the board was restarted meanwhile.
         """
-        for name, given in (("port", port), ("protocol", protocol)):
-            if not isinstance(given, str):
-                raise TypeError(f"{name} must be a text, got {given!r}")
+        for name, text in (("port", port), ("protocol", protocol)):
+            if not isinstance(text, str):
+                raise TypeError(f"{name} must be a text, got {text!r}")
         if self._read_only:
             raise ValueError(f"store {self.path}: opened for reading only; open it without read_only=True to record")
         self._label = encode_label(label)

@@ -77,9 +77,9 @@ class Background:
             values / self.sample + 0.5 * (count - 1)
             for values, count in zip((row, column), prepared.shape, strict=True)
         ]
-        found = map_coordinates(prepared, place, order=3, mode="nearest", prefilter=False)
+        result = map_coordinates(prepared, place, order=3, mode="nearest", prefilter=False)
         # A spline overshoots near hard edges.
-        return np.asarray(np.clip(found, darkest, brightest, out=found))
+        return np.asarray(np.clip(result, darkest, brightest, out=result))
 
     @property
     def _edge(self) -> int:

@@ -99,10 +99,10 @@ class Camera:
         first, second = self.pupil.axes
         size = 1.0 / np.sqrt(1.0 + x**2 + y**2)
         x, y = x * size, y * size
-        found = np.empty((len(size), 3))
+        result = np.empty((len(size), 3))
         for axis in range(3):
-            found[:, axis] = x * first[axis] + y * second[axis] + size * self.pupil.normal[axis]
-        return found
+            result[:, axis] = x * first[axis] + y * second[axis] + size * self.pupil.normal[axis]
+        return result
 
     @property
     def scene_plane(self) -> Plane | None:
@@ -143,10 +143,10 @@ class Camera:
 
     def across(self, vectors: np.ndarray) -> np.ndarray:
         """Return the components of vectors (n, 3) along the pupil's axes, shape (n, 2)."""
-        found = np.empty((len(vectors), 2))
+        result = np.empty((len(vectors), 2))
         for column, axis in enumerate(self.pupil.axes):
-            found[:, column] = along(vectors, axis)
-        return found
+            result[:, column] = along(vectors, axis)
+        return result
 
 
 def along(vectors: np.ndarray, axis: np.ndarray) -> np.ndarray:

@@ -25,8 +25,7 @@ from ..tracing.cuts import lost, may_lose
 from ..tracing.plan import TraceOptions, complete
 from ..tracing.pupil.air import GREATEST_SHARE
 from ..tracing.some_pixels import SomePixels, total
-from ..tracing.status import reached
-from ..tracing.stop import plane_beyond
+from ..tracing.stop import plane_beyond, reached
 from ..tracing.variants.paths import Rays
 from .camera import Aperture, Camera, rows_and_columns
 

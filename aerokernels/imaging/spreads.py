@@ -15,8 +15,7 @@ from ..medium import IndexField
 from ..process.threads import in_threads, product_on_one_core
 from ..rays import RayBundle
 from ..tracing import Plane, trace
-from ..tracing.status import reached
-from ..tracing.stop import greatest_contrast, way_beyond
+from ..tracing.stop import greatest_contrast, reached, way_beyond
 from ..wavefronts.pixels import pupil_grid
 from .camera import Camera, along
 

@@ -17,9 +17,8 @@ import numpy as np
 from ..display.shown import drawn_on
 from ..files.writing import write_grey
 from ..inputs.arguments import Numbers, checked
-from ..inputs.checks import check_count
+from ..inputs.checks import check_count, check_spectrum
 from ..inputs.kinds import refuse_masked
-from ..inputs.wavelength import check_spectrum
 from ..medium import IndexField
 from ..process.clock import clocked, stage
 from ..sensor import Sensor

@@ -23,7 +23,7 @@ import numpy as np
 from aerokernels.inputs.kinds import (
     Kinds,
     is_number,
-    members_of,
+    kinds_of,
     on_host,
     only_dlpack,
     refuse_half_precision,
@@ -38,6 +38,7 @@ F = TypeVar("F", bound=Callable[..., Any])
 GREAT, SMALL = 1e60, 1e-60
 _PACKAGE = str(Path(__file__).resolve().parents[1])
 _UNIT = re.compile(r"^\s*`{0,2}(\w+)`{0,2}:[^\[\n]*\[([^\]\d,][^\],]*)\]", re.MULTILINE)
+_LISTS, _EXACT = (list, tuple), "fdbhilqBHILQ?"  # types of sequences, and of arrays of single precision or more
 # Messages of Python and NumPy for numbers out of range, which name no argument.
 _BARE = re.compile(r"cannot convert float (NaN|infinity) to integer|int too large|Maximum allowed (size|dimension)|"
                    r"array is too big|negative dimensions")  # fmt: skip
@@ -45,43 +46,52 @@ _BARE = re.compile(r"cannot convert float (NaN|infinity) to integer|int too larg
 
 def checked(target: F) -> F:
     """Return the function, or class, with a check of its arguments before each call; see this module's docstring."""
-    if isinstance(target, type):
-        own = target.__init__  # type: ignore[misc]
-        target.__init__ = _checking(own, target.__name__, own, target)  # type: ignore[misc]
-        return target
-    name = target.__qualname__.removesuffix(".__init__").removesuffix(".__call__")
-    return typing.cast(F, _checking(target, name, target, target))
-
-
-def _checking(function: Callable, name: str, described: Any, documented: Any) -> Callable:
-    taken: dict[str, Kinds] = {}
+    owner = target if isinstance(target, type) else None
+    function = target if owner is None else owner.__init__  # type: ignore[misc]
+    name = target.__qualname__.removesuffix(".__init__").removesuffix(".__call__") if owner is None else owner.__name__
+    taken: dict[str, Kinds | None] = {}
     signature: inspect.Signature | None = None
+    options = _options(function) if function.__code__.co_flags & inspect.CO_VARKEYWORDS else None
 
     @functools.wraps(function)
     def call(*given: Any, **named: Any) -> Any:
         nonlocal signature
         if signature is None:
             make_forks_safe()
-            taken.update(_taken(function, documented))
-            signature = _signature(described)
+            signature = _signature(function, options)
+            taken.update(dict.fromkeys(signature.parameters), **_taken(function, target, options))
         try:
-            bound = signature.bind(*given, **named)
-        except TypeError:
-            raise TypeError(_wrong_arguments(name, signature, given, named, _documents(documented, function))) from None
-        arguments = bound.arguments
-        is_changed = False
-        for parameter, value in list(arguments.items()):
-            if parameter != "self":
-                arguments[parameter] = _accepted(value, parameter, taken.get(parameter), name)
-                is_changed = is_changed or arguments[parameter] is not value
-        try:
-            return function(*bound.args, **bound.kwargs) if is_changed else function(*given, **named)
+            if options is not None and not taken.keys() >= named.keys():
+                signature.bind(*given, **named)
+            changed = {}
+            for parameter, value in (*zip(taken, given, strict=False), *named.items()):
+                kinds, kind = taken.get(parameter), type(value)
+                if kind is float or kind is int:
+                    is_plain = kinds is None or (kind in kinds.plain_types and abs(value) <= GREAT)
+                    is_plain = is_plain and parameter != "seed"
+                elif kind is np.ndarray:
+                    is_plain = kinds is None or (kinds.are_arrays and value.ndim and value.dtype.char in _EXACT)
+                elif kinds is None:
+                    is_plain = parameter == "self" or not (isinstance(value, _LISTS) or hasattr(value, "__dlpack__"))
+                else:
+                    is_plain = kind in kinds.plain_types
+                if not is_plain and (accepted := _accepted(value, parameter, kinds, name)) is not value:
+                    changed[parameter] = accepted
+            if changed:
+                given = tuple(changed.pop(parameter, value) for parameter, value in zip(taken, given, strict=False))
+                named |= changed
+            return function(*given, **named)
         except (ArithmeticError, AttributeError, TypeError, ValueError, IndexError) as error:
+            try:
+                arguments = signature.bind(*given, **named).arguments
+            except TypeError:
+                text = _documents(function, target, options)
+                raise TypeError(_wrong_arguments(name, signature, given, named, text)) from None
             if _is_ours(error):
                 raise
             # Objects are checked last, because many functions report more about an object than its class.
             for parameter, value in arguments.items():
-                if parameter in taken and (wrong := taken[parameter].mistake(value, parameter, name)):
+                if (kinds := taken.get(parameter)) is not None and (wrong := kinds.mistake(value, parameter, name)):
                     raise TypeError(wrong) from error
                 if only_dlpack(value):
                     what = f"{parameter} is a {type(value).__name__} that NumPy cannot read"
@@ -90,23 +100,23 @@ def _checking(function: Callable, name: str, described: Any, documented: Any) ->
                 raise ValueError(_out_of_range(name, arguments, error)) from error
             raise
 
-    if _options(function) is not None:
-        call.__signature__ = _signature(function)  # type: ignore[attr-defined]
-    return call
+    if options is not None:
+        call.__signature__ = _signature(function, options)  # type: ignore[attr-defined]
+    if owner is None:
+        return typing.cast(F, call)
+    owner.__init__ = call  # type: ignore[misc]
+    return target
 
 
 def _options(function: Callable) -> Any:
     """Return the TypedDict whose entries a function takes as keywords, `**options: Unpack[...]`; None without one."""
-    code = getattr(function, "__code__", None)
-    if code is None or not code.co_flags & inspect.CO_VARKEYWORDS:  # as most functions
-        return None
     kinds: Iterable[Any] = function.__annotations__.values()
     return next((typing.get_args(kind)[0] for kind in kinds if typing.get_origin(kind) is typing.Unpack), None)
 
 
-def _signature(function: Callable) -> inspect.Signature:
+def _signature(function: Callable, options: Any) -> inspect.Signature:
     """Return the signature of a function, with the entries of a TypedDict in place of `**options`."""
-    signature, options = inspect.signature(function), _options(function)
+    signature = inspect.signature(function)
     if options is None:
         return signature
     parameters = [one for one in signature.parameters.values() if one.kind is not one.VAR_KEYWORD]
@@ -122,14 +132,8 @@ def _accepted(value: Any, parameter: str, taken: Kinds | None, name: str) -> Any
     if not is_plain and type(value) is not np.ndarray:
         value = on_host(value)
         refuse_masked(value, parameter)
-    kind = type(value)
     if taken is None:
         return value
-    if kind in taken.members:  # most arguments
-        if kind in (str, bool, type(None)) or (is_plain and abs(value) <= GREAT and parameter != "seed"):
-            return value
-        if kind is np.ndarray and not taken.has_classes and value.ndim and value.dtype.char in "fdbhilqBHILQ?":
-            return value
     if not taken.has_classes:
         # Numbers that need more digits than half precision has.
         if not is_plain and (taken.unit or parameter in ("opd", "direction")):
@@ -242,34 +246,29 @@ def units_in(text: str) -> dict[str, str]:
 
 
 def _documents(*described: Any) -> str:
-    """Return the docstrings of functions and classes, and of the options that they take."""
-    return "\n".join(one.__doc__ or "" for each in described for one in (each, _options(each)) if one)
+    """Return the docstrings of functions and classes; None has none."""
+    return "\n".join([one.__doc__ or "" for one in described if one is not None])
 
 
-def _taken(function: Callable, documented: Any) -> dict[str, Kinds]:
+def _taken(function: Callable, documented: Any, options: Any) -> dict[str, Kinds]:
     """Return the kinds that each parameter accepts, if all of them are known."""
-    units = units_in(_documents(documented, function))
+    units = units_in(_documents(documented, function, options))
+    annotations: dict[str, Any] = {
+        **getattr(function, "__annotations__", {}),
+        **getattr(options, "__annotations__", {}),
+    }
+    # A dataclass's __init__ does not have its module's globals.
+    described = inspect.getmodule(documented) if isinstance(documented, type) else inspect.unwrap(function)
+    names = getattr(described, "__globals__", vars(described))
     found = {}
-    for name, annotation in _annotations(function, documented).items():
-        members = members_of(annotation)
-        if name != "return" and members is not None:
-            found[name] = Kinds(members, units.get(name, ""))
-    return found
-
-
-def _annotations(function: Callable, documented: Any) -> dict[str, Any]:
-    found: dict[str, Any] = dict(getattr(function, "__annotations__", {}))
-    names = getattr(inspect.unwrap(function), "__globals__", {})
-    if isinstance(documented, type):  # a dataclass's __init__ does not have its module's globals
-        names = vars(inspect.getmodule(documented))
-    if (options := _options(function)) is not None:
-        found |= options.__annotations__
-    for name, annotation in found.items():
+    for name, annotation in annotations.items():
         if isinstance(annotation, str):
             try:
-                found[name] = eval(annotation, dict(names))
+                annotation = eval(annotation, dict(names))
             except Exception:  # a name for type checkers only
-                found[name] = Any
+                continue
+        if name != "return" and (kinds := kinds_of(annotation, units.get(name, ""))) is not None:
+            found[name] = kinds
     return found
 
 

@@ -1,5 +1,6 @@
 """The kinds of value that a parameter accepts: numbers, whole numbers, texts, arrays, tuples, functions and objects."""
 
+import functools
 import math
 import types
 import typing
@@ -30,11 +31,13 @@ class Kinds:
         self.unit = "" if Callable in self.members else unit  # that of a function's description is its argument's
         self.are_numbers = float in self.members or int in self.members
         # Whether it accepts objects of classes, or tuples.
-        known = (*_NOUNS, float, int)
-        classes = [
-            one for one in self.members if isinstance(one, tuple) or (isinstance(one, type) and one not in known)
-        ]
+        classes = {one for one in self.members if isinstance(one, (type, tuple))} - {*_NOUNS, float, int}
         self.has_classes = bool(classes)
+        self.are_arrays = np.ndarray in self.members and not classes
+        # Types of values that are accepted as they are.
+        self.plain_types = {str, bool, type(None), float, int}.intersection(self.members)
+        if float in self.members:
+            self.plain_types.add(int)
 
     def plain(self, value: Any, parameter: str, owner: str) -> Any:
         """Return the value; a single number as Python's float or, where only whole ones make sense, as its int.
@@ -64,18 +67,24 @@ class Kinds:
         return f"{parameter} must be {wanted}, got {given} (in {owner})"
 
 
-def members_of(annotation: Any) -> list[Any] | None:
+@functools.cache
+def kinds_of(annotation: Any, unit: str) -> Kinds | None:
+    """Return the kinds that a parameter of an annotation and a unit accepts; None if one of them is not known here."""
+    members = _members_of(annotation)
+    return None if members is None else Kinds(members, unit)
+
+
+def _members_of(annotation: Any) -> list[Any] | None:
     """Return the kinds of an annotation, a union as its members; None if one of them is not known here."""
     if annotation in (Numbers, ArrayLike):
         return [np.ndarray]
     origin = typing.get_origin(annotation)
     if origin in (Union, types.UnionType):
-        parts = [members_of(part) for part in typing.get_args(annotation)]
-        return None if any(part is None for part in parts) else [kind for part in parts for kind in part or ()]
+        parts = [_members_of(part) for part in typing.get_args(annotation)]
+        return None if None in parts else [kind for part in parts for kind in part or ()]
     if origin is tuple:
         parts_of = typing.get_args(annotation)
-        known = parts_of and all(part in (float, int) for part in parts_of)
-        return [parts_of] if known else None
+        return [parts_of] if parts_of and {float, int}.issuperset(parts_of) else None
     if origin is Callable:
         return [Callable]
     if annotation in (None, type(None)):
@@ -260,7 +269,7 @@ def on_host(value: Any) -> Any:
 
 def refuse_masked(value: Any, name: str) -> None:
     """Raise a ValueError for an array with masked numbers: NumPy would compute with the values under the mask."""
-    for part in _parts(value):
+    for part in _parts(value) if isinstance(value, (list, tuple)) else (value,):
         if isinstance(part, np.ma.MaskedArray) and np.ma.is_masked(part):
             count, within = int(np.ma.count_masked(part)), "" if part is value else "an entry of "
             raise ValueError(

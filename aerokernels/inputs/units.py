@@ -7,6 +7,7 @@ spellings: "kg m-3", "kilogram / meter ** 3", "hPa", "0.2 kg/m3". `written_unit`
 
 import math
 import re
+from contextlib import suppress
 from dataclasses import dataclass
 from decimal import Decimal, DecimalException
 from fractions import Fraction
@@ -72,35 +73,31 @@ def quantity(value: float | str, dimension: str) -> float:
     noun, _, units = _DIMENSIONS[dimension]
     if isinstance(value, bool) or not isinstance(value, (int, float, str)):
         raise TypeError(f"{value!r} is not {noun}: {_accepted(dimension)}")
+    number = math.inf
     if not isinstance(value, str):
-        return _finite(float(value), value, dimension)
-    match = _PATTERN.fullmatch(value.strip())
-    if match is None:
-        raise ValueError(f"{value!r} is not {noun}: {_accepted(dimension)}")
-    unit = match[2].strip()
-    for written, meant in _SPELLING.items():
-        unit = unit.replace(written, meant)
-    if unit and unit not in units:
-        remedy = _in_si(float(match[1].replace("_", "")), unit, dimension) or _accepted(dimension)
-        raise ValueError(f"{value!r} is not {noun}, {_what_unit_is(unit)}: {remedy}")
-    try:
-        # Multiply as decimals, so that "6 ns" is the float 6e-9 and not its neighbour.
-        zero = Decimal(repr(_CELSIUS if unit == "degC" else 0.0))
-        number = float(Decimal(match[1]) * Decimal(repr(units.get(unit, 1.0))) + zero)
-    except (DecimalException, OverflowError):
-        number = math.inf
-    return _finite(number, value, dimension)
+        number = float(value)
+    else:
+        match = _PATTERN.fullmatch(value.strip())
+        if match is None:
+            raise ValueError(f"{value!r} is not {noun}: {_accepted(dimension)}")
+        unit = match[2].strip()
+        for written, meant in _SPELLING.items():
+            unit = unit.replace(written, meant)
+        if unit and unit not in units:
+            remedy = _in_si(float(match[1].replace("_", "")), unit, dimension) or _accepted(dimension)
+            raise ValueError(f"{value!r} is not {noun}, {_what_unit_is(unit)}: {remedy}")
+        with suppress(DecimalException, OverflowError):
+            # Multiply as decimals, so that "6 ns" is the float 6e-9 and not its neighbour.
+            zero = Decimal(repr(_CELSIUS if unit == "degC" else 0.0))
+            number = float(Decimal(match[1]) * Decimal(repr(units.get(unit, 1.0))) + zero)
+    if not math.isfinite(number):
+        raise ValueError(f"{value!r} is not finite: {_accepted(dimension)}")
+    return number
 
 
 def si_unit(dimension: str) -> str:
     """Return the SI unit of one of `DIMENSIONS`, as `quantity` writes it: "m" for "length", "" for "dimensionless"."""
     return _DIMENSIONS[dimension][1]
-
-
-def _finite(number: float, value: float | str, dimension: str) -> float:
-    if not math.isfinite(number):
-        raise ValueError(f"{value!r} is not finite: {_accepted(dimension)}")
-    return number
 
 
 def _accepted(dimension: str) -> str:
@@ -145,7 +142,7 @@ _NAMES = {"meter": "m", "metre": "m", "gram": "g", "second": "s", "kelvin": "K",
           "newton": "N", "liter": "L", "litre": "L"}  # fmt: skip
 _PREFIXES = {"n": 1e-9, "u": 1e-6, "m": 1e-3, "c": 1e-2, "d": 1e-1, "h": 1e2, "k": 1e3, "M": 1e6, "G": 1e9}
 _PREFIX_NAMES = dict(zip(("nano", "micro", "milli", "centi", "deci", "hecto", "kilo", "mega", "giga"),
-                         _PREFIXES.values(), strict=True))  # fmt: skip
+                         _PREFIXES, strict=True))  # fmt: skip
 _OTHERS = {
     **dict.fromkeys(("in", "inch", "inches"), (_INCH, _LENGTH)),
     **dict.fromkeys(("ft", "foot", "feet"), (_FOOT, _LENGTH)),
@@ -162,15 +159,12 @@ _OTHERS = {
 }  # fmt: skip
 
 
-def _times(prefix: float, unit: tuple[float, tuple[int, ...]]) -> tuple[float, tuple[int, ...]]:
-    return float(Fraction(repr(prefix)) * Fraction(repr(unit[0]))), unit[1]
-
-
 # Both with all prefixes; names, in lower case, also in the plural.
-_PREFIXED = {f"{prefix}{symbol}": _times(scale, unit)
-             for symbol, unit in _SYMBOLS.items() for prefix, scale in _PREFIXES.items()} | _SYMBOLS  # fmt: skip
-_NAMED = {f"{prefix}{name}{ending}": _times(scale, _SYMBOLS[symbol]) for name, symbol in _NAMES.items()
-          for prefix, scale in {"": 1.0, **_PREFIX_NAMES}.items() for ending in ("", "s")}  # fmt: skip
+_PREFIXED = {f"{prefix}{symbol}": (float(Fraction(repr(scale)) * Fraction(repr(factor))), powers)
+             for symbol, (factor, powers) in _SYMBOLS.items()
+             for prefix, scale in _PREFIXES.items()} | _SYMBOLS  # fmt: skip
+_NAMED = {f"{prefix}{name}{ending}": _PREFIXED[short + symbol] for name, symbol in _NAMES.items()
+          for prefix, short in {"": "", **_PREFIX_NAMES}.items() for ending in ("", "s")}  # fmt: skip
 # Temperature scales with another zero: factor, and the offset added after scaling.
 _FROM_ANOTHER_ZERO = {
     **dict.fromkeys(("degc", "c", "celsius", "degreescelsius", "degreecelsius", "degreesc", "degreec"),

@@ -62,10 +62,10 @@ class CompareOptions:
         if self.align not in (NO_ALIGNMENT, EACH) and "=" not in self.align:
             raise ValueError(f"align {self.align!r}: give none, each, or a label such as mach=0")
         for name, unit in (("trigger_offset", "a time in seconds"), ("voltage_offset", "a voltage in volts")):
-            if not is_number(given := getattr(self, name)):
-                raise TypeError(f"{name} must be {unit}, got {given!r}")
-            if not np.isfinite(given):
-                raise ValueError(f"{name} = {given}: give {unit}")
+            if not is_number(number := getattr(self, name)):
+                raise TypeError(f"{name} must be {unit}, got {number!r}")
+            if not np.isfinite(number):
+                raise ValueError(f"{name} = {number}: give {unit}")
         if self.trigger_offset and self.align != NO_ALIGNMENT:
             raise ValueError(f"trigger_offset and align {self.align}: give the offset, or have it measured, not both")
         if self.threshold is not None:

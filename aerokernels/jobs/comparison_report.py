@@ -8,7 +8,8 @@ from typing import Any
 
 from aerokernels import __version__
 from aerokernels.compare import DEGREES
-from aerokernels.display.figures import Lines, png, styled_figure
+from aerokernels.display.canvas import png, styled_figure
+from aerokernels.display.figures import Lines
 from aerokernels.display.quantities import Quantity, two_digits
 from aerokernels.hardware.export import csv_cell
 from aerokernels.jobs.comparison import EACH, NO_ALIGNMENT, BenchComparison, LabelComparison
@@ -27,7 +28,7 @@ EDGE_METHODS = ("leading-edge", "constant-fraction")
 Table = tuple[str, tuple[str, ...], list[tuple[str, ...]]]
 
 
-def peak_table(found: BenchComparison) -> Table:
+def peak_table(result: BenchComparison) -> Table:
     """Make Table 3 of the paper: peak voltages."""
     rows: list[tuple[str, ...]] = [
         (
@@ -37,7 +38,7 @@ def peak_table(found: BenchComparison) -> Table:
             f"{one.recorded.peak_mean:.4g}, spread {two_digits(one.recorded.peak_spread)}",
             str(Quantity(one.waveform.simulated_peak, one.run.error_of("echo_peak_v"))),
         )
-        for one in found.labels
+        for one in result.labels
     ]
     columns = (
         "label",
@@ -49,13 +50,13 @@ def peak_table(found: BenchComparison) -> Table:
     return "Peak voltages (Table 3)", columns, rows
 
 
-def error_table(found: BenchComparison) -> Table:
+def error_table(result: BenchComparison) -> Table:
     """Make Table 4: relative peak errors, in both conventions, and the leading edge.
 
     The relative error of the ratio of two peaks is the root sum of squares of the peaks' relative errors.
     """
     rows: list[tuple[str, ...]] = []
-    for one in found.labels:
+    for one in result.labels:
         wave = one.waveform
         share = math.hypot(
             one.covering * one.errors.peak / wave.recorded_peak,
@@ -76,7 +77,7 @@ def error_table(found: BenchComparison) -> Table:
     return "Relative peak errors (Table 4) and leading edge", columns, rows
 
 
-def correlation_table(found: BenchComparison) -> Table:
+def correlation_table(result: BenchComparison) -> Table:
     """Make Table 6: correlation coefficients, with the degrees of Table 5."""
     rows: list[tuple[str, ...]] = [
         (
@@ -88,7 +89,7 @@ def correlation_table(found: BenchComparison) -> Table:
             _number(one.echo_correlation, ".4f"),
             f"{_number(1e9 * wave.recorded_width, '.3f')} / {_number(1e9 * wave.simulated_width, '.3f')}",
         )
-        for one, wave in ((one, one.waveform) for one in found.labels)
+        for one, wave in ((one, one.waveform) for one in result.labels)
     ]
     columns = (
         "label",
@@ -102,7 +103,7 @@ def correlation_table(found: BenchComparison) -> Table:
     return "Correlation (Table 6; degrees by Table 5)", columns, rows
 
 
-def range_table(found: BenchComparison) -> Table:
+def range_table(result: BenchComparison) -> Table:
     """Make the table of systematic and random range errors, by label and method."""
     rows: list[tuple[str, ...]] = [
         (
@@ -115,7 +116,7 @@ def range_table(found: BenchComparison) -> Table:
             _millimetres(errors.simulated_error_m, one.run.error_of("ranges_m", method)),
             f"{errors.ranged_count} of {errors.ranged_count + errors.missed_count}",
         )
-        for one in found.labels
+        for one in result.labels
         for method, errors in one.ranges.items()
     ]
     columns = ("label", "method", "systematic error [mm]", "random error [mm]", "simulated error [mm]", "echoes ranged")
@@ -140,65 +141,65 @@ def _millimetres(value: float, error: float) -> str:
 TABLES = (peak_table, error_table, correlation_table, range_table)
 
 
-def notes(found: BenchComparison) -> list[str]:
+def notes(result: BenchComparison) -> list[str]:
     """Describe in words how the comparison was made."""
     bounds = [bound for bound, _ in DEGREES]
     degrees = "; ".join(
         f"{name} from |r| = {bound:g} to {upper:g}"
         for (bound, name), upper in zip(DEGREES, [1.0, *bounds], strict=False)
     )
-    is_measured = found.options.align != NO_ALIGNMENT
+    is_measured = result.options.align != NO_ALIGNMENT
     alignment = {
         NO_ALIGNMENT: "The recorded times were used unchanged, apart from the given trigger offset.",
         EACH: "Each label was shifted to its greatest correlation: only shapes are compared, and systematic range "
         "errors and edge shifts are not meaningful.",
     }.get(
-        found.options.align,
-        f"The trigger offset was measured on {found.options.align} and subtracted for every label: differences "
+        result.options.align,
+        f"The trigger offset was measured on {result.options.align} and subtracted for every label: differences "
         "between labels are real, the systematic error of that label is not.",
     )
     lines = [
-        *(f"Warning: {text}." for text in found.warnings),
+        *(f"Warning: {text}." for text in result.warnings),
         alignment,
         "Trigger offsets: "
         + ", ".join(
             f"{label_text(one.label)} {Quantity(one.trigger_offset, error, 's').scaled(1e9, 'ns')}"
-            for one in found.labels
+            for one in result.labels
             for error in [one.covering * one.trigger_offset_error if is_measured else None]
         ),
         f"Degrees of correlation: {degrees}.",
-        f"At most {found.options.ranged_count} echoes of a label, chosen at random, were ranged one by one.",
+        f"At most {result.options.ranged_count} echoes of a label, chosen at random, were ranged one by one.",
     ]
-    if found.options.voltage_offset:
-        lines.append(f"{1e3 * found.options.voltage_offset:g} mV were subtracted from all recorded voltages.")
-    resampled = sum(one.recorded.resampled_count for one in found.labels)
+    if result.options.voltage_offset:
+        lines.append(f"{1e3 * result.options.voltage_offset:g} mV were subtracted from all recorded voltages.")
+    resampled = sum(one.recorded.resampled_count for one in result.labels)
     if resampled:
         lines.append(f"{resampled} echoes had other sample times than most of their label: interpolated by a spline.")
-    unfit = sum(one.unfit_count for one in found.labels)
+    unfit = sum(one.unfit_count for one in result.labels)
     if unfit:
         lines.append(f"{unfit} echoes had fewer than {LEAST_SAMPLES} samples or no sample period and were skipped.")
-    if found.left_out:
-        lines.append(f"Labels without a run: {', '.join(map(label_text, found.left_out))}.")
+    if result.left_out:
+        lines.append(f"Labels without a run: {', '.join(map(label_text, result.left_out))}.")
     return lines
 
 
-def write_comparison(found: BenchComparison, out: Path) -> list[str]:
+def write_comparison(result: BenchComparison, out: Path) -> list[str]:
     """Write compare.csv, compare.nc, compare.png, summary.json and report.html: all or none; return their names."""
-    rows = [one.row() for one in found.labels]
+    rows = [one.row() for one in result.labels]
     summary = {
-        "recording": str(found.source),
-        "align": found.options.align,
+        "recording": str(result.source),
+        "align": result.options.align,
         "labels": rows,
-        "warnings": found.warnings,
-        "left_out": [label_text(label) for label in found.left_out],
+        "warnings": result.warnings,
+        "left_out": [label_text(label) for label in result.left_out],
         "version": __version__,
     }
-    page = compare_page(found, [make(found) for make in TABLES], notes(found))
+    page = compare_page(result, [make(result) for make in TABLES], notes(result))
     report, picture = page.html(), _picture(page)
     with staged_folder(out) as folder:
         _write_csv(folder / TABLE_FILE, rows)
         (folder / FIGURE_FILE).write_bytes(picture)
-        write_result(folder / WAVEFORM_FILE, found.to_xarray())
+        write_result(folder / WAVEFORM_FILE, result.to_xarray())
         write_summary(folder / SUMMARY_FILE, summary)
         (folder / REPORT_FILE).write_text(report, encoding="utf-8")
         return sorted(path.name for path in folder.iterdir())

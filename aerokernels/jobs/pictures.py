@@ -32,7 +32,7 @@ from aerokernels.benches.knife_edge import KnifeEdge
 from aerokernels.benches.line_of_sight import check_exposure
 from aerokernels.benches.picture import PictureView
 from aerokernels.benches.shadowgraph import Screen
-from aerokernels.display.figures import ORANGE, house_style, png, styled_figure
+from aerokernels.display.canvas import ORANGE, house_style, png, styled_figure
 from aerokernels.display.quantities import Quantity
 from aerokernels.display.shown import extent_of
 from aerokernels.flow import DensityField, shipped_names
@@ -139,8 +139,8 @@ class BenchPictures:
                     f"{name}_angle_standard_error_rad": shock.standard_error,
                     f"{name}_place_m": shock.place,
                 }
-        for kind, found in self.pixel_errors.items():
-            median, greatest = found or (None, None)
+        for kind, result in self.pixel_errors.items():
+            median, greatest = result or (None, None)
             summary |= {f"{kind}_error_median": median, f"{kind}_error_greatest": greatest}
         if self.comparison is not None:
             summary |= {"correlation": self.comparison.correlation, "covered": self.comparison.covered}

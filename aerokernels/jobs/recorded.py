@@ -4,7 +4,6 @@ import contextlib
 import csv
 import itertools
 import re
-import sqlite3
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
@@ -14,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from aerokernels.files.netcdf_reading import open_netcdf
+from aerokernels.files.netcdf_reading import errors_naming, open_netcdf
 from aerokernels.hardware.export import text_of_cell
 from aerokernels.hardware.store import EchoStore
 from aerokernels.inputs.checks import check_path, listed
@@ -25,6 +24,7 @@ if TYPE_CHECKING:
     import xarray
 
 LEAST_SAMPLES = 16
+UNREADABLE = "cannot be read as a store or as NetCDF-4"
 
 Label = tuple[tuple[str, str], ...]
 Row = tuple[int, list[str]]  # a line's number in a CSV file, and its cells
@@ -51,7 +51,7 @@ def recorded_labels(path: str | Path) -> list[Label]:
     """Return the different labels in a file, in the order of their first echo."""
     path = check_path(path, "path")
     if _kind(path) == "store":
-        with _naming_file(path), EchoStore(path, read_only=True) as store:
+        with errors_naming(path, UNREADABLE), EchoStore(path, read_only=True) as store:
             labels = [_as_label(one) for one in store.labels()]
     else:
         labels = [echo.label for echo in recorded_echoes(path)]
@@ -115,28 +115,8 @@ def _as_label(pairs: Mapping[str, Any]) -> Label:
     return tuple(sorted((str(key).strip(), str(value).strip()) for key, value in pairs.items() if str(value).strip()))
 
 
-@contextlib.contextmanager
-def _naming_file(path: Path) -> Iterator[None]:
-    """Turn the many errors that a damaged file causes in its readers into a ValueError that names the file."""
-    try:
-        yield
-    except FileFault:
-        raise
-    except (
-        sqlite3.Error,
-        OSError,
-        ValueError,
-        ArithmeticError,
-        RuntimeError,
-        LookupError,
-        AttributeError,
-        TypeError,
-    ) as error:
-        raise FileFault(f"{path}: cannot be read ({error}); is it damaged, or no NetCDF-4 file or store?") from error
-
-
 def _from_store(path: Path, label: Label | None, unfit: Counter[Label]) -> Placed:
-    with _naming_file(path), EchoStore(path, read_only=True) as store:
+    with errors_naming(path, UNREADABLE), EchoStore(path, read_only=True) as store:
         for text in store.labels():
             own = _as_label(text)
             for echo in store.echoes(text) if label in (None, own) else ():
@@ -147,14 +127,8 @@ def _from_store(path: Path, label: Label | None, unfit: Counter[Label]) -> Place
                 yield RecordedEcho(own, echo.frame.time, echo.frame.voltage), place
 
 
-def load_netcdf(path: Path) -> "xarray.Dataset":
-    """Load a NetCDF-4 file into memory, with times as numbers."""
-    with _naming_file(path):
-        return open_netcdf(path, str(path), decode_times=False, whole=True)
-
-
 def _from_netcdf(path: Path) -> Placed:
-    with load_netcdf(path) as data, _naming_file(path):
+    with errors_naming(path, UNREADABLE), open_netcdf(path, str(path), decode_times=False, whole=True) as data:
         if "voltage" not in data.variables or data["voltage"].ndim not in (1, 2):
             raise FileFault(f"{path}: holds no `voltage` over (echo, sample); it has: {listed(data.variables)}")
         if not {"time", "sample_period"} & set(data.variables):
@@ -232,8 +206,8 @@ def _of_width(path: Path, width: int, rows: Iterable[Row]) -> Iterator[Row]:
 
 
 def _echo_rows(path: Path, head: list[str], rows: Iterable[Row]) -> Placed:
-    found = [(int(match[1]), k) for k, name in enumerate(head) if (match := re.fullmatch(r"voltage_(\d+)_v", name))]
-    numbers, volts = zip(*sorted(found), strict=True)
+    result = [(int(match[1]), k) for k, name in enumerate(head) if (match := re.fullmatch(r"voltage_(\d+)_v", name))]
+    numbers, volts = zip(*sorted(result), strict=True)
     if numbers != tuple(range(len(numbers))):
         wrong = next(at for at, number in enumerate(numbers) if at != number)
         what = f"no column voltage_{wrong}_v" if numbers[wrong] > wrong else f"voltage_{numbers[wrong]}_v twice"

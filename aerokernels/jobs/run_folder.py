@@ -12,9 +12,10 @@ from typing import Any
 import numpy as np
 
 from aerokernels.compare import compare_waveforms
+from aerokernels.files.netcdf_reading import open_netcdf
 from aerokernels.inputs.checks import as_waveform
 from aerokernels.jobs.echo_statistics import LEAST_PULSE, AverageEcho, mean_factor, spread_factor
-from aerokernels.jobs.recorded import Label, label_text, load_netcdf
+from aerokernels.jobs.recorded import Label, label_text
 from aerokernels.jobs.store import RESULT_FILE, SUMMARY_FILE
 from aerokernels.lidar import RANGING_METHODS
 from aerokernels.lidar.pulses import SPEED_OF_LIGHT
@@ -68,7 +69,7 @@ def read_run(text: str) -> RunFolder:
         raise _unreadable(path, f"{SUMMARY_FILE} is not that of a run: {error}") from None
     if lost:
         raise ValueError(f"run {path}: it has no echo to compare with: {lost}")
-    result = load_netcdf(path / RESULT_FILE)
+    result = open_netcdf(path / RESULT_FILE, str(path / RESULT_FILE), decode_times=False, whole=True)
     time, voltage = echo_of_result(path, result)
     try:
         detector = tomllib.loads(str(result.attrs.get("scene", ""))).get("detector", {})
@@ -208,7 +209,7 @@ def range_errors(
     time, step, least_peak = recorded.time, recorded.step, LEAST_PULSE * float(recorded.mean.max())
     shape = template_curve(run.voltage, as_waveform(run.time, run.voltage)[2])
     reported = run.summary.get("ranges_m") or {}
-    found = {}
+    result = {}
     for method in RANGING_METHODS:
         template = shape if method == "matched-filter" else None
         read = Reading(method, threshold, template, float(run.detector.get("fraction", 0.5)), shape).range
@@ -230,8 +231,8 @@ def range_errors(
         share = 2.0 * recorded.rounding / step if step > 0.0 else 0.0
         left = share * _rounding_error(read, time, simulated, own, step) if share > 1e-3 else 0.0
         common = math.hypot(left, 0.5 * SPEED_OF_LIGHT * offset_error)
-        found[method] = _statistics(errors, len(echoes), simulated_error, common)
-    return found
+        result[method] = _statistics(errors, len(echoes), simulated_error, common)
+    return result
 
 
 def _rounding_error(

@@ -25,8 +25,8 @@ from aerokernels.jobs.store import (
 )
 from aerokernels.pupils import direction_of
 from aerokernels.scene import Scene, warn_of_unused
+from aerokernels.scene.file_table import FileTable
 from aerokernels.scene.pupil_table import axis_words
-from aerokernels.scene.tables import FileTable
 from aerokernels.series import optical_series, statistics
 
 if TYPE_CHECKING:

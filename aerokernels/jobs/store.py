@@ -96,22 +96,26 @@ def staged_folder(out: Path) -> Iterator[Path]:
 
 def to_json(value: Any) -> Any:
     """Convert `value` to plain JSON types: NumPy scalars and arrays are unpacked, NaN and infinity become null."""
-    kind = type(value)
-    if kind is str or kind is int or kind is bool or value is None:  # most values of a summary: the fast path
-        return value
-    if kind is float:
-        return value if math.isfinite(value) else None
+    return json.loads(json.dumps(value, default=_plain), parse_constant=lambda _: None)
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, (np.ndarray, np.generic)):
+        return value.tolist()
     if isinstance(value, Mapping):
-        return {str(key): to_json(item) for key, item in value.items()}
-    if isinstance(value, np.ndarray):
-        return to_json(value.tolist())
-    if isinstance(value, (list, tuple, set, frozenset)):
-        return [to_json(item) for item in value]
-    if isinstance(value, np.generic):
-        return to_json(value.item())
-    if isinstance(value, float):  # a subclass of float
-        return to_json(float(value))
-    return value if isinstance(value, (int, str)) else str(value)
+        return dict(value)
+    return list(value) if isinstance(value, (set, frozenset)) else str(value)
+
+
+def flat(tree: Mapping[str, Any], prefix: str = "") -> list[tuple[str, str]]:
+    """Return the keys and values of nested mappings, keys joined by dots and values as JSON."""
+    rows: list[tuple[str, str]] = []
+    for key, value in tree.items():
+        if isinstance(value, Mapping) and value:
+            rows += flat(value, f"{prefix}{key}.")
+        else:
+            rows.append((f"{prefix}{key}", json.dumps(value, ensure_ascii=False)))
+    return rows
 
 
 def number_or_nan(value: float | None) -> float:

@@ -51,7 +51,7 @@ class EchoProbe:
     clean: np.ndarray
     rangefinder: Rangefinder
 
-    @property
+    @cached_property
     def setup(self) -> Setup:
         """Laser, target, receiver and detector."""
         return self.vacuum.setup

@@ -6,6 +6,7 @@ The optical axis is z. The receiver's pupil faces +z; its plane is also that in 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -270,7 +271,7 @@ class Setup:
             trace_options(scene),
         )
 
-    @property
+    @cached_property
     def plane(self) -> Plane:
         """The target's plane; its normal is the optical axis turned by the target's tilt."""
         return Plane(np.array([0.0, 0.0, self.receiver.aperture_z + self.target.distance]), self.target.normal)

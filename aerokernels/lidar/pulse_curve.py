@@ -156,7 +156,11 @@ Shape = Callable[[np.ndarray], np.ndarray]
 
 def shaped_curve(volts: np.ndarray, shape: Shape | None, period: float) -> PulseCurve:
     """Return the curve of samples (n,) of a `shape` of any amplitude and time zero, denser where samples are few."""
-    factor = _upsampling_factor(volts)
+    top = int(np.argmax(volts))
+    below = np.flatnonzero(volts < 0.5 * volts[top])
+    across = int(below[below > top].min(initial=volts.size)) - int(below[below < top].max(initial=-1)) - 1
+    # With 16 samples across the pulse the spline through them is accurate to 1e-6 of the peak.
+    factor = min(32, math.ceil(16 / max(across, 1)))
     if shape is None or factor == 1:
         return PulseCurve(volts)
     try:
@@ -167,16 +171,6 @@ def shaped_curve(volts: np.ndarray, shape: Shape | None, period: float) -> Pulse
     dense = np.arange((volts.size - 1) * factor + 1) / factor
     remainder = PulseCurve(volts - height * shape((samples - delay) * period)).spline
     return PulseCurve(height * shape((dense - delay) * period) + remainder(dense), upsampling=factor)
-
-
-def _upsampling_factor(volts: np.ndarray) -> int:
-    """Return the factor by which samples must be finer to have enough of them across the pulse at the greatest one."""
-    top = int(np.argmax(volts))
-    below = np.flatnonzero(volts < 0.5 * volts[top])
-    first = int(below[below < top].max(initial=-1))
-    last = int(below[below > top].min(initial=volts.size))
-    # With 16 samples across the pulse the spline through them is accurate to 1e-6 of the peak.
-    return min(32, math.ceil(16 / max(last - first - 1, 1)))
 
 
 def best_match(volts: np.ndarray, curve: Shape, period: float) -> tuple[float, float]:

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from aerokernels.inputs.checks import Waveform, as_waveform
+from aerokernels.inputs.checks import as_waveform
 from aerokernels.lidar.parts import RANGING_METHODS, Detector, Setup
 from aerokernels.lidar.paths import (
     TargetPoints,
@@ -22,7 +22,7 @@ from aerokernels.lidar.paths import (
     transmit_paths,
     vacuum_paths,
 )
-from aerokernels.lidar.pulse_curve import PulseCurve, Shape, peak_height, shaped_curve
+from aerokernels.lidar.pulse_curve import Shape, peak_height, shaped_curve
 from aerokernels.lidar.pulses import SPEED_OF_LIGHT, sum_of_pulses
 from aerokernels.lidar.range_error import RangeStatistics, summarise_ranges
 from aerokernels.lidar.ranging import Reading, template_curve
@@ -158,12 +158,14 @@ class Rangefinder:
 
     def range(self, time: np.ndarray, voltage: np.ndarray, method: str) -> float:
         """Return the range by one method [m]; a method that finds no echo raises ValueError."""
-        return self._range(as_waveform(time, voltage), method)
+        return self._readings[method].range_of(as_waveform(time, voltage)) - self.calibration[method]
 
-    def _range(self, waveform: Waveform, method: str, curve: PulseCurve | None = None) -> float:
-        template = self.shape if method == "matched-filter" else None
-        reading = Reading(method, self.detector.threshold, template, self.detector.fraction, self.shape)
-        return reading.range_of(waveform, curve) - self.calibration[method]
+    @cached_property
+    def _readings(self) -> dict[str, Reading]:
+        """How each method reads a record."""
+        kinds, threshold, fraction = RANGING_METHODS, self.detector.threshold, self.detector.fraction
+        templates = {method: self.shape if method == "matched-filter" else None for method in kinds}
+        return {method: Reading(method, threshold, templates[method], fraction, self.shape) for method in kinds}
 
     def ranges(
         self, time: np.ndarray, voltage: np.ndarray, methods: Sequence[str] = RANGING_METHODS
@@ -178,7 +180,10 @@ class Rangefinder:
                 reasons[method] = self.unreadable[method]
                 continue
             try:
-                ranges[method] = self._range(waveform or as_waveform(time, voltage), method, curve)
+                reading = self._readings[method]
+                ranges[method] = (
+                    reading.range_of(waveform or as_waveform(time, voltage), curve) - self.calibration[method]
+                )
             except ValueError as fault:
                 reasons[method] = f"{self.name} cannot be ranged: {fault}"
         return ranges, reasons

@@ -105,11 +105,15 @@ class Reading:
     shape: Shape | None = None
 
     def __post_init__(self):
-        """Check method and template."""
+        """Check method, template, threshold and fraction."""
         check_choice(self.method, "method", RANGING_METHODS)
         if isinstance(self.template, type):
             name = self.template.__name__
             raise TypeError(f"template must be a function of time [s], or samples, got the class {name}")
+        if self.method == "leading-edge" and self.threshold is not None:
+            check_positive(self.threshold, "threshold", "V")
+        if self.method == "constant-fraction" and check_positive(self.fraction, "fraction") >= 1.0:
+            raise ValueError(f"fraction must lie between 0 and 1, got {self.fraction!r}")
 
     def range(self, time, voltage) -> float:
         """Return the range [m] of samples [V] at times [s], without a warning; raises as `estimate_range`."""
@@ -169,13 +173,10 @@ class Reading:
         if self.method == "leading-edge":
             if self.threshold is None:
                 raise ValueError("method 'leading-edge' needs a threshold [V]")
-            return curve.first_rise(check_positive(self.threshold, "threshold", "V"))
+            return curve.first_rise(self.threshold)
         if self.method == "centroid":
             return curve.centroid
-        share = check_positive(self.fraction, "fraction")
-        if share >= 1.0:
-            raise ValueError(f"fraction must lie between 0 and 1, got {self.fraction!r}")
-        return curve.rise_before_peak(share * curve.peak)
+        return curve.rise_before_peak(self.fraction * curve.peak)
 
 
 def _check_whole(template: Shape, delay: float, count: int, period: float) -> None:

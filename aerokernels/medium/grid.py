@@ -165,12 +165,12 @@ class UniformGrid(Derived):
         """Least and greatest contrast."""
         return extremes_of(self.samples)
 
-    @property
+    @cached_property
     def shape(self) -> tuple[int, ...]:
         """Number of nodes along each axis."""
         return self.samples.shape
 
-    @property
+    @cached_property
     def low(self) -> np.ndarray:
         """Lowest corner [m], shape (d,)."""
         return self.origin
@@ -191,7 +191,7 @@ class UniformGrid(Derived):
             key, GridPlaces(self.shape, self.origin, self.spacing, self.even_first_axis)
         )
 
-    @property
+    @cached_property
     def coefficient_shape(self) -> tuple[int, ...]:
         """Shape of the coefficient array."""
         if self.interpolation == "cubic":

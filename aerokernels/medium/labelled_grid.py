@@ -70,9 +70,11 @@ def grid_arguments(array) -> dict:
         origin.append(first)
         spacing.append(step)
     known = ("ambient_index", "interpolation", "wavelength", "cell_averages")
-    given = {name: array.attrs[name] for name in known if name in array.attrs}
-    if "cell_averages" in given and np.isin(given["cell_averages"], (0, 1)).all():  # NetCDF has no true and false
-        given["cell_averages"] = bool(np.all(given["cell_averages"]))
+    attributes = {name: array.attrs[name] for name in known if name in array.attrs}
+    if (
+        "cell_averages" in attributes and np.isin(attributes["cell_averages"], (0, 1)).all()
+    ):  # NetCDF has no true and false
+        attributes["cell_averages"] = bool(np.all(attributes["cell_averages"]))
     samples = np.asarray(array.values)
     if samples.dtype.kind not in "iuf":
         raise ValueError(f"the array holds {samples.dtype}, no real numbers: convert it")
@@ -85,4 +87,4 @@ def grid_arguments(array) -> dict:
         samples = samples * ratio
     if samples.size and samples.max() > 1e3:  # no medium has greater contrasts: the file is damaged
         raise ValueError(f"no medium has a contrast of {samples.max():g}, the greatest: it is n - ambient_index")
-    return {"contrast": samples, "origin": origin, "spacing": spacing, "geometry": GEOMETRIES[order], **given}
+    return {"contrast": samples, "origin": origin, "spacing": spacing, "geometry": GEOMETRIES[order], **attributes}

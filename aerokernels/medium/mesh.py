@@ -209,10 +209,10 @@ class QuadMesh(Derived):
         For a point on an edge it is the cell with the lowest index.
         """
         points = as_points(points, 2)
-        found = np.full(len(points), -1, dtype=np.int64)
+        result = np.full(len(points), -1, dtype=np.int64)
         for row, cell in self.holding(points):
-            found[row[::-1]] = cell[::-1]  # cells ascend: in reverse order the lowest is written last
-        return found
+            result[row[::-1]] = cell[::-1]  # cells ascend: in reverse order the lowest is written last
+        return result
 
     def holding(self, points: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
         """Yield all pairs of a point's index and a cell that contains it, for some points at a time; cells ascend."""

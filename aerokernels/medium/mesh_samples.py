@@ -194,14 +194,14 @@ def _rises(mesh: QuadMesh, values: np.ndarray, cell: np.ndarray, edge: np.ndarra
     v0, v1, v2, v3 = (values[k] for k in corner)
     length = np.hypot(y1 - y0, z1 - z0)
     ahead, aside, rise = (y1 - y0) / length, (z1 - z0) / length, (v1 - v0) / length
-    found = []
+    result = []
     for place in PLACES:
         # The other family of the bilinear map's lines, from the edge into the cell.
         y, z, v = (
             (1.0 - place) * a + place * b for a, b in ((y3 - y0, y2 - y1), (z3 - z0, z2 - z1), (v3 - v0, v2 - v1))
         )
-        found.append((v - (y * ahead + z * aside) * rise) / (z * ahead - y * aside))
-    return found
+        result.append((v - (y * ahead + z * aside) * rise) / (z * ahead - y * aside))
+    return result
 
 
 def _change(mesh, gradient_in, cell, edge, other, back, place: float) -> np.ndarray:
@@ -250,7 +250,7 @@ def _pieces(mesh: QuadMesh, position: np.ndarray, direction: np.ndarray, ends) -
     if mesh.geometry == "axisymmetric":
         keep = (start[:, 0] > 0.0) | (end[:, 0] > 0.0)
         start, end = start[keep], end[keep]
-    found = []
+    result = []
     for first in range(0, len(position), LINES):
         rows = slice(first, first + LINES)
         cuts = crossings(start, end, mesh.geometry, position[rows], direction[rows])
@@ -264,5 +264,5 @@ def _pieces(mesh: QuadMesh, position: np.ndarray, direction: np.ndarray, ends) -
         middle = 0.5 * (ahead + behind)
         at = position[rows][line] + middle[:, None] * direction[rows][line]
         cell = mesh.locate(local_coordinates(at, mesh.geometry))
-        found.append((first + line, cell, ahead - behind))
-    return tuple(np.concatenate(parts) for parts in zip(*found, strict=True))
+        result.append((first + line, cell, ahead - behind))
+    return tuple(np.concatenate(parts) for parts in zip(*result, strict=True))

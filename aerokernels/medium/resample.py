@@ -117,10 +117,10 @@ def _resample_once(field, low, high, step, interpolation):
         contrast[points.inside] = skin + (skin - ahead) * points.fade
     even = field.geometry == "axisymmetric"
     grid = UniformGrid(contrast.reshape(count), low, step, interpolation, even, field.ambient_index)
-    made, upstream = field.upstream, field.upstream
-    if made is not None and made.group is not None and made.group.field is not None:
-        again = partial(_resampled, made.group.field, step, (low, high), interpolation)
-        upstream = replace(made, group=replace(made.group, field=again))
+    product, upstream = field.upstream, field.upstream
+    if product is not None and product.group is not None and product.group.field is not None:
+        again = partial(_resampled, product.group.field, step, (low, high), interpolation)
+        upstream = replace(product, group=replace(product.group, field=again))
     result = replace(field, samples=grid, resampling=None, upstream=upstream)
     return replace(result, resampling=_measure(field, result, points))
 

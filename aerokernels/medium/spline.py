@@ -50,14 +50,14 @@ def coefficients(
     if interpolation == "cubic":
         return _spline(samples, even_first_axis, value_of, np.empty([count + 2 for count in samples.shape], kind))
     values = value_of(samples)
-    made = values if interpolation == "linear" else _limited_hermite(values, even_first_axis)
-    return np.ascontiguousarray(made, kind)
+    result = values if interpolation == "linear" else _limited_hermite(values, even_first_axis)
+    return np.ascontiguousarray(result, kind)
 
 
-def _spline(samples: np.ndarray, even_first_axis: bool, value_of, made: np.ndarray) -> np.ndarray:
+def _spline(samples: np.ndarray, even_first_axis: bool, value_of, result: np.ndarray) -> np.ndarray:
     """Fill an array with the coefficients of the spline, along the first axis and then along the others, by slabs."""
-    others = samples.shape[1:]
-    inner = made[(slice(None), *(slice(1, -1) for _ in others))]
+    sides = samples.shape[1:]
+    inner = result[(slice(None), *(slice(1, -1) for _ in sides))]
 
     def along_first(part: slice) -> None:
         inner[:, part] = spline_along(value_of(samples[:, part]), 0, even_first_axis)
@@ -66,13 +66,13 @@ def _spline(samples: np.ndarray, even_first_axis: bool, value_of, made: np.ndarr
         values = np.asarray(inner[rows], np.float64)
         for axis in range(1, samples.ndim):
             values = spline_along(values, axis, False)
-        made[rows] = values
+        result[rows] = values
 
-    if not others:
+    if not sides:
         return spline_along(value_of(samples), 0, even_first_axis)
-    in_threads(along_first, slabs(others[0], made.size))
-    in_threads(along_others, slabs(len(made), made.size))
-    return made
+    in_threads(along_first, slabs(sides[0], result.size))
+    in_threads(along_others, slabs(len(result), result.size))
+    return result
 
 
 def end_conditions(count: int, even_start: bool) -> np.ndarray:

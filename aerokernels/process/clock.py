@@ -78,11 +78,11 @@ class stage:
 
 def staged(name: str, items: Iterable[T]) -> Iterator[T]:
     """Yield the items; the time that it takes to find each counts as the named stage."""
-    rest = iter(items)
+    source = iter(items)
     while True:
         with stage(name):
             try:
-                item = next(rest)
+                item = next(source)
             except StopIteration:
                 return
         yield item

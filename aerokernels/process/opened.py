@@ -41,10 +41,13 @@ class Opened(Locked):
 
     def once(self, key: Hashable, make: Callable[[], Any]) -> Any:
         """Return the object under this key, made by `make` at the first call."""
-        with self.lock:
-            if key not in self._held:
-                self._held[key] = make()
+        try:
             return self._held[key]
+        except KeyError:
+            with self.lock:
+                if key not in self._held:
+                    self._held[key] = make()
+                return self._held[key]
 
     def get(self, key: Hashable) -> Any:
         """Return the object under a key; None if there is none."""

@@ -28,7 +28,7 @@ def in_threads(work: Callable[[T], None], pieces: Sequence[T]) -> None:
 
     These are all cores of this process, and in a thread of `in_turn` its share of them.
     """
-    threads = min(own_cores(), len(pieces))
+    threads = 1 if len(pieces) < 2 else min(own_cores(), len(pieces))
     if threads < 2:
         for piece in pieces:
             work(piece)
@@ -39,7 +39,7 @@ def in_threads(work: Callable[[T], None], pieces: Sequence[T]) -> None:
 
 def slabs(count: int, size: int, step: int = 1) -> list[slice]:
     """Divide `count` rows, in all `size` numbers, for `in_threads`, by whole steps: what is made of them is small."""
-    most = min(SLAB, max(LEAST_SLAB, int(SHARE * size) // own_cores()))
+    most = LEAST_SLAB if SHARE * size <= LEAST_SLAB else min(SLAB, max(LEAST_SLAB, int(SHARE * size) // own_cores()))
     rows = max(1, most * count // max(size * step, 1)) * step
     return [slice(first, min(first + rows, count)) for first in range(0, count, rows)]
 

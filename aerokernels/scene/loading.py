@@ -43,8 +43,8 @@ def read_summary(place: Path) -> dict[str, Any]:
     """Return the values of the scene in a run's summary.json, without those that are not set."""
     try:
         text = place.read_text(encoding="utf-8")
-        found = json.loads(text, object_pairs_hook=lambda pairs: {key: one for key, one in pairs if one is not None})
-        return dict(found["scene_values"])
+        result = json.loads(text, object_pairs_hook=lambda pairs: {key: one for key, one in pairs if one is not None})
+        return dict(result["scene_values"])
     except OSError as fault:
         raise SceneError(f"{place}: cannot be read, {fault.strerror}: give the summary.json of a run") from None
     except (ValueError, KeyError, TypeError, RecursionError):
@@ -134,12 +134,12 @@ def override(tables: dict[str, Any], overrides: Mapping[str, Any], label: str) -
 
 def changes_in_words(changes: Mapping[str, Any]) -> str:
     """Return the changes that make another scene, ", with target.distance = 2 m"; how it is computed is left out."""
-    told = [
+    changed = [
         f"{key} = {cut(str(value))}"
         for key, value in changes.items()
         if not (key.startswith("trace.") or key.endswith("ray_count") or key in ("name", "title"))
     ]
-    return f", with {', '.join(told)}" if told else ""
+    return f", with {', '.join(changed)}" if changed else ""
 
 
 def toml_value(text: str) -> Any:
@@ -220,13 +220,13 @@ def _describe(fault: Mapping[str, Any], key: str, value: Any, model: type[BaseMo
         bare = isinstance(value, (int, float)) or (isinstance(value, str) and value[-1:].isdigit())
         hint = f"; a number without a unit is in radians: is it '{value} deg'?" if bare and unit == " rad" else ""
         limit = f"{bound:g}{unit}" + (f" ({math.degrees(bound):.4g} deg)" if unit == " rad" else "")
-        given = cut(repr(value))
+        text = cut(repr(value))
         if unit == " rad" and isinstance(value, str) and value.strip().endswith(("deg", "°")):
             limit = f"{math.degrees(bound):.4g} deg"
         if unit == " rad" and isinstance(value, str) and value.endswith("rad"):
-            given = f"{quantity(value, 'angle'):.6g} rad ({math.degrees(quantity(value, 'angle')):.6g} deg)"
+            text = f"{quantity(value, 'angle'):.6g} rad ({math.degrees(quantity(value, 'angle')):.6g} deg)"
             hint = "; a number without a unit is in radians, and '30 deg' is in degrees"
-        return f"{key} = {given} must be {words} {limit}{hint}"
+        return f"{key} = {text} must be {words} {limit}{hint}"
     if kind in ("tuple_type", "list_type"):
         return f'{key} = {cut(repr(value))}: write a list in brackets, such as ["piston"]'
     text = fault["msg"]

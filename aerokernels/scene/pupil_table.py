@@ -25,12 +25,12 @@ def _point(value: Any, count: int, example: str) -> tuple[float, ...]:
     if not isinstance(value, (list, tuple)) or len(value) != count:
         raise ValueError(f"give {count} lengths in brackets, such as {example}")
     try:
-        found = tuple(quantity(part, "length") for part in value)
+        result = tuple(quantity(part, "length") for part in value)
     except TypeError as fault:
         raise ValueError(str(fault)) from None
-    if any(abs(part) > 1e9 for part in found):
+    if any(abs(part) > 1e9 for part in result):
         raise ValueError("each length must be at most 1e+09 m")
-    return found
+    return result
 
 
 def _center(value: Any) -> tuple[float, ...]:

@@ -12,7 +12,6 @@ from aerokernels.flow import (
     SEA_LEVEL_DENSITY,
     DensityField,
     cone,
-    read,
     shipped,
     shipped_names,
     standard_atmosphere,
@@ -175,11 +174,12 @@ class Scene(Table):
             return cone(float(self.flow.mach or 0.0), float(self.flow.half_angle or 0.0), density=density)
         if source == STATIC:
             return uniform_air(density, body=shipped(shipped_names()[0]).body)
-        field = (
-            shipped(source)
-            if source in shipped_names()
-            else read(Path(source).expanduser(), species=self.flow.species, **self.flow.file.read_options())
-        )
+        if source in shipped_names():
+            field: DensityField = shipped(source)
+        else:
+            from aerokernels.flow import read
+
+            field = read(Path(source).expanduser(), species=self.flow.species, **self.flow.file.read_options())
         try:
             field = field if own else field.scaled(density)
         except ValueError as fault:
@@ -235,12 +235,12 @@ def key_value(key: str, value: Any) -> Any:
 
 def with_units(changes: Mapping[str, Any]) -> dict[str, Any]:
     """Write the SI numbers of quantities as texts such as "0.2 rad", so that an error about a value shows its unit."""
-    found = dict(changes)
+    result = dict(changes)
     for key, value in changes.items():
         unit = key_unit(key)
         if unit != "1" and isinstance(value, (int, float)) and not isinstance(value, bool):
-            found[key] = f"{float(value)!r} {unit}"
-    return found
+            result[key] = f"{float(value)!r} {unit}"
+    return result
 
 
 def _without_none(values: Mapping[str, Any]) -> dict[str, Any]:

@@ -2,8 +2,8 @@
 
 Defaults are written as a user would write them and pass the same checks. The source paper states the wavelength, the
 pulse's peak power, the target's size, reflectivity and distance, and the wind tunnel's conditions. The other defaults
-are choices made here; each key's description explains its own. Beam, target and receiver are in echo_tables.py, the
-detector in detector_table.py.
+are choices made here; each key's description explains its own. The flow's file is in file_table.py; beam, target,
+receiver and detector are in echo_tables.py.
 """
 
 import math
@@ -12,10 +12,12 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
-from aerokernels.flow import gladstone_dale_constant, maximum_cone_angle, refractivity_model, shipped_names
+from aerokernels.flow import maximum_cone_angle, refractivity_model, shipped_names
 from aerokernels.flow.gas import check_density
 from aerokernels.flow.refractivity import RELATIONS, default_relation, index_contrast
+from aerokernels.inputs.checks import check_wavelength
 from aerokernels.inputs.units import quantity
+from aerokernels.scene.file_table import FileTable
 from aerokernels.scene.values import (
     Angle,
     Count,
@@ -24,128 +26,12 @@ from aerokernels.scene.values import (
     GladstoneDale,
     Length,
     Number,
-    Pressure,
     Speed,
     Table,
-    Temperature,
     Time,
     key,
     measured,
 )
-
-
-def _axis(value: str) -> str:
-    from aerokernels.flow.reading.frame import direction
-
-    direction(value, "axis")
-    return value
-
-
-def _length_unit(value: Any) -> str | None:
-    if value is None:
-        return None
-    from aerokernels.flow.reading.read import unit_of_length
-
-    if not isinstance(value, (str, float, int)) or isinstance(value, bool):
-        raise ValueError("give a unit such as 'mm', or a length such as '2.5 mm'")
-    unit_of_length(value)
-    return str(value) if isinstance(value, str) else f"{value} m"
-
-
-def _time(value: Any) -> str | float:
-    if value in ("latest", "first"):
-        return value
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not abs(value) < float("inf"):
-        raise ValueError("give 'latest', 'first' or one of the file's times in seconds")
-    return float(value)
-
-
-Axis = Annotated[str, AfterValidator(_axis)]
-
-
-Place = Annotated[float, Field(ge=-1e12, le=1e12)]
-
-
-class FileTable(Table):
-    """[flow.file]: the meaning of a user's flow file; every key may be left out where the file itself tells."""
-
-    density: str | None = key(None, "Name of the density's array; if absent, usual names are tried.")
-    pressure: str | None = key(None, "Name of the pressure's array; with flow.file.temperature it gives the density.")
-    temperature: str | None = key(
-        None, "Name of the temperature's array; with flow.file.pressure it gives the density."
-    )
-    gas_constant: Number | None = key(
-        None,
-        "Gas constant [J/(kg K)] for the density from both; if absent, the file's or that of dry air.",
-    )
-    optical: Axis | None = key(None, 'The optical axis in the file\'s axes: "-x" looks against a flow along +x.')
-    up: Axis | None = key(None, "Direction of +y in the file's axes, at right angles to the optical axis.")
-    origin: tuple[Place, Place, Place] = key(
-        (0.0, 0.0, 0.0), "The point of the file that becomes the origin, in the file's unit of length."
-    )
-    rotation: Angle = key("0 deg", "Angle about x by which the optical axis is turned toward up.")
-    length_unit: Annotated[str | None, BeforeValidator(_length_unit)] = key(
-        None, "Unit of the file's coordinates; if absent, the unit that the file states, else metres."
-    )
-    reference_density: Density | None = key(None, "Density of the value 1 in a non-dimensional file.")
-    reference_pressure: Pressure | None = key(None, "Pressure of the value 1 in a non-dimensional file.")
-    reference_temperature: Temperature | None = key(None, "Temperature of the value 1 in a non-dimensional file.")
-    reference_length: Length | None = key(None, "Length of the value 1 in a non-dimensional file.")
-    operating_pressure: Pressure | None = key(
-        None, "The pressure to which the file's pressures are relative (gauge pressures); if absent, they are absolute."
-    )
-    time: Annotated[str | float, BeforeValidator(_time)] = key("latest", '"latest", "first" or a time [s].')
-    geometry: Literal["planar", "axisymmetric", "volume"] | None = key(
-        None,
-        '"axisymmetric" for a plane file whose x is the axis and whose y is the radius; if absent, the file tells.',
-    )
-    ambient_density: Density | None = key(None, "Density around the field; if absent, that of the oncoming flow.")
-    walls: tuple[str, ...] | None = key(
-        None, "Names of the boundary patches of the body; if absent, the patches that the file marks as walls."
-    )
-    spacing: Length | None = key(None, "Greatest node spacing of the grid to which a volume is resampled.")
-    mesh: str | None = key(None, "The mesh that belongs to an SU2 restart file.")
-    solution: str | None = key(None, "The solution that belongs to a Plot3D grid.")
-
-    order: str | None = key(
-        None,
-        'The axes of the arrays in an NPZ or HDF5 file, such as "yx" for those of numpy.meshgrid; if absent, lengths '
-        "tell, or else they are taken in the order x, y, z, or r, z, with a warning.",
-    )
-
-    @model_validator(mode="after")
-    def _density_from_one_source(self) -> "FileTable":
-        if (self.pressure is None) != (self.temperature is None):
-            raise ValueError("flow.file.pressure and flow.file.temperature go together: name both arrays")
-        if self.density is not None and self.pressure is not None:
-            raise ValueError(
-                "flow.file.density excludes flow.file.pressure and flow.file.temperature: drop the one or the others"
-            )
-        return self
-
-    def read_options(self) -> dict[str, Any]:
-        """Return the keyword arguments for `flow.read`."""
-        density: Any = self.density
-        if self.pressure is not None:
-            density = {"pressure": self.pressure, "temperature": self.temperature}
-        names = ("density", "pressure", "temperature", "length")
-        reference = {name: getattr(self, f"reference_{name}") for name in names}
-        reference["operating_pressure"] = self.operating_pressure
-        given = {name: value for name, value in reference.items() if value is not None}
-        options = {
-            "density": density,
-            "frame": {"optical": self.optical, "up": self.up, "origin": self.origin, "rotation": self.rotation},
-            "length_unit": self.length_unit,
-            "reference": given or None,
-            "time": self.time,
-            "gas_constant": self.gas_constant,
-            "geometry": self.geometry,
-            "ambient_density": self.ambient_density,
-            "walls": self.walls,
-            "spacing": self.spacing,
-        }
-        companions = {"mesh": self.mesh, "solution": self.solution, "order": self.order}
-        return options | {name: value for name, value in companions.items() if value is not None}
 
 
 class SeriesTable(Table):
@@ -205,7 +91,7 @@ _density.dimension = "density"  # type: ignore[attr-defined]  # read by `values.
 
 
 def _wavelength(value: float) -> float:
-    gladstone_dale_constant(value)
+    check_wavelength(value)
     return value
 
 
@@ -253,17 +139,17 @@ class FlowTable(Table):
     wavelength: Annotated[Length, AfterValidator(_wavelength)] = key(
         "905 nm", "Vacuum wavelength of the laser. The paper's."
     )
-    relation: Literal["paper", "ciddor", "gladstone-dale", "lorentz-lorenz"] = key(
-        "ciddor",
-        'Relation of density to index: "ciddor", for standard dry air, 0.3 to 1.69 um; "paper", linear with the '
-        'paper\'s constant, which is 0.46 % higher at 905 nm; "gladstone-dale", linear, or "lorentz-lorenz", the exact '
+    relation: Literal["auto", "paper", "ciddor", "mathar", "gladstone-dale", "lorentz-lorenz"] = key(
+        "auto",
+        'Relation of density to index: "auto", for standard dry air, is "ciddor" from 0.3 to 1.69 um and "mathar" in '
+        'the infrared windows to 24 um; "paper", linear with the paper\'s constant, which is 0.46 % higher at 905 nm; '
+        '"gladstone-dale", linear, or "lorentz-lorenz", the exact '
         "form, both with the constant gladstone_dale or else the paper's; the two forms differ by 1.3e-8 at sea level. "
         'If gladstone_dale is given, the default is "gladstone-dale", which "paper" with that constant is too.',
     )
     gladstone_dale: Annotated[GladstoneDale, AfterValidator(_constant)] | None = key(
         None, "Gladstone-Dale constant in place of the paper's K(wavelength), such as '2.24e-4 m3/kg'."
     )
-
     interpolation: Literal["bilinear", "conserving"] | None = key(
         None,
         'Interpolation between cell averages on a mesh: "bilinear" interpolates values at the cells\' corners; '
@@ -285,7 +171,7 @@ class FlowTable(Table):
             return data
         relation, given = data.get("relation"), data.get("gladstone_dale") is not None
         chosen = default_relation(given, data.get("species") not in (None, False))
-        is_open = relation is None or (given and relation == "paper")
+        is_open = relation in (None, "auto") or (given and relation == "paper")
         return {**data, "relation": chosen} if is_open and chosen != cls.model_fields["relation"].default else data
 
     @model_validator(mode="before")

@@ -98,10 +98,10 @@ def dimension_of(model: Any, key: str) -> str | None:
 
 def _dimensions(parts: list[Any]) -> list[str]:
     """Collect the dimensions of the validators in an annotation's parts, nested parts included."""
-    found = []
+    result = []
     for part in parts:
         if isinstance(part, BeforeValidator):
-            found += [name for name in [getattr(part.func, "dimension", None)] if name]
+            result += [name for name in [getattr(part.func, "dimension", None)] if name]
         elif typing.get_args(part):
-            found += _dimensions([*typing.get_args(part), *getattr(part, "__metadata__", ())])
-    return found
+            result += _dimensions([*typing.get_args(part), *getattr(part, "__metadata__", ())])
+    return result

@@ -22,8 +22,8 @@ from ..flow import DensityField, Series
 from ..focus.estimate import PreparedStrehl
 from ..focus.ratio import NoRayArrived
 from ..inputs.arguments import Numbers, checked
+from ..inputs.checks import DEFAULT_WAVELENGTH
 from ..inputs.kinds import shown, wrong_kind
-from ..inputs.wavelength import DEFAULT_WAVELENGTH
 from ..medium import IndexField
 from ..pupils import direction_of
 from ..rays import RayBundle

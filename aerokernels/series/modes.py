@@ -74,8 +74,8 @@ def two_point_correlation(maps: np.ndarray, lit: np.ndarray, mean: Any = None) -
     pairs = np.fft.irfft2(np.abs(np.fft.rfft2(lit.astype(float), size)) ** 2, size)
     products = np.fft.irfft2(power / len(flat), size)
     with np.errstate(invalid="ignore", divide="ignore"):
-        found = np.where(pairs > 0.5, products / np.round(pairs), np.nan)
-    shifted = np.fft.fftshift(found)
+        result = np.where(pairs > 0.5, products / np.round(pairs), np.nan)
+    shifted = np.fft.fftshift(result)
     return np.asarray(shifted[1:, 1:])
 
 
@@ -236,9 +236,9 @@ def mean_of(values: np.ndarray) -> Mean:
 
 def about_mean_of(squares: np.ndarray, independent: float) -> Mean:
     """Return the mean of squares about the samples' own mean in time, corrected for it, by its independent samples."""
-    found = mean_of(squares)
-    value, error = _corrected(found.value, found.error, independent)
-    return Mean(float(value), float(error), found.effective_count)
+    result = mean_of(squares)
+    value, error = _corrected(result.value, result.error, independent)
+    return Mean(float(value), float(error), result.effective_count)
 
 
 def deviations_of(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -18,8 +18,7 @@ from ..display.progress import Progress, shows_progress
 from ..flow import GridMesh, Series
 from ..flow.series import mark_of
 from ..inputs.arguments import checked
-from ..inputs.checks import check_choice, check_positive
-from ..inputs.wavelength import DEFAULT_WAVELENGTH, check_wavelength
+from ..inputs.checks import DEFAULT_WAVELENGTH, check_choice, check_positive, check_wavelength
 from ..pupils.base import as_unit_vector
 from ..tracing.plan import PRECISIONS
 from ..tracing.pupil.air import GREATEST_SHARE, PAST_REFUSED, PupilAir, TruncationWarning

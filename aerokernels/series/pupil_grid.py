@@ -40,18 +40,18 @@ class PupilGrid:
     def reader(self, good: np.ndarray, remove: tuple[str, ...], wavelength: float) -> "MapReader":
         """Return a reader of maps of some of the pixels with a weight, `good` of shape (n,)."""
         there = self.spread(good, False)
-        found = MapReader(self.coordinates[good], self.weight[there], remove, wavelength)
+        result = MapReader(self.coordinates[good], self.weight[there], remove, wavelength)
         if three_in_a_row(there):
             weight = np.where(there, self.weight, 0.0)
             parts = FinerPixels(self.x, self.y, self.pixel, weight, self.aperture.coverage)
-            found.finer = parts, MapReader(parts.points, parts.weight, remove, wavelength)
-        return found
+            result.finer = parts, MapReader(parts.points, parts.weight, remove, wavelength)
+        return result
 
     def spread(self, values: np.ndarray, fill: Any = np.nan) -> np.ndarray:
         """Return a map of the values of the pixels with a weight, shape (ny, nx)."""
-        found = np.full(self.weight.shape, fill, dtype=np.asarray(values).dtype)
-        found[self.lit] = values
-        return found
+        result = np.full(self.weight.shape, fill, dtype=np.asarray(values).dtype)
+        result[self.lit] = values
+        return result
 
 
 def pupil_grid(pupil: Any, pixel_count: int, look: np.ndarray | None = None) -> PupilGrid:

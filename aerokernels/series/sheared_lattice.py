@@ -66,8 +66,8 @@ class ShearedLattice:
         self._low, self._size = low, high - low + 1  # the lattice's first line [cells] and its lines, along each axis
         self._values = PlaneValues(places - low, self._size, within, "cubic", False, averages, tuple(sheared))
         first_node = (base - sheared).astype(np.int32)  # from a line's own node, in each plane
-        found = [_parts(first_node, blends, np.asarray(weights), n) for n in (1, 2, 3, 4, 6, 8) if n <= len(weights)]
-        self._parts = min(found, key=_cost)
+        result = [_parts(first_node, blends, np.asarray(weights), n) for n in (1, 2, 3, 4, 6, 8) if n <= len(weights)]
+        self._parts = min(result, key=_cost)
         offsets = np.concatenate([offset for _, offset, _ in self._parts])
         first = np.clip(low + offsets.min(axis=0), -BEYOND, np.add(counts, BEYOND - 1))
         last = np.clip(high + offsets.max(axis=0), -BEYOND, np.add(counts, BEYOND - 1))
@@ -174,7 +174,7 @@ def _beyond(last: np.ndarray, axis: int, numbers: np.ndarray, before: bool) -> n
 def _parts(shift: np.ndarray, blends, weights: np.ndarray, count: int) -> list[tuple[slice, np.ndarray, np.ndarray]]:
     """Return planes, offsets (m, 2) and weights (m, planes) of each part."""
     bounds = np.linspace(0, len(weights), count + 1).round().astype(int)
-    found = []
+    result = []
     for begin, end in pairwise(bounds):
         planes = slice(int(begin), int(end))
         along = [shift[planes, a, None] + np.arange(blends[a].shape[1]) for a in range(2)]
@@ -184,8 +184,8 @@ def _parts(shift: np.ndarray, blends, weights: np.ndarray, count: int) -> list[t
         matrix = np.zeros((len(offsets), end - begin))
         plane = np.repeat(np.arange(end - begin), share[0].size)
         np.add.at(matrix, (which.ravel(), plane), share.ravel())
-        found.append((planes, offsets, matrix))
-    return found
+        result.append((planes, offsets, matrix))
+    return result
 
 
 def _cost(parts: list[tuple[slice, np.ndarray, np.ndarray]]) -> float:
@@ -273,10 +273,10 @@ class PlaneValues:
 
     def __call__(self, plane: np.ndarray) -> np.ndarray:
         """Return values at the points, shape (n,), float64."""
-        found = np.asarray(plane, np.float64)
+        result = np.asarray(plane, np.float64)
         for axis, one in enumerate(self._maps):
-            found = one @ found if axis == 0 else (one @ np.ascontiguousarray(found.T)).T
-        values = self._rows @ found.ravel() if self._index is None else np.take(found, self._index)
+            result = one @ result if axis == 0 else (one @ np.ascontiguousarray(result.T)).T
+        values = self._rows @ result.ravel() if self._index is None else np.take(result, self._index)
         return np.where(self._within, values, 0.0)
 
 

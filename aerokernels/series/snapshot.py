@@ -25,7 +25,7 @@ from aerokernels.medium.refined import has_seam
 from aerokernels.rays import Pupil, RayBundle
 from aerokernels.series.line_integrals import LineIntegrals, MeshIntegrals, NotLinearError
 from aerokernels.series.pupil_grid import MapReader, PupilGrid
-from aerokernels.tracing import Plane
+from aerokernels.tracing import Plane, TraceResult
 from aerokernels.tracing.cuts import lost
 from aerokernels.tracing.engines.choice import choose_backend
 from aerokernels.tracing.plan import TracePlan
@@ -161,14 +161,14 @@ class Snapshots:
         grown = max(1.0, slope / self._measured_slope) if self._measured_slope > 0.0 else 1.0
         tolerance = self.settings.tolerance * self.settings.wavelength
         if self.settings.method == "auto" and self._measured * grown > tolerance:
-            found = self._traced(self.settings.index_field(self.series.field(stored, number)))
-            return replace(found, slope=slope, probe=probe)
+            result = self._traced(self.settings.index_field(self.series.field(stored, number)))
+            return replace(result, slope=slope, probe=probe)
         varied = partial(self._varied, stored, number, opd, valid, rows)
         return SnapshotResult(opd, valid, False, slope, varied, probe)
 
-    def errors(self, found: SnapshotResult) -> dict[str, float]:
+    def errors(self, result: SnapshotResult) -> dict[str, float]:
         """Return the errors of a snapshot's numbers and of its optical path differences, without that of the pixels."""
-        varied = found.varied()
+        varied = result.varied()
         axes = np.linalg.pinv(np.stack(self.grid.aperture.axes))
         points = np.empty((0, 2)) if varied is None else (varied.start - self.grid.pupil.center) @ axes
         return map_errors(varied, points, self.settings.wavelength, self.remove)
@@ -194,9 +194,9 @@ class Snapshots:
 
     def _slope(self, opd: np.ndarray, valid: np.ndarray) -> float:
         """Return the mean square of the slopes of a wavefront, from neighbouring pixels."""
-        found = self.grid.spread(np.where(valid, opd, np.nan))
+        result = self.grid.spread(np.where(valid, opd, np.nan))
         pixel = float(self.grid.x[1] - self.grid.x[0]) if len(self.grid.x) > 1 else 1.0
-        squares = [np.diff(found, axis=axis) ** 2 for axis in (0, 1)]
+        squares = [np.diff(result, axis=axis) ** 2 for axis in (0, 1)]
         means = [float(np.nanmean(one)) if np.isfinite(one).any() else 0.0 for one in squares]
         return sum(means) / pixel**2
 
@@ -232,17 +232,21 @@ class Snapshots:
     def _bent(self, stored: Any, number: int, rows: np.ndarray) -> np.ndarray:
         """Return the optical path differences of some rays, which may bend [m]; NaN where a ray failed."""
         field = self.settings.index_field(self.series.field(stored, number))
+        return self._opd(field, self._rays(rows), PROBE_TOLERANCE)[0]
+
+    def _opd(self, field: IndexField, rays: RayBundle, share: float = 1.0) -> tuple[np.ndarray, TraceResult]:
+        """Trace rays to a share of the tolerance: their optical path differences [m], NaN where a ray failed."""
         traced = trace(
             field,
-            self._rays(rows),
+            rays,
             until=plane_beyond(field, self.grid.pupil, self.settings.direction),
-            tolerance=PROBE_TOLERANCE * self.settings.tolerance,
+            tolerance=share * self.settings.tolerance,
             wavelength=self.settings.wavelength,
             outputs=("opd",),
             **self.settings.trace_options,
         )
         assert traced.opd is not None
-        return np.where(traced.ok, traced.opd, np.nan)
+        return np.where(traced.ok, traced.opd, np.nan), traced
 
     def _rms(self, values: np.ndarray, rows: np.ndarray) -> float:
         """Return the root mean square over those of some rays that came through, terms removed [m]; inf without any."""
@@ -254,18 +258,8 @@ class Snapshots:
 
     def _traced(self, field: IndexField) -> SnapshotResult:
         rays = replace(self._rays(slice(None)), weight=self.grid.weight[self.grid.lit])
-        traced = trace(
-            field,
-            rays,
-            until=plane_beyond(field, self.grid.pupil, self.settings.direction),
-            tolerance=self.settings.tolerance,
-            wavelength=self.settings.wavelength,
-            outputs=("opd",),
-            **self.settings.trace_options,
-        )
-        assert traced.opd is not None
-        reached = np.isfinite(traced.opd) & traced.ok
-        opd = np.where(reached, traced.opd, np.nan)
+        opd, traced = self._opd(field, rays)
+        reached = np.isfinite(opd)
         return SnapshotResult(opd, reached, True, self._slope(opd, reached), lambda: traced.variants)
 
 
@@ -276,15 +270,15 @@ LEAST_STEP = 128
 
 
 def map_errors(
-    found: Variants | None, points: np.ndarray, wavelength: float, remove: tuple[str, ...]
+    result: Variants | None, points: np.ndarray, wavelength: float, remove: tuple[str, ...]
 ) -> dict[str, float]:
     """Return the errors of WRONG, by some rays at `points` across the look direction [m]; NaN where none is known."""
-    if found is None:
+    if result is None:
         return dict.fromkeys(WRONG, float("nan"))
-    reader = MapReader(points, found.weight, remove, wavelength)
-    by_cause = errors(lambda rays: reader(rays.opd).numbers, found)
+    reader = MapReader(points, result.weight, remove, wavelength)
+    by_cause = errors(lambda rays: reader(rays.opd).numbers, result)
     totals = [combine({cause: error[k] for cause, error in by_cause.items()})["total"] for k in range(len(NAMES))]
-    of_opd = of_a_ray(lambda rays: reader(rays.opd).opd, found)["total"]
+    of_opd = of_a_ray(lambda rays: reader(rays.opd).opd, result)["total"]
     return {**dict(zip(NAMES, totals, strict=True)), "error": of_opd}
 
 

@@ -49,9 +49,9 @@ class Table:
 
 def spread_map(values: np.ndarray, lit: np.ndarray) -> np.ndarray:
     """Return a map of the values of lit pixels, NaN elsewhere."""
-    found = np.full(lit.shape, np.nan)
-    found[lit] = values
-    return found
+    result = np.full(lit.shape, np.nan)
+    result[lit] = values
+    return result
 
 
 def terms_of(dataset: Any) -> tuple[str, ...]:
@@ -61,8 +61,8 @@ def terms_of(dataset: Any) -> tuple[str, ...]:
 
 def in_time(dataset: Any, *names: str) -> np.ndarray:
     """Return numbers of each snapshot, shape (t, n); `dataset.where(...)` repeats them in all pixels that it keeps."""
-    found = [dataset[name] for name in names]
-    return np.stack([one.max([axis for axis in one.dims if axis != "time"]).values for one in found], axis=1)
+    result = [dataset[name] for name in names]
+    return np.stack([one.max([axis for axis in one.dims if axis != "time"]).values for one in result], axis=1)
 
 
 def pupil_width(x: np.ndarray, y: np.ndarray) -> float:
@@ -108,9 +108,9 @@ def add_apertures(table, coordinates, opd, points, weight, wavelength, apertures
             rows.append([math.nan] * 4)
             continue
         reader = MapReader(points[inside], shares[inside], ("piston", "tilt"), wavelength)
-        found = [reader(one[inside]) for one in opd]
-        rms = root_of(mean_of(np.array([one.rms_without_tilt**2 for one in found])))
-        ratio = mean_of(np.array([one.strehl for one in found]))
+        result = [reader(one[inside]) for one in opd]
+        rms = root_of(mean_of(np.array([one.rms_without_tilt**2 for one in result])))
+        ratio = mean_of(np.array([one.strehl for one in result]))
         rows.append([rms.value, rms.error, ratio.value, ratio.error])
     values = np.array(rows).reshape(len(asked), 4)
     described = "over a round part of the pupil, its mean and tilt removed"
@@ -158,33 +158,33 @@ def add_correlation(table, coordinates, opd, lit, x, y) -> None:
     """Add the two-point correlation and its lengths, with errors from the differences of parts of the series."""
     if len(opd) < 2:
         return
-    found = two_point_correlation(opd, lit)
-    middle = tuple(size // 2 for size in found.shape)
+    result = two_point_correlation(opd, lit)
+    middle = tuple(size // 2 for size in result.shape)
     steps = [float(axis[1] - axis[0]) if len(axis) > 1 else 1.0 for axis in (y, x)]
     blocks = min(BLOCKS, len(opd) // 2)
     # About the mean of the whole series: a part's own mean would remove slow fluctuations, and with them the spread.
     left = about_mean(opd)
     parts = [two_point_correlation(part, lit, 0.0) for part in np.array_split(left, blocks)] if blocks >= 4 else []
-    power = found[middle]
-    ratio = found / power if power > 0.0 else np.full(found.shape, np.nan)
+    power = result[middle]
+    ratio = result / power if power > 0.0 else np.full(result.shape, np.nan)
     differences = [(part - ratio * part[middle]) / power for part in parts] if power > 0.0 else []
     # Neighbouring parts are correlated, so that their spread is too small: scale it by the ratio for the mean square.
     by_parts = _error_by_parts([part[middle] for part in parts]) if parts else 0.0
     more = max(1.0, mean_of(np.mean(left**2, axis=1)).error / by_parts) if by_parts > 0.0 else 1.0
     more *= student_share(blocks)
-    error = more * _error_by_parts(differences) if differences else np.full(found.shape, np.nan)
+    error = more * _error_by_parts(differences) if differences else np.full(result.shape, np.nan)
     table.array("correlation", ("lag_y", "lag_x"), ratio, error, "1", "correlation of unsteady opd at two points")
     lines = {"y": (slice(middle[0], None), middle[1]), "x": (middle[0], slice(middle[1], None))}
     for axis, step in zip("yx", steps, strict=True):
         line = lines[axis]
-        value = integral_length(found[line], step)
+        value = integral_length(result[line], step)
         # Leaving out one part at a time shows where the first zero may jump, which no linear estimate does.
-        without = [integral_length((found - part / blocks)[line], step) for part in parts]
+        without = [integral_length((result - part / blocks)[line], step) for part in parts]
         off = float(more * (blocks - 1) * _error_by_parts(without)) if parts else math.nan
         words = f"correlation length along {axis}, integral to the first zero"
         table.number(f"correlation_length_{axis}", Mean(value, off, float(len(parts))), "m", words)
-    coordinates["lag_y"] = steps[0] * (np.arange(found.shape[0]) - middle[0])
-    coordinates["lag_x"] = steps[1] * (np.arange(found.shape[1]) - middle[1])
+    coordinates["lag_y"] = steps[0] * (np.arange(result.shape[0]) - middle[0])
+    coordinates["lag_x"] = steps[1] * (np.arange(result.shape[1]) - middle[1])
 
 
 def _error_by_parts(values: list) -> np.ndarray:

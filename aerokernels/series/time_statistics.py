@@ -14,8 +14,7 @@ from aerokernels.inputs.units import unit_of
 from aerokernels.series.statistic_parts import add_model_errors, few_independent, lost_pixels, uneven_times
 
 from ..inputs.arguments import checked, seconds
-from ..inputs.checks import check_count, check_positive
-from ..inputs.wavelength import DEFAULT_WAVELENGTH, check_wavelength
+from ..inputs.checks import DEFAULT_WAVELENGTH, check_count, check_positive, check_wavelength
 from ..wavefronts import weighted_mean
 from .modes import Mean, about_mean_of, deviations_of, mean_of, orthogonal_modes, root_of, standard_errors
 from .pupil_grid import MapReader

@@ -4,8 +4,7 @@ from .engines.choice import available_backends
 from .engines.info import BackendInfo
 from .plan import TraceOptions
 from .result import TraceResult
-from .status import RayStatus
-from .stop import ArcLength, Plane
+from .stop import ArcLength, Plane, RayStatus
 from .trace import trace
 
 __all__ = [

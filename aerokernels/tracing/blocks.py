@@ -3,7 +3,7 @@
 Adjacent blocks share the nodes between them; along an axis the last node is repeated until the last block is whole.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 
@@ -77,28 +77,28 @@ def axis_back(values: np.ndarray, axis: int) -> np.ndarray:
 
 def greatest_of_neighbors(values: np.ndarray, count: int, axis: int) -> np.ndarray:
     """The greatest of each run of `count` entries along an axis; of all entries where there are fewer."""
-    return axis_back(_greatest_of_runs(axis_first(values, axis), min(count, values.shape[axis])), axis)
+    further = min(count, values.shape[axis]) - 1
+    high = further * np.eye(values.ndim, dtype=int)[axis]
+    return _along(greatest_around(values, 0 * high, high), axis, slice(values.shape[axis] - further))
 
 
-def _greatest_of_runs(values: np.ndarray, width: int) -> np.ndarray:
-    """The greatest of each run of `width` entries along the first axis, by runs of 2, 4, 8 ... entries."""
-    wide = 1
-    while wide < width:
-        further = min(wide, width - wide)
-        values = np.maximum(values[:-further], values[further:])
-        wide += further
+def greatest_around(values: np.ndarray, low: Sequence[int], high: Sequence[int]) -> np.ndarray:
+    """For each entry the greatest at offsets from `low` to `high` along each axis; beyond the ends there are zeros."""
+    for axis, (first, last) in enumerate(zip(low, high, strict=True)):
+        if first == last == 0:
+            continue
+        count, others = values.shape[axis], [*range(axis), *range(axis + 1, values.ndim)]
+        first, last = max(-count, min(int(first), count)), max(-count, min(int(last), count))
+        before, behind, width, wide = max(-first, 0), max(last, 0), last - first + 1, 1
+        moved = values.transpose(axis, *others)
+        found = np.zeros((before + count + behind, *moved.shape[1:]), values.dtype)
+        found[before : before + count] = moved
+        while wide < width:  # runs of 2, 4, 8 ... entries
+            further = min(wide, width - wide)
+            found = np.maximum(found[:-further], found[further:])
+            wide += further
+        values = found[before + first :][:count].transpose(*range(1, axis + 1), 0, *range(axis + 1, values.ndim))
     return values
-
-
-def greatest_around(values: np.ndarray, low: int, high: int, axis: int) -> np.ndarray:
-    """For each entry the greatest at offsets from `low` to `high` along an axis; beyond the ends there are zeros."""
-    count = values.shape[axis]
-    low, high = max(-count, min(low, count)), max(-count, min(high, count))
-    before, behind, width = max(-low, 0), max(high, 0), high - low + 1
-    moved = axis_first(values, axis)
-    found = np.zeros((before + count + behind, *moved.shape[1:]), values.dtype)
-    found[before : before + count] = moved
-    return axis_back(_greatest_of_runs(found, width)[before + low :][:count], axis)
 
 
 def over_lines(values: np.ndarray, reduce: np.ufunc) -> list[np.ndarray]:

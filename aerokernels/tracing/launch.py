@@ -19,11 +19,11 @@ from ..medium import IndexField
 from ..process.clock import stage, staged
 from ..rays import RayBundle
 from .engines import OUTPUT_TYPES, Engine, Prepared, engine_of
-from .engines.device_memory import lacks_memory, memory_of
+from .engines.info import lacks_memory, memory_of
 from .error_limit import error_limit
 from .grid_tables import prepare_once
 from .plan import TracePlan
-from .status import RayStatus, reached
+from .stop import RayStatus, reached
 
 # Kernel arguments: an array on the host, or one on its device.
 Numbers = np.ndarray | DeviceArray

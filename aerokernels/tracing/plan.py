@@ -1,6 +1,7 @@
 """The plan of a trace: the choices and the reasons in words. This module holds data only; planning.py makes plans."""
 
 from dataclasses import asdict, dataclass, field
+from functools import cached_property
 from typing import TypedDict
 
 from aerokernels.tracing.tasks.unresolved import Sampling
@@ -127,17 +128,17 @@ class TracePlan:
     predicted_error: float | None = None  # OPD error of a pilot bundle, or the tolerance [waves]
     bundle: BundleCounts | None = None  # None where each ray was traced
 
-    @property
+    @cached_property
     def controls_error(self) -> bool:
         """Whether the method itself keeps rays within the tolerance, or marks those that are not."""
         return self.method not in ("fixed", "paper")
 
-    @property
+    @cached_property
     def looks_up_cubes(self) -> bool:
         """Whether this trace evaluates polynomials of cubes; in float64 such a plan evaluates the spline."""
         return self.cubes and self.sample_count > 0 and self.precision == "float32"
 
-    @property
+    @cached_property
     def compiled_method(self) -> str:
         """The method that kernels are compiled for: leapfrog uses those of "straight"."""
         return "straight" if self.method == LEAPFROG else self.method

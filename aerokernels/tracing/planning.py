@@ -15,7 +15,7 @@ from ..medium import IndexField
 from ..rays import RayBundle
 from .engines import engine_of
 from .engines.choice import choose_backend
-from .engines.device_memory import memory_of
+from .engines.info import memory_of
 from .error_limit import error_limit
 from .grid_tables import prepare_once
 from .launch import launch

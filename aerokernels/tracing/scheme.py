@@ -1,6 +1,6 @@
 """The constants of the tracing scheme besides the Runge-Kutta pair of tableau.py: one source for every backend.
 
-Warp imports them; OpenCL reads them from constants.h, which opencl/headers.py generates, in the kernel's precision but
+Warp imports them; OpenCL reads them from constants.h, which opencl/program.py generates, in the kernel's precision but
 for those that it lists as double. Numbers that depend on the precision are mappings from its name.
 """
 

@@ -6,7 +6,6 @@ on a path of length L, with the greatest fourth derivative G of the potential an
 that a ray can meet within H. Along a direction u of a structure with one normal, G is (sum |u_i| G_i^(1/4))^4.
 """
 
-import math
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -102,9 +101,9 @@ def step_bound(grid: UniformGrid, geometry: str, budget: float, cone: Cone) -> S
     near, far, is_kinked = 0.0, least, bool(kink.any())
     while near < extent:
         low, high = _window(near, far, size, way, cone)
-        np.maximum(seen, _greatest(smooth, low, high), out=seen)
+        np.maximum(seen, greatest_around(smooth, low, high), out=seen)
         if is_kinked:
-            np.maximum(seen_kink, _greatest(kink, low, high), out=seen_kink)
+            np.maximum(seen_kink, greatest_around(kink, low, high), out=seen_kink)
         with np.errstate(divide="ignore", over="ignore"):
             # The error constant of a rule that is exact for cubics, with room for knots anywhere in the step.
             bound = np.divide(SHARE * rate, (1.0 / 720.0) * seen) ** 0.25
@@ -163,7 +162,7 @@ def _window(near: float, far: float, size: np.ndarray, way: np.ndarray, cone: Co
 def block_size(grid: UniformGrid) -> int:
     """Cells in a block along each axis."""
     block = BLOCK
-    while math.prod([-(-(count - 1) // block) for count in grid.shape]) > BLOCK_COUNT_LIMIT:
+    while np.prod((np.array(grid.shape) - 2) // block + 1, dtype=np.float64) > BLOCK_COUNT_LIMIT:
         block *= 2
     return block
 
@@ -210,13 +209,6 @@ def _continued(values: np.ndarray, count: int) -> np.ndarray:
         made = np.concatenate([before, made])
         ahead = np.concatenate([before, ahead]) if len(made) < count else ahead
     return made
-
-
-def _greatest(values: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """Greatest value at offsets from `low` to `high` blocks along each axis; beyond the field the values are zero."""
-    for axis in range(values.ndim):
-        values = greatest_around(values, int(low[axis]), int(high[axis]), axis)
-    return values
 
 
 OVERHEAD = 1.5

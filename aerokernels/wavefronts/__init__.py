@@ -1,8 +1,8 @@
 """Wavefronts over a pupil: fitted terms, Zernike modes, point spread and transfer functions, exchange formats."""
 
-from importlib import import_module
 from typing import TYPE_CHECKING
 
+from .. import attributes_of
 from .terms import (
     TERMS,
     TiltFit,
@@ -51,9 +51,4 @@ _MODULE_OF = {
     "wavefront": "traced",
 }
 
-
-def __getattr__(name: str):
-    """Import a public name from its module."""
-    if name not in _MODULE_OF:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f".{_MODULE_OF[name]}", __name__), name)
+__getattr__ = attributes_of(__name__, _MODULE_OF)

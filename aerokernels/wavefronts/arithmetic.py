@@ -78,23 +78,23 @@ def shared(one: W, other: W) -> tuple[W, W]:
     alike = alike and (any(look is None for look in looks) or np.allclose(*looks))
     if not (alike and np.allclose(one.weight[both], other.weight[both], rtol=1e-9)):
         raise ValueError("the wavefronts are of different pupils or look directions: make both with the same pupil")
-    found = []
+    result = []
     for wave in (one, other):
         weight, intensity = np.where(both, [wave.weight, np.asarray(wave.intensity)], 0.0)
         blocked = 1.0 - (1.0 - wave.blocked) * weight.sum() / wave.weight.sum()
-        found.append(replace(wave, weight=weight, intensity=intensity, blocked=blocked))
-    return found[0], found[1]
+        result.append(replace(wave, weight=weight, intensity=intensity, blocked=blocked))
+    return result[0], result[1]
 
 
 def _scaled(varied: Any, factor: float) -> Variants | None:
-    found = varied()
-    if found is None:
+    result = varied()
+    if result is None:
         return None
     causes = {
         name: Cause(*(tuple(one * factor for one in some) for some in (cause.known, cause.like, cause.draws)))
-        for name, cause in found.causes.items()
+        for name, cause in result.causes.items()
     }
-    return replace(found, base=found.base * factor, causes=causes)
+    return replace(result, base=result.base * factor, causes=causes)
 
 
 def _joined(waves: tuple[W, ...], factors: tuple[float, ...], join: Any) -> ErrorBudget:

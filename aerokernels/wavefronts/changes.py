@@ -49,10 +49,10 @@ def changes_of(wave: Any) -> Changes | None:
     from scipy.spatial import cKDTree
 
     if wave.varied is not None:
-        found = wave.varied()
-        if found is None:
+        result = wave.varied()
+        if result is None:
             return None
-        points = (found.start - wave.pupil.center) @ np.linalg.pinv(np.stack(wave.aperture.axes, axis=1)).T
+        points = (result.start - wave.pupil.center) @ np.linalg.pinv(np.stack(wave.aperture.axes, axis=1)).T
     else:
         sizes = known_errors(wave)
         if sizes is None:
@@ -61,18 +61,18 @@ def changes_of(wave: Any) -> Changes | None:
         points, sizes = wave.points[some], sizes[some]
         draws = smooth_draws(points, wave.radius, 1.0 / FACTOR) if sizes.any() else ()
         draws = tuple(one * sizes for one in draws)
-        found = Variants(points, points, points, Rays.still(len(points)), {"interpolation": Cause(draws=draws)})
+        result = Variants(points, points, points, Rays.still(len(points)), {"interpolation": Cause(draws=draws)})
     own = cKDTree(wave.points).query(points)[1]
     opd, weight = (values[own] for values in wave.samples)
-    found = replace(found, weight=weight / weight.sum(), base=replace(found.base, opd=opd))
+    result = replace(result, weight=weight / weight.sum(), base=replace(result.base, opd=opd))
     size = {
         name: float(np.max([one.opd.std() for one in (*cause.known, *cause.like, *cause.draws)], initial=0.0))
-        for name, cause in found.causes.items()
+        for name, cause in result.causes.items()
     }
     least = LEAST * max(size.values(), default=0.0)
-    causes = {name: cause for name, cause in found.causes.items() if not size[name] <= least}
+    causes = {name: cause for name, cause in result.causes.items() if not size[name] <= least}
     nearest = cKDTree(points).query(wave.points)[1]
-    return Changes(points, found, nearest, replace(found, causes=causes))
+    return Changes(points, result, nearest, replace(result, causes=causes))
 
 
 def known_errors(wave: Any) -> np.ndarray | None:
@@ -134,9 +134,9 @@ def of_samples(wave: Any) -> np.ndarray:
         return numbers(replace(rays, opd=flat))[[0, 2, 3, 4]]
 
     pixels = of_pixels(wave, lambda one: np.array([one.strehl(), one.rms, *one.tilt]))
-    found = np.hypot(_total(number, changes), pixels)
-    found[2:][np.ptp(wave.points, axis=0) == 0.0] = np.nan  # a line has no slope across it
-    return np.asarray(found)
+    result = np.hypot(_total(number, changes), pixels)
+    result[2:][np.ptp(wave.points, axis=0) == 0.0] = np.nan  # a line has no slope across it
+    return np.asarray(result)
 
 
 def of_opd(wave: Any):
@@ -184,10 +184,10 @@ def of_extremes(wave: Any) -> float:
 
 def finer(wave: Any) -> Any:
     """Return a wavefront on pixels of a third of the side, with the removed terms fitted and removed again."""
-    found = values_of_parts(np.where(wave.lit, wave.opd, 0.0), wave.lit)
+    result = values_of_parts(np.where(wave.lit, wave.opd, 0.0), wave.lit)
     weight, intensity = _divided(wave, wave.weight, 1), _divided(wave, wave.intensity, 2)
     intensity = np.maximum(intensity, weight**2)
-    fine = replace(wave, opd=found, weight=weight, intensity=intensity, pixel=wave.pixel / PARTS, error_map=None)
+    fine = replace(wave, opd=result, weight=weight, intensity=intensity, pixel=wave.pixel / PARTS, error_map=None)
     return without_named(fine, wave.removed)
 
 

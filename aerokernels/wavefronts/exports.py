@@ -8,7 +8,7 @@ from dataclasses import fields
 from functools import partial
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import numpy as np
 
@@ -16,89 +16,13 @@ from ..display.quantities import ErrorBudget
 from ..files.writing import replacing
 from ..inputs.arguments import checked
 from ..inputs.checks import check_choice
-from ..process.foreign_files import fault_text
 from ..pupils import Annulus, Disc, Mask, Polygon, Pupil, Rectangle
 from .point_spread import complex_amplitude
 
 if TYPE_CHECKING:
     import xarray
 
-# The units of an OPD in a FITS file [m].
-FITS_UNITS = {"meter": 1.0, "m": 1.0, "micron": 1e-6, "um": 1e-6, "nanometer": 1e-9, "nm": 1e-9}
-
-
-@checked
-def to_fits(wavefront: Any, path: str | Path) -> tuple[Path, Path]:
-    """Write the OPD [m], in poppy's sign, and the amplitude, which `Wavefront.read` reads again; return both paths.
-
-    Rows are along y and columns along x, both ascending: FITS' first axis is x, and its first pixel at the lowest x
-    and y. The first file has the errors of the pixels [m] as its extension ERROR, the second their INTENSITY.
-
-    Raises:
-        ModuleNotFoundError: astropy is not installed.
-        ValueError: The path is a folder, or its folder does not exist.
-        OutputError: The disk is full; earlier files are as they were.
-    """
-    path = Path(path)
-    fits = package("astropy.io.fits")
-    amplitude = path.with_name(f"{path.stem}_amplitude{path.suffix}")
-    with replacing(path, amplitude) as drafts:
-        maps = (
-            ("OPD", poppy_opd(wavefront), "ERROR", wavefront.pixel_errors),
-            ("AMPLITUD", np.array(wavefront.weight), "INTENSITY", np.array(wavefront.intensity)),
-        )
-        for draft, (kind, array, name, beside) in zip(drafts, maps, strict=True):
-            header = fits.Header()
-            header["PIXELSCL"] = (wavefront.pixel, "[m/pixel]")
-            header["PUPLSCAL"] = (wavefront.pixel, "[m/pixel]")
-            if kind == "OPD":
-                header["BUNIT"] = "meter"
-            header["CONTENT"] = (kind, "what the pixels hold")
-            header["WAVELEN"] = (wavefront.wavelength, "[m] vacuum wavelength")
-            header["OPDSIGN"] = ("NEGATIVE", "where light is delayed (poppy's sign)")
-            header["ZRADIUS"] = (wavefront.radius, "[m] unit disc of Zernike polynomials")
-            parts = [fits.PrimaryHDU(array, header), fits.ImageHDU(beside, name=name)]
-            fits.HDUList(parts).writeto(draft, overwrite=True)
-    return path, amplitude
-
-
-def from_fits(path: Path, wavelength: float | None) -> dict[str, Any]:
-    """Return the attributes of the wavefront of a FITS file by name; see `Wavefront.read`."""
-    fits = package("astropy.io.fits")
-    amplitude = path.with_name(f"{path.stem}_amplitude{path.suffix}")
-    try:
-        with fits.open(path, memmap=False) as parts:
-            header = dict(parts[0].header)
-            opd = np.array(parts[0].data, dtype=np.float64)
-            error = np.array(parts["ERROR"].data, dtype=np.float64) if "ERROR" in parts else None
-        weight, found = np.isfinite(opd).astype(float), {}
-        if amplitude.exists():
-            with fits.open(amplitude, memmap=False) as parts:
-                weight = np.array(parts[0].data, dtype=np.float64)
-                if "INTENSITY" in parts:
-                    found["intensity"] = np.array(parts["INTENSITY"].data, dtype=np.float64)
-    except (OSError, TypeError, ValueError) as fault:
-        raise ValueError(f"{path}: no FITS file of a map: {fault_text(fault)}") from fault
-    sides = [float(header[name]) for name in ("PUPLSCAL", "PIXELSCL") if name in header]
-    unit = str(header.get("BUNIT", "not stated")).strip().lower()
-    if not sides or unit not in FITS_UNITS:
-        raise ValueError(
-            f"{path}: the header must state the side of a pixel, PIXELSCL [m/pixel], and the unit of the OPD, BUNIT, "
-            f"among {', '.join(FITS_UNITS)}; its BUNIT is {unit!r}"
-        )
-    if "WAVELEN" not in header and wavelength is None:
-        raise ValueError(f"{path}: the header has no WAVELEN: give the wavelength [m], such as wavelength=905e-9")
-    sign = 1.0 if str(header.get("OPDSIGN", "NEGATIVE")).strip().upper() == "POSITIVE" else -1.0
-    if error is not None and np.isfinite(error[weight > 0.0]).all():
-        found["error_map"] = np.nan_to_num(error)
-    return {
-        "opd": sign * FITS_UNITS[unit] * opd + 0.0,
-        "weight": weight,
-        "pixel": sides[0],
-        "wavelength": float(header["WAVELEN"]) if wavelength is None else wavelength,
-        "radius": float(header["ZRADIUS"]) if "ZRADIUS" in header else None,
-        **found,
-    }
+W = TypeVar("W", bound=Any)  # Wavefront, whose methods these are
 
 
 def to_hcipy(wavefront: Any):
@@ -226,8 +150,8 @@ def to_xarray(wavefront: Any) -> "xarray.Dataset":
     return xarray.Dataset(variables, coordinates, {**attributes, **numbers})
 
 
-def from_xarray(dataset) -> dict[str, Any]:
-    """Return the attributes of the wavefront by name."""
+def from_xarray(cls: type[W], dataset) -> W:
+    """Make the wavefront of a dataset of `to_xarray`, or of one read from its NetCDF file."""
     if not hasattr(dataset, "attrs") or not hasattr(dataset, "data_vars"):
         raise TypeError(f"dataset must be an xarray.Dataset, as `to_xarray` makes one, got {type(dataset).__name__}")
     lost = [name for name in ("opd", "weight") if name not in dataset] + [
@@ -249,14 +173,14 @@ def from_xarray(dataset) -> dict[str, Any]:
     known = _map(dataset, "opd_error") if "opd_error" in dataset else None
     if known is not None and np.isfinite(known[maps["weight"] > 0.0]).all():
         maps["error_map"] = np.nan_to_num(known)
-    return {
+    return cls(
         **maps,
         **numbers,
-        "removed": tuple(str(attributes.get("removed", "")).split()),
-        "direction": _numbers(attributes, "direction", (3,)) if "direction" in attributes else None,
-        "pupil": _pupil(dataset),
-        "budget": partial(ErrorBudget, total=error) if np.isfinite(error) else None,
-    }
+        removed=tuple(str(attributes.get("removed", "")).split()),
+        direction=_numbers(attributes, "direction", (3,)) if "direction" in attributes else None,
+        pupil=_pupil(dataset),
+        budget=partial(ErrorBudget, total=error) if np.isfinite(error) else None,
+    )
 
 
 def _pupil_numbers(pupil: Pupil | None) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -279,15 +203,15 @@ def _pupil(dataset) -> Pupil | None:
     kind = PUPILS.get(str(dataset.attrs.get("pupil")))
     if kind is None:
         return None
-    found = {}
+    result = {}
     for field in fields(kind):
         name = f"pupil_{field.name}"
         if name not in dataset and name not in dataset.attrs:
             return None
-        found[field.name] = np.asarray(dataset[name] if name in dataset else dataset.attrs[name])
-        if found[field.name].ndim < 2 and found[field.name].size == 1:  # files turn single numbers into arrays
-            found[field.name] = found[field.name].item()
-    return kind(**found)
+        result[field.name] = np.asarray(dataset[name] if name in dataset else dataset.attrs[name])
+        if result[field.name].ndim < 2 and result[field.name].size == 1:  # files turn single numbers into arrays
+            result[field.name] = result[field.name].item()
+    return kind(**result)
 
 
 def _map(dataset, name: str) -> np.ndarray:
@@ -304,10 +228,10 @@ def _check_coordinates(dataset, shape: tuple[int, ...], pixel: float) -> None:
     for name, count in zip(("y", "x"), shape, strict=True):
         if name not in dataset.coords:
             continue
-        found, expected = np.asarray(dataset[name]), pixel * (np.arange(count) - 0.5 * (count - 1))
+        result, expected = np.asarray(dataset[name]), pixel * (np.arange(count) - 0.5 * (count - 1))
         # A file may hold coordinates in single precision.
-        is_right = found.dtype.kind in "iuf" and found.shape == (count,)
-        if not (is_right and np.abs(found - expected).max(initial=0.0) <= 1e-3 * pixel):
+        is_right = result.dtype.kind in "iuf" and result.shape == (count,)
+        if not (is_right and np.abs(result - expected).max(initial=0.0) <= 1e-3 * pixel):
             raise ValueError(
                 f"the dataset's {name} must ascend about the pupil's centre in steps of its pixel, {pixel:g} m: give "
                 "the whole map, not cut, thinned out or flipped"

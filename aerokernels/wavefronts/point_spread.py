@@ -6,15 +6,16 @@ a being the angle at which light leaves the pupil (parts by matrix products: R. 
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
-from functools import cached_property
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, field, replace
+from functools import cached_property, partial
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..display.shown import drawn_on, extent_of, shown
 from ..inputs.arguments import Numbers, checked
-from ..inputs.wavelength import check_wavelength
+from ..inputs.checks import check_spectrum, check_wavelength
+from .changes import of_map
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -127,7 +128,7 @@ def point_spread_function(
 
     Raises:
         TypeError: The wavelength is not a number.
-        ValueError: Shapes disagree, the pupil is empty, the wavelength is outside 0.1 to 20 um, or a number is out of
+        ValueError: Shapes disagree, the pupil is empty, the wavelength is outside 0.1 to 24 um, or a number is out of
             range.
     """
     opd, mask = np.asarray(opd, dtype=np.float64), np.asarray(mask, dtype=np.float64)
@@ -217,3 +218,79 @@ def _maximum(angle: np.ndarray, intensity: np.ndarray) -> float:
     if max(map(abs, place)) > 1.0:
         return greatest
     return max(greatest, level + 0.5 * (in_x * place[0] + in_y * place[1]))
+
+
+@checked
+def psf(
+    wave: Any,
+    /,
+    angle: Numbers | None = None,
+    *,
+    half_width: float | None = None,
+    padding: int = 8,
+    wavelengths: Numbers | None = None,
+    weights: Numbers | None = None,
+) -> PointSpread:
+    """Return the point spread function over the peak of the perfect one; arguments as in `point_spread_function`.
+
+    With `wavelengths` [m], shape (n,), it is the one of polychromatic light with this OPD at all wavelengths.
+    `weights` are the shares of the light at the wavelengths, equal if None.
+    """
+    if wavelengths is not None or weights is not None:
+        return polychromatic_psf(wave, wavelengths, weights, angle, half_width, padding)
+    options: dict[str, Any] = {"half_width": half_width, "padding": padding, "angle": angle}
+    found = point_spread_function(wave.opd, wave.weight, wave.pixel, wave.wavelength, **options)
+    return replace(found, errors=partial(spread_errors, wave, found.angle, intensities))
+
+
+def polychromatic_psf(
+    wavefront: Any, wavelengths, weights, angle=None, half_width: float | None = None, padding: int = 8
+) -> PointSpread:
+    """Return the point spread function of all wavelengths on one grid of angles; arguments as in `Wavefront.psf`."""
+    lengths, shares = check_spectrum(wavelengths, weights)
+    shortest = float(lengths.min())
+    if angle is None:
+        if not padding >= 1:
+            raise ValueError(f"padding must be at least 1, got {padding!r}")
+        reach = 0.5 * shortest / wavefront.pixel if half_width is None else float(half_width)
+        steps = reach * len(wavefront.opd) * wavefront.pixel * padding / shortest
+        if not 0.0 <= steps <= 4097 // 2:
+            raise ValueError(
+                f"half_width = {half_width!r} rad needs {2.0 * steps:.3g} angles along a side: give `angle`"
+            )
+        angle = reach / max(int(np.ceil(steps)), 1) * np.arange(-int(np.ceil(steps)), int(np.ceil(steps)) + 1)
+    each = [wavefront.at_wavelength(float(length)).psf(angle) for length in lengths]
+    share = shares / lengths**2
+    share /= share.sum()
+    mean = np.tensordot(share, np.stack([one.intensity for one in each]), 1)
+    errors = partial(spread_errors, wavefront.at_wavelength(shortest), each[0].angle, partial(_mixed, lengths, share))
+    return PointSpread(mean, each[0].angle, errors)
+
+
+def _mixed(wavelengths: np.ndarray, shares: np.ndarray, wave: Any, angle: np.ndarray) -> np.ndarray:
+    each = [intensities(wave.at_wavelength(float(length)), angle) for length in wavelengths]
+    return np.asarray(np.tensordot(shares, np.stack(each), 1))
+
+
+def intensities(wave: Any, angle: np.ndarray) -> np.ndarray:
+    """Return the point spread function of a wavefront at angles of rows and columns [rad] (m,), shape (m, m)."""
+    kernel = np.exp(-2j * np.pi / wave.wavelength * np.outer(angle, wave.coordinate))
+    amplitude = kernel @ complex_amplitude(wave.opd, wave.weight, wave.wavelength) @ kernel.T
+    return np.asarray(np.abs(amplitude) ** 2 / wave.weight.sum() ** 2)
+
+
+def spread_errors(wave: Any, angle: np.ndarray, number: Callable[[Any, np.ndarray], np.ndarray]) -> np.ndarray:
+    """Return the errors of intensities at angles of rows and columns [rad] (m,), shape (m, m).
+
+    `number` returns the intensities of a wavefront at angles. Where there are many, errors are interpolated between
+    two per resolution element.
+    """
+    from scipy.interpolate import RegularGridInterpolator
+
+    low, high = float(angle.min(initial=0.0)), float(angle.max(initial=0.0))
+    few = min(int(np.ceil((high - low) * 2 * len(wave.opd) * wave.pixel / wave.wavelength)) + 1, 257)
+    if few < 2 or few >= len(angle):
+        return of_map(wave, lambda one: number(one, angle))
+    some = np.linspace(low, high, few)
+    found = RegularGridInterpolator((some, some), of_map(wave, lambda one: number(one, some)))
+    return np.asarray(found(np.stack(np.meshgrid(angle, angle, indexing="ij"), axis=-1)))

@@ -2,8 +2,7 @@
 
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass, field, fields, replace
-from functools import cached_property, partial
-from pathlib import Path
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,43 +10,21 @@ import numpy as np
 from ..derived import key_of
 from ..display.quantities import ErrorBudget, Quantity
 from ..display.shown import drawn_on, is_flat, map_picture, say_flat, shown
-from ..inputs.arguments import Numbers, checked
-from ..inputs.checks import check_count, check_positive, check_share
+from ..inputs.arguments import checked
+from ..inputs.checks import check_count, check_positive, check_share, check_wavelength
 from ..inputs.kinds import refuse_masked, wrong_kind
-from ..inputs.wavelength import check_wavelength
 from ..process.clock import clocked, stage
 from ..pupils import Projected, Pupil, seen_along
 from ..tracing.variants.causes import Variants
 from .arithmetic import compare, divided, minus, plus, times
 from .changes import Changes, changes_of, of_each_pixel, of_extremes, of_opd, of_samples, without_named
-from .exports import (
-    SIGN_CONVENTION,
-    from_fits,
-    from_xarray,
-    to_fits,
-    to_hcipy,
-    to_poppy,
-    to_prysm,
-    to_xarray,
-    to_zemax,
-)
+from .exports import SIGN_CONVENTION, from_xarray, to_hcipy, to_poppy, to_prysm, to_xarray, to_zemax
+from .files import read, to_fits
 from .modes import centroid, structure_function, zernike, zernike_errors, zernike_table
-from .point_spread import PointSpread, point_spread_function
-from .scattered import from_scattered
+from .point_spread import psf
+from .scattered import from_samples
 from .terms import check_metres, check_terms, fit_tilt, mean_phasor, weighted_mean
-from .transfer import (
-    EncircledEnergy,
-    Transfer,
-    encircled_errors,
-    encircler,
-    fwhm,
-    image_quantities,
-    intensities,
-    polychromatic_psf,
-    spread_errors,
-    transfer_errors,
-    transfer_function,
-)
+from .transfer import encircled_energy, fwhm, image_quantities, mtf, otf
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -91,7 +68,7 @@ class Wavefront:
     Raises:
         TypeError: An argument of the wrong type.
         ValueError: Shapes disagree, the pixel is not positive, the pupil is empty, the OPD inside the pupil is not
-            finite, a weight or an error is negative, or the wavelength is outside 0.1 to 20 um.
+            finite, a weight or an error is negative, or the wavelength is outside 0.1 to 24 um.
     """
 
     opd: np.ndarray
@@ -177,7 +154,7 @@ class Wavefront:
         """Sum of the intensity over the pixels."""
         return float(np.asarray(self.intensity).sum())
 
-    @property
+    @cached_property
     def lit(self) -> np.ndarray:
         """Mask of the pixels inside the pupil (positive weight), shape (n, n)."""
         return self.weight > 0.0
@@ -226,36 +203,6 @@ class Wavefront:
         It is the spread, at the pixel, of the changes by all causes, of which `error` has the mean over the pupil.
         """
         return of_each_pixel(self)
-
-    @classmethod
-    @checked
-    def from_samples(
-        cls,
-        points: Numbers,
-        opd: Numbers,
-        pupil: Pupil,
-        wavelength: float,
-        *,
-        pixel_count: int | None = None,
-        error: Numbers | None = None,
-    ) -> "Wavefront":
-        """Interpolate samples scattered over a pupil to a map: see scattered.py. The error is measured on the samples.
-
-        Args:
-            points: Positions of the samples: x and y in the pupil's plane from its centre [m], shape (n, 2), or points
-                in space, shape (n, 3).
-            opd: Their optical path differences [m], positive where light is delayed, shape (n,).
-            pupil: The pupil, whose transmission weights the map.
-            wavelength: Vacuum wavelength [m].
-            pixel_count: As for `wavefront`.
-            error: Error of all samples, a number, or of each, shape (n,) [m], if known; "sampling" in the budget.
-
-        Raises:
-            TypeError: The wavelength is not a number, or `pupil` is not a pupil.
-            ValueError: Shapes disagree; samples are not finite, too few, duplicated or do not cover the pupil; or a
-                number is out of range.
-        """
-        return cls(wavelength=wavelength, **from_scattered(points, opd, pupil, pixel_count, error))
 
     def remove(self, *terms: str) -> "Wavefront":
         """Return the wavefront without "piston", "tilt", "focus" or several of them, fitted together by least squares.
@@ -320,63 +267,7 @@ class Wavefront:
     zernike_errors = zernike_errors
     zernike_table = zernike_table
 
-    @checked
-    def psf(
-        self,
-        angle: Numbers | None = None,
-        *,
-        half_width: float | None = None,
-        padding: int = 8,
-        wavelengths: Numbers | None = None,
-        weights: Numbers | None = None,
-    ) -> PointSpread:
-        """Return the point spread function over the peak of the perfect one; arguments as in `point_spread_function`.
-
-        With `wavelengths` [m], shape (n,), it is the one of polychromatic light with this OPD at all wavelengths.
-        `weights` are the shares of the light at the wavelengths, equal if None.
-        """
-        if wavelengths is not None or weights is not None:
-            return polychromatic_psf(self, wavelengths, weights, angle, half_width, padding)
-        options: dict[str, Any] = {"half_width": half_width, "padding": padding, "angle": angle}
-        found = point_spread_function(self.opd, self.weight, self.pixel, self.wavelength, **options)
-        return replace(found, errors=partial(spread_errors, self, found.angle, intensities))
-
-    def otf(self) -> Transfer:
-        """Return the complex optical transfer function."""
-        return replace(transfer_function(self), errors=partial(transfer_errors, self, False))
-
-    def mtf(self) -> Transfer:
-        """Return the modulation transfer function, the magnitude of the OTF."""
-        otf = self.otf()
-        return replace(otf, value=np.abs(otf.value), errors=partial(transfer_errors, self, True))
-
-    @checked
-    def encircled_energy(self, angle: Numbers | None = None, *, center: Numbers | None = None) -> EncircledEnergy:
-        """Return the share of the light within an angle about a point of the image, exact for the pixels of the map.
-
-        All light counts as being within wavelength / (2 pixel) along either axis, the range that the pixels can
-        represent.
-
-        Args:
-            angle: Angles [rad], any shape; None takes 65 up to eight times wavelength / width.
-            center: The point [rad], two numbers along x and y; None takes the centroid.
-
-        Raises:
-            ValueError: An angle is negative or not finite, or `center` is not two finite angles.
-        """
-        width = len(self.opd) * self.pixel
-        angle = np.linspace(0.0, 8.0 * self.wavelength / width, 65) if angle is None else np.asarray(angle, dtype=float)
-        if not (np.isfinite(angle) & (angle >= 0.0)).all():
-            raise ValueError(f"angle must be finite and at least 0 rad, got {angle!r}")
-        point = self.centroid if center is None else np.asarray(center, dtype=float)
-        if center is None and not np.isfinite(point).all():
-            raise ValueError("no pixel has a neighbour, so there is no centroid: give `center` or more pixels")
-        if point.shape != (2,) or not np.isfinite(point).all():
-            raise ValueError(f"center must be two angles along x and y [rad], got {center!r}")
-        errors = partial(encircled_errors, self, angle, None if center is None else point)
-        shares = encircler(self.otf().frequency, angle)(self.otf().value, point)
-        return EncircledEnergy(angle, shares, point, errors)
-
+    psf, otf, mtf, encircled_energy = psf, otf, mtf, encircled_energy
     centroid = property(centroid)
     fwhm = cached_property(fwhm)
     structure_function = structure_function
@@ -408,39 +299,9 @@ class Wavefront:
             f"ratio {found['strehl']}\n  OPD rms {rms}, peak to valley {valley}; removed: {removed}"
         )
 
-    @classmethod
-    def from_xarray(cls, dataset) -> "Wavefront":
-        """Make the wavefront of a dataset of `to_xarray`, or of one read from its NetCDF file."""
-        return cls(**from_xarray(dataset))
-
-    @classmethod
-    @checked
-    def read(cls, path: str | Path, *, wavelength: float | None = None) -> "Wavefront":
-        """Read the wavefront of a file, with the errors of its pixels if the file has them.
-
-        The file is one that `wave.to_xarray().to_netcdf(path)` wrote, or the FITS file of an OPD, such as the first one
-        of `to_fits` or one of poppy: rows along y and columns along x, both ascending; PIXELSCL [m/pixel]; BUNIT meter,
-        micron or nm; delayed light negative, unless the header says OPDSIGN = POSITIVE. A file of the same name that
-        ends in _amplitude has the transmission; without it all finite pixels are open.
-
-        Args:
-            path: The file.
-            wavelength: Vacuum wavelength [m]; None takes that of the file.
-
-        Raises:
-            ModuleNotFoundError: A FITS file, and astropy is not installed.
-            ValueError: A file that does not exist, is damaged, or lacks one of these statements.
-        """
-        from ..files.netcdf_reading import open_netcdf
-
-        path = Path(path)
-        if path.is_file():
-            with path.open("rb") as stream:
-                if stream.read(6) == b"SIMPLE":
-                    return cls(**from_fits(path, wavelength))
-        found = cls.from_xarray(open_netcdf(path, str(path), whole=True))
-        return found if wavelength is None else found.at_wavelength(wavelength)
-
+    from_xarray = classmethod(from_xarray)
+    from_samples = classmethod(from_samples)
+    read = classmethod(read)
     to_xarray = to_xarray
     to_poppy = to_poppy
     to_hcipy = to_hcipy

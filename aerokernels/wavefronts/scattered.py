@@ -6,10 +6,11 @@ extrapolated by parabolas. The error is measured: every fourth sample is predict
 
 from dataclasses import replace
 from functools import partial
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
+from ..inputs.arguments import Numbers, checked
 from ..inputs.kinds import refuse_masked, wrong_kind
 from ..pupils import Pupil
 from ..tracing.variants.causes import FACTOR, Variants
@@ -18,6 +19,7 @@ from ..zernike import zernike_modes
 from .changes import smooth_draws
 from .pixels import pupil_grid
 
+W = TypeVar("W", bound=Any)  # Wavefront, of which this is a method
 # Most Zernike polynomials; fewest samples for each of them; fewest samples of a wavefront.
 MODES, PER_MODE, FEWEST = 36, 3, 9
 # One of so many samples is predicted from the others to measure the error.
@@ -30,8 +32,35 @@ HOLE = 4.0
 ABOUT = 14
 
 
-def from_scattered(points: Any, opd: Any, pupil: Pupil, pixel_count: int | None, error: Any) -> dict[str, Any]:
-    """Return the attributes of the wavefront by name; see `Wavefront.from_samples`."""
+@checked
+def from_samples(
+    cls: type[W],
+    /,
+    points: Numbers,
+    opd: Numbers,
+    pupil: Pupil,
+    wavelength: float,
+    *,
+    pixel_count: int | None = None,
+    error: Numbers | None = None,
+) -> W:
+    """Interpolate samples scattered over a pupil to a map: see scattered.py. The error is measured on the samples.
+
+    Args:
+        cls: The class of the wavefront.
+        points: Positions of the samples: x and y in the pupil's plane from its centre [m], shape (n, 2), or points
+            in space, shape (n, 3).
+        opd: Their optical path differences [m], positive where light is delayed, shape (n,).
+        pupil: The pupil, whose transmission weights the map.
+        wavelength: Vacuum wavelength [m].
+        pixel_count: As for `wavefront`.
+        error: Error of all samples, a number, or of each, shape (n,) [m], if known; "sampling" in the budget.
+
+    Raises:
+        TypeError: The wavelength is not a number, or `pupil` is not a pupil.
+        ValueError: Shapes disagree; samples are not finite, too few, duplicated or do not cover the pupil; or a
+            number is out of range.
+    """
     if not isinstance(pupil, Pupil):
         raise wrong_kind(pupil, "pupil", "a Disc, Annulus, Rectangle, Polygon or Mask")
     place, values = _checked(points, opd, pupil)
@@ -42,17 +71,11 @@ def from_scattered(points: Any, opd: Any, pupil: Pupil, pixel_count: int | None,
     lit = weight > 0.0
     wanted = np.stack([axis[lit] for axis in np.meshgrid(coordinate, coordinate)], axis=1)
     _check_cover(place, wanted, pixel, pupil)
-    made = np.full(weight.shape, np.nan)
-    made[lit] = _interpolated(place, values, wanted, pupil.reach)
-    return {
-        "opd": made,
-        "weight": weight,
-        "pixel": pixel,
-        "intensity": intensity,
-        "radius": pupil.reach,
-        "pupil": pupil,
-        "varied": partial(_varied, place, values, pupil, np.broadcast_to(sizes, values.shape)),
-    }
+    result = np.full(weight.shape, np.nan)
+    result[lit] = _interpolated(place, values, wanted, pupil.reach)
+    varied = partial(_varied, place, values, pupil, np.broadcast_to(sizes, values.shape))
+    options: dict[str, Any] = {"intensity": intensity, "radius": pupil.reach, "pupil": pupil, "varied": varied}
+    return cls(result, weight, pixel, wavelength, **options)
 
 
 def _varied(place: np.ndarray, values: np.ndarray, pupil: Pupil, sizes: np.ndarray) -> Variants:
@@ -122,14 +145,14 @@ def _interpolated(place: np.ndarray, values: np.ndarray, wanted: np.ndarray, rad
     modes = zernike_modes(count, *(place.T / radius))
     coefficients = np.linalg.lstsq(modes.T, values, rcond=1e-9)[0]
     left = values - coefficients @ modes
-    made = coefficients @ zernike_modes(count, *(wanted.T / radius))
+    result = coefficients @ zernike_modes(count, *(wanted.T / radius))
     # In units of the radius and of the greatest residual: the interpolator's own tolerances are not relative.
     scale = max(float(np.abs(left).max()), 1e-300)
     more = CloughTocher2DInterpolator(place / radius, left / scale)(wanted / radius)
     beyond = ~np.isfinite(more)
     if beyond.any():
         more[beyond] = _beyond(place / radius, left / scale, wanted[beyond] / radius)
-    return np.asarray(made + scale * more)
+    return np.asarray(result + scale * more)
 
 
 def _beyond(place: np.ndarray, values: np.ndarray, wanted: np.ndarray) -> np.ndarray:

@@ -4,6 +4,7 @@ Several terms are fitted together, always with the mean: OPD ~ c + a x + b y + d
 the angle by which the beam that leaves the pupil is deflected.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -70,9 +71,15 @@ def weighted_mean(weights: np.ndarray, values: np.ndarray) -> np.ndarray:
     return np.sum(weights.reshape(-1, *[1] * (values.ndim - 1)) * values, axis=0)
 
 
-def _products(rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
-    """Return the matrix product of (k, n) and (n, m) or (n,), with the same bits on any number of threads."""
-    return np.einsum("kn,n...->k...", rows, columns)
+def _fitted(basis: np.ndarray, weights: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Return the factors (k,) of columns (n, k) that fit values (n,) by weighted least squares.
+
+    Sums by einsum have the same bits on any number of threads. In a pupil that is a line or a point the slope across it
+    is undetermined: the least-norm solution is zero.
+    """
+    weighted = (basis * weights[:, None]).T
+    products = np.einsum("kn,nm->km", weighted, basis), np.einsum("kn,n->k", weighted, values)
+    return np.linalg.lstsq(*products, rcond=1e-12)[0]
 
 
 @checked
@@ -88,17 +95,19 @@ def fit_tilt(opd: Numbers, points: Numbers, weights: Numbers | None = None) -> T
         ValueError: Shapes disagree, numbers are not finite, or weights are negative or all zero.
     """
     opd, weights = check_wavefront(opd, weights)
-    points = np.asarray(points, dtype=np.float64)
-    if points.shape != (opd.size, 2) or not np.isfinite(points).all():
-        raise ValueError(f"points must be finite, of shape ({opd.size}, 2) like the wavefront, got {points.shape}")
+    centred = _centred(points, weights)
     piston = float(weighted_mean(weights, opd))
-    centred = points - weighted_mean(weights, points)
-    flat = opd - piston
-    # In a pupil that is a line or a point the slope across it is undetermined: the least-norm solution is zero.
-    weighted = (centred * weights[:, None]).T
-    tilt = np.linalg.lstsq(_products(weighted, centred), _products(weighted, flat), rcond=1e-12)[0]
-    residual = flat - centred @ tilt
+    tilt = _fitted(centred, weights, opd - piston)
+    residual = opd - piston - centred @ tilt
     return TiltFit(piston, tilt, float(np.sqrt(weighted_mean(weights, residual**2))))
+
+
+def _centred(points, weights: np.ndarray) -> np.ndarray:
+    """Return the points (n, 2) about their mean by weights (n,) that sum to 1."""
+    points = np.asarray(points, dtype=np.float64)
+    if points.shape != (weights.size, 2) or not np.isfinite(points).all():
+        raise ValueError(f"points must be finite, of shape ({weights.size}, 2) like the wavefront, got {points.shape}")
+    return points - weighted_mean(weights, points)
 
 
 def map_points(opd, points):
@@ -120,34 +129,27 @@ def remove_terms(opd, remove, points=None, weights=None) -> np.ndarray:
     """
     remove = check_terms(remove)
     opd, weights = check_wavefront(opd, weights)
-    fitted = [term for term in remove if term != "piston"]
-    if fitted:
-        if points is None:
-            raise ValueError(
-                f"removing '{fitted[0]}' needs the positions of the samples: give the wavefront as a map (two axes), "
-                "or points, the pupil coordinates of the samples, shape (n, 2)"
-            )
-        opd = opd - _surface(opd, points, weights, fitted)
-    if "piston" in remove:
-        opd = opd - weighted_mean(weights, opd)
-    return opd
+    if points is None and (fitted := [term for term in remove if term != "piston"]):
+        raise ValueError(
+            f"removing '{fitted[0]}' needs the positions of the samples: give the wavefront as a map (two axes), "
+            "or points, the pupil coordinates of the samples, shape (n, 2)"
+        )
+    return _without(opd, weights, points, remove)
 
 
-def _surface(opd: np.ndarray, points, weights: np.ndarray, terms: list[str]) -> np.ndarray:
-    """Return the tilt, focus or both of a wavefront, fitted together with its mean; weighted mean 0 [m], shape (n,)."""
-    fit = fit_tilt(opd, points, weights)  # checks the points too
-    points = np.asarray(points, dtype=np.float64)
-    centred = points - weighted_mean(weights, points)
-    if "focus" not in terms:
-        return centred @ fit.tilt
-    size = np.sqrt(weighted_mean(weights, np.sum(centred**2, axis=1))) or 1.0
-    columns = [*(centred.T / size)] if "tilt" in terms else []
-    # About the mean of the points where tilt is fitted too, which absorbs the difference; otherwise about the origin.
-    square = np.sum((centred if "tilt" in terms else points) ** 2, axis=1) / size**2
-    basis = np.stack([*columns, square - weighted_mean(weights, square)], axis=1)
-    weighted = (basis * weights[:, None]).T
-    about = opd - weighted_mean(weights, opd)
-    return basis @ np.linalg.lstsq(_products(weighted, basis), _products(weighted, about), rcond=1e-12)[0]
+def _without(opd: np.ndarray, weights: np.ndarray, points, terms: Iterable[str]) -> np.ndarray:
+    """Return a flat wavefront, finite and with weights that sum to 1, without terms fitted together with its mean."""
+    if "tilt" in terms or "focus" in terms:
+        centred = _centred(points, weights)
+        basis = centred
+        if "focus" in terms:
+            size = np.sqrt(weighted_mean(weights, np.sum(centred**2, axis=1))) or 1.0
+            columns = [*(centred.T / size)] if "tilt" in terms else []
+            # About the mean of the points where tilt is fitted too, which absorbs the difference; else the origin.
+            square = np.sum((centred if "tilt" in terms else np.asarray(points, np.float64)) ** 2, axis=1) / size**2
+            basis = np.stack([*columns, square - weighted_mean(weights, square)], axis=1)
+        opd = opd - basis @ _fitted(basis, weights, opd - np.sum(weights * opd))
+    return opd - np.sum(weights * opd) if "piston" in terms else opd
 
 
 def remove_named(
@@ -157,9 +159,9 @@ def remove_named(
 
     Points (n, 2) and the radius of the polynomials' disc are in metres; weights sum to 1.
     """
-    terms = [name for name in removed if name in TERMS]
-    indices = [int(name[1:]) for name in removed if name[:1] == "Z" and name[1:].isdigit()]
-    flat = remove_terms(opd, terms, points, weights) if terms else opd
+    flat = opd if set(TERMS).isdisjoint(removed) else _without(*check_wavefront(opd, weights), points, removed)
+    others = set(removed).difference(TERMS)
+    indices = others and [int(name[1:]) for name in others if name[:1] == "Z" and name[1:].isdigit()]
     if not indices:
         return flat
     modes, root = zernike_modes(max(indices), *(points.T / radius)).T, np.sqrt(weights)
@@ -170,7 +172,7 @@ def remove_named(
 
 def mean_phasor(opd: np.ndarray, weights: np.ndarray, wavelength: float) -> complex:
     """Return <exp(i k OPD)> over flat samples whose weights sum to 1; its squared magnitude is the Strehl ratio."""
-    return complex(weighted_mean(weights, np.exp(2j * np.pi / wavelength * opd)))
+    return complex(np.sum(weights * np.exp(2j * np.pi / wavelength * opd)))
 
 
 def check_terms(remove) -> tuple[str, ...]:
@@ -201,9 +203,10 @@ class PupilNumbers:
 
     def __call__(self, rays: Rays) -> np.ndarray:
         """Return NUMBERS of rays, shape (5,)."""
-        opd = remove_terms(rays.opd, (*self.remove, "piston"), self.points, self.weight)
-        square = weighted_mean(self.weight, opd**2)
-        strehl = abs(mean_phasor(opd, self.weight, self.wavelength)) ** 2
+        path, weight = check_wavefront(rays.opd, self.weight)
+        opd = _without(path, weight, self.points, (*self.remove, "piston"))
+        square = np.sum(self.weight * opd**2)
+        phasor = np.sum(self.weight * np.exp(2j * np.pi / self.wavelength * opd))
         marechal = np.exp(-((2.0 * np.pi / self.wavelength) ** 2) * square)
-        tilt = fit_tilt(rays.opd, self.points, self.weight).tilt
-        return np.array([strehl, marechal, np.sqrt(square), *tilt])
+        tilt = _fitted(_centred(self.points, weight), weight, path - np.sum(weight * path))
+        return np.array([abs(complex(phasor)) ** 2, marechal, np.sqrt(square), *tilt])

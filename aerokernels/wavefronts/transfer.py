@@ -15,12 +15,11 @@ import numpy as np
 
 from ..display.quantities import Quantity
 from ..display.shown import drawn_on, shown
-from ..inputs.arguments import checked
+from ..inputs.arguments import Numbers, checked
 from ..inputs.checks import check_at_least
-from ..inputs.wavelength import check_spectrum
 from ..pupils import Disc
 from .changes import of_map
-from .point_spread import PointSpread, complex_amplitude, width_at_half
+from .point_spread import complex_amplitude, intensities, width_at_half
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -129,14 +128,47 @@ def autocorrelation(wave: np.ndarray, other: np.ndarray | None = None) -> np.nda
     return whole[top : top + 2 * rows - 1, left : left + 2 * columns - 1]
 
 
-def transfer_function(wavefront: Any) -> Transfer:
-    """Return the optical transfer function of a wavefront."""
-    value = _transfer(wavefront, wavefront.pixel)
-    perfect = np.abs(autocorrelation(np.array(wavefront.weight))) / wavefront.power
+def otf(wave: Any) -> Transfer:
+    """Return the complex optical transfer function."""
+    value = _transfer(wave, wave.pixel)
+    perfect = np.abs(autocorrelation(np.array(wave.weight))) / wave.power
     middle = len(value) // 2
     perfect[middle, middle] = 1.0
-    frequency = wavefront.pixel / wavefront.wavelength * np.arange(-middle, middle + 1)
-    return Transfer(value, frequency, perfect)
+    frequency = wave.pixel / wave.wavelength * np.arange(-middle, middle + 1)
+    return Transfer(value, frequency, perfect, partial(transfer_errors, wave, False))
+
+
+def mtf(wave: Any) -> Transfer:
+    """Return the modulation transfer function, the magnitude of the OTF."""
+    found = otf(wave)
+    return replace(found, value=np.abs(found.value), errors=partial(transfer_errors, wave, True))
+
+
+@checked
+def encircled_energy(wave: Any, /, angle: Numbers | None = None, *, center: Numbers | None = None) -> EncircledEnergy:
+    """Return the share of the light within an angle about a point of the image, exact for the pixels of the map.
+
+    All light counts as being within wavelength / (2 pixel) along either axis, the range that the pixels can represent.
+
+    Args:
+        wave: The wavefront.
+        angle: Angles [rad], any shape; None takes 65 up to eight times wavelength / width.
+        center: The point [rad], two numbers along x and y; None takes the centroid.
+
+    Raises:
+        ValueError: An angle is negative or not finite, or `center` is not two finite angles.
+    """
+    width = len(wave.opd) * wave.pixel
+    angle = np.linspace(0.0, 8.0 * wave.wavelength / width, 65) if angle is None else np.asarray(angle, dtype=float)
+    if not (np.isfinite(angle) & (angle >= 0.0)).all():
+        raise ValueError(f"angle must be finite and at least 0 rad, got {angle!r}")
+    point = wave.centroid if center is None else np.asarray(center, dtype=float)
+    if center is None and not np.isfinite(point).all():
+        raise ValueError("no pixel has a neighbour, so there is no centroid: give `center` or more pixels")
+    if point.shape != (2,) or not np.isfinite(point).all():
+        raise ValueError(f"center must be two angles along x and y [rad], got {center!r}")
+    errors, transfer = partial(encircled_errors, wave, angle, None if center is None else point), otf(wave)
+    return EncircledEnergy(angle, encircler(transfer.frequency, angle)(transfer.value, point), point, errors)
 
 
 def encircler(frequency: np.ndarray, angle: np.ndarray) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
@@ -209,59 +241,6 @@ def _turned(wave: Any, middle: np.ndarray) -> Any:
     return replace(wave, opd=wave.opd - column * wave.coordinate[None, :] - row * wave.coordinate[:, None])
 
 
-def polychromatic_psf(
-    wavefront: Any, wavelengths, weights, angle=None, half_width: float | None = None, padding: int = 8
-) -> PointSpread:
-    """Return the point spread function of all wavelengths on one grid of angles; arguments as in `Wavefront.psf`."""
-    lengths, shares = check_spectrum(wavelengths, weights)
-    shortest = float(lengths.min())
-    if angle is None:
-        if not padding >= 1:
-            raise ValueError(f"padding must be at least 1, got {padding!r}")
-        reach = 0.5 * shortest / wavefront.pixel if half_width is None else float(half_width)
-        steps = reach * len(wavefront.opd) * wavefront.pixel * padding / shortest
-        if not 0.0 <= steps <= 4097 // 2:
-            raise ValueError(
-                f"half_width = {half_width!r} rad needs {2.0 * steps:.3g} angles along a side: give `angle`"
-            )
-        angle = reach / max(int(np.ceil(steps)), 1) * np.arange(-int(np.ceil(steps)), int(np.ceil(steps)) + 1)
-    each = [wavefront.at_wavelength(float(length)).psf(angle) for length in lengths]
-    share = shares / lengths**2
-    share /= share.sum()
-    mean = np.tensordot(share, np.stack([one.intensity for one in each]), 1)
-    errors = partial(spread_errors, wavefront.at_wavelength(shortest), each[0].angle, partial(_mixed, lengths, share))
-    return PointSpread(mean, each[0].angle, errors)
-
-
-def _mixed(wavelengths: np.ndarray, shares: np.ndarray, wave: Any, angle: np.ndarray) -> np.ndarray:
-    each = [intensities(wave.at_wavelength(float(length)), angle) for length in wavelengths]
-    return np.asarray(np.tensordot(shares, np.stack(each), 1))
-
-
-def intensities(wave: Any, angle: np.ndarray) -> np.ndarray:
-    """Return the point spread function of a wavefront at angles of rows and columns [rad] (m,), shape (m, m)."""
-    kernel = np.exp(-2j * np.pi / wave.wavelength * np.outer(angle, wave.coordinate))
-    amplitude = kernel @ complex_amplitude(wave.opd, wave.weight, wave.wavelength) @ kernel.T
-    return np.asarray(np.abs(amplitude) ** 2 / wave.weight.sum() ** 2)
-
-
-def spread_errors(wave: Any, angle: np.ndarray, number: Callable[[Any, np.ndarray], np.ndarray]) -> np.ndarray:
-    """Return the errors of intensities at angles of rows and columns [rad] (m,), shape (m, m).
-
-    `number` returns the intensities of a wavefront at angles. Where there are many, errors are interpolated between
-    two per resolution element.
-    """
-    from scipy.interpolate import RegularGridInterpolator
-
-    low, high = float(angle.min(initial=0.0)), float(angle.max(initial=0.0))
-    few = min(int(np.ceil((high - low) * 2 * len(wave.opd) * wave.pixel / wave.wavelength)) + 1, 257)
-    if few < 2 or few >= len(angle):
-        return of_map(wave, lambda one: number(one, angle))
-    some = np.linspace(low, high, few)
-    found = RegularGridInterpolator((some, some), of_map(wave, lambda one: number(one, some)))
-    return np.asarray(found(np.stack(np.meshgrid(angle, angle, indexing="ij"), axis=-1)))
-
-
 def transfer_errors(wave: Any, of_magnitude: bool) -> np.ndarray:
     """Return the errors of the optical transfer function, or of its magnitude, shape (2 n - 1, 2 n - 1)."""
 
@@ -297,7 +276,7 @@ def encircled_errors(wave: Any, angle: np.ndarray, center: np.ndarray | None) ->
 
     def number(one: Any) -> np.ndarray:
         if one.pixel not in solved:
-            solved[one.pixel] = encircler(transfer_function(one).frequency, angle)
+            solved[one.pixel] = encircler(otf(one).frequency, angle)
         return np.asarray(solved[one.pixel](_transfer(one, one.pixel), one.centroid if center is None else center))
 
     return np.minimum(of_map(wave, number), 1.0)

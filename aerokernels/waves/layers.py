@@ -136,9 +136,9 @@ def _along_z(field: IndexField, wave: Wave, depth: np.ndarray) -> np.ndarray:
     if field.geometry == "volume":
         return np.transpose(contrast_on_axes(field.samples, [x, y, z]), (2, 1, 0)).astype(np.float32)
     if field.geometry == "planar":
-        found = contrast_on_axes(field.samples, [y, z]).T
-        return np.array(np.broadcast_to(found[:, :, None], shape), dtype=np.float32)
+        result = contrast_on_axes(field.samples, [y, z]).T
+        return np.array(np.broadcast_to(result[:, :, None], shape), dtype=np.float32)
     radius = np.hypot(y[:, None], x)  # equal within a share of 1e-9 counts as equal
     distinct, place = np.unique(np.rint(radius / (1e-9 * radius.max())), return_inverse=True)
-    found = contrast_on_axes(field.samples, [distinct * (1e-9 * radius.max()), z]).T
-    return found.astype(np.float32)[:, place.ravel()].reshape(shape)
+    result = contrast_on_axes(field.samples, [distinct * (1e-9 * radius.max()), z]).T
+    return result.astype(np.float32)[:, place.ravel()].reshape(shape)

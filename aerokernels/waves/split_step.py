@@ -92,7 +92,7 @@ def split_step(
         with stage("kernel"):
             layers = Layers(*sampled, end - begin, paraxial, PRECISIONS[precision])
             start = propagated(wave, begin, paraxial)
-            found, coarse, steps, error = _refined(layers, start, tolerance, step_count)
+            result, coarse, steps, error = _refined(layers, start, tolerance, step_count)
             sparse = every_second_pixel(light, wave, window)
             strehl_error, path = float("nan"), sampled[0].sum(axis=0)
             if coarse is not None and sparse is not None:
@@ -100,7 +100,7 @@ def split_step(
                 fine, fewer, larger = (
                     replace(one, amplitude=amplitude).strehl()
                     for one, amplitude in (
-                        (start, found),
+                        (start, result),
                         (start, coarse),
                         (rough, layers.every_second().through(rough, steps)),
                     )
@@ -117,7 +117,7 @@ def split_step(
                 error, strehl_error = error + of_amplitude, strehl_error + of_strehl
     return replace(
         start,
-        amplitude=found,
+        amplitude=result,
         center=wave.center + end * wave.normal,
         incident=wave.incident,
         error=error,

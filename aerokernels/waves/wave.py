@@ -13,8 +13,7 @@ import numpy as np
 from ..display.quantities import Quantity
 from ..display.shown import drawn_on, shown
 from ..inputs.arguments import Numbers, checked
-from ..inputs.checks import check_at_least, check_positive, warn_caller
-from ..inputs.wavelength import check_wavelength
+from ..inputs.checks import check_at_least, check_positive, check_wavelength, warn_caller
 from ..pupils import as_unit_vector, as_vector, transverse_axes
 from ..wavefronts import PointSpread
 from ..wavefronts.point_spread import far_field
@@ -70,7 +69,7 @@ def angular_spectrum(
 
     Raises:
         TypeError: An argument is of the wrong type.
-        ValueError: The amplitude is not a two-axis array of finite numbers, the wavelength is outside 0.1 to 20 um, the
+        ValueError: The amplitude is not a two-axis array of finite numbers, the wavelength is outside 0.1 to 24 um, the
             pixel or the index is not positive, or the distance is not finite.
     """
     from scipy.fft import fft2, ifft2
@@ -150,7 +149,7 @@ class Wave:
 
     Raises:
         ValueError: The amplitude is not a two-axis array of finite numbers, or is zero everywhere; the pixel or the
-            index is not positive; or the wavelength is outside 0.1 to 20 um.
+            index is not positive; or the wavelength is outside 0.1 to 24 um.
     """
 
     amplitude: np.ndarray

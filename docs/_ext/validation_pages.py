@@ -1,9 +1,8 @@
-"""The page that says of every generated table and picture: which command made it, and at which commit.
+"""The page that says of every generated table and picture which command made it, where and when.
 
-`docs/validation/made.toml` holds the records; `scripts/docs --remake NAME` runs a command and writes the commit down.
+`docs/validation/made.toml` holds the records; `scripts/docs --remake NAME` runs a command and notes the date.
 """
 
-import subprocess
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -13,39 +12,24 @@ RECORDS = ROOT / "docs" / "validation" / "made.toml"
 
 
 def records(path: Path = RECORDS) -> dict[str, dict[str, Any]]:
-    """What is made, by name: pages, command, commit, date, minutes, sources."""
+    """What is made, by name: pages, results, command, minutes, machine, date, sources."""
     return tomllib.loads(path.read_text(encoding="utf-8"))
-
-
-def changes_since(commit: str, sources: list[str]) -> int | None:
-    """How many commits have changed the sources since; None where that cannot be known (no git, a shallow clone)."""
-    try:
-        done = subprocess.run(
-            ["git", "rev-list", "--count", f"{commit}..HEAD", "--", *sources], cwd=ROOT, capture_output=True, text=True
-        )
-    except OSError:
-        return None
-    return int(done.stdout) if done.returncode == 0 and done.stdout.strip().isdigit() else None
 
 
 def page() -> str:
     """The page."""
     lines = [
-        "# What was made when",
+        "# What was made where and when",
         "",
-        "Every number of the validation pages comes out of a command. This page is made from `docs/validation/made.toml` and the history of "
-        "the code: it says which command made a table, at which commit, and how many commits have changed the code behind it since. "
-        "`scripts/docs --remake NAME` runs the command again and writes the commit down. A table whose code has changed since is still "
-        "what that commit gave; it is made again before a release.",
+        "Every number of the validation pages comes from a command, on the machine and at the date below. `scripts/docs --remake NAME` "
+        "runs a command again and notes the date. Tables are made again before a release.",
         "",
-        "| name | page | command | minutes | made at | changes of its code since |",
-        "|---|---|---|---:|---|---:|",
+        "| name | page | command | minutes | machine | date |",
+        "|---|---|---|---:|---|---|",
     ]
     for name, record in records().items():
-        since = changes_since(record["commit"], record["sources"])
         pages = ", ".join(f"[{Path(page).stem}](../{Path(page).relative_to('docs')})" for page in record["pages"])
         lines.append(
-            f"| {name} | {pages} | `{record['command']}` | {record['minutes']} | `{record['commit']}`, {record['date']} | "
-            f"{'unknown' if since is None else since} |"
+            f"| {name} | {pages} | `{record['command']}` | {record['minutes']} | {record['machine']} | {record['date']} |"
         )
     return "\n".join(lines) + "\n"

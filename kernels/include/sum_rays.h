@@ -13,7 +13,7 @@
 
 #define WORST 10  // the moment that is a maximum, not a sum
 
-// Whether a ray of this status reached the stop, see aerokernels/tracing/status.py.
+// Whether a ray of this status reached the stop, see aerokernels/tracing/stop.py.
 #define HAS_ARRIVED(status) \
     ((status) == RAY_OK || (status) == RAY_LEFT_DISTURBED_AIR || (status) == RAY_TOLERANCE_NOT_MET)
 

@@ -11,7 +11,7 @@ import warp as wp
 from aerokernels.process.opened import OPENED
 from aerokernels.tracing.engines.interface import PROGRAMS as ENGINES_PROGRAMS
 from aerokernels.tracing.engines.layout import OPTIONS
-from aerokernels.tracing.engines.opencl import headers
+from aerokernels.tracing.engines.opencl.program import HEADERS, constants, ray_status
 from aerokernels.tracing.engines.warp.library import Scene
 
 from .scenes import Scenes, macros_of
@@ -96,7 +96,7 @@ def translated(program: Program, folder: Path) -> Translator:
     by_hand = "\n".join((folder / "include" / name).read_text(encoding="utf-8") for name in BY_HAND)
     scenes = Scenes(program.options, program.is_valid, macros_of(by_hand))
     made = _made(program, scenes)
-    generated = "\n".join(line for make in headers.HEADERS.values() for line in make())
+    generated = "\n".join(line for make in HEADERS.values() for line in make())
     taken = set(re.findall(r"#define (\w+)", generated + by_hand))
     known, with_arrays = _macros(), frozenset[Any]()
     while True:  # until it is known which functions take struct Arrays
@@ -136,7 +136,7 @@ def _macros() -> dict[str, Macro]:
     """Return the macros of the headers that are made from Python, which are numbers."""
     found: dict[str, Macro] = {}
     branch: int | None = None
-    for line in (*headers.constants(), *headers.ray_status()):
+    for line in (*constants(), *ray_status()):
         branch = {"#if REAL_IS_DOUBLE": 1, "#else": 0, "#endif": None}.get(line, branch)
         match = _DEFINITION.match(line)
         if match is None or match[3].endswith("u"):

@@ -12,7 +12,7 @@ from types import CodeType
 from typing import Any, NamedTuple
 
 from aerokernels.tracing.engines.layout import OPTIONS
-from aerokernels.tracing.engines.opencl.headers import in_c
+from aerokernels.tracing.engines.opencl.program import in_c
 
 # What a name is: pairs of a value and the mask of the scenes in which it has that value.
 Facet = list[tuple[Any, int]]

@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from aerokernels.display.figures import WIDE, styled_figure
+from aerokernels.display.canvas import WIDE, styled_figure
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

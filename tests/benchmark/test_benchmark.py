@@ -138,9 +138,9 @@ def test_the_command_refuses_in_one_line(command_line, arguments: tuple[str, ...
     assert not list(tmp_path.iterdir())
 
 
-def test_the_command_writes_the_file_and_a_table(aerokernels, tmp_path: Path):
-    few = ("--device", "cpu", "--method", "adaptive", "--rays", 16, "--repeats", 1)
-    done = aerokernels("bench", "cone", *few, "--tolerance", "1", "--tolerance", "1e-4", "--out", "bench.json")
+def test_the_command_writes_the_file_and_a_table(command_line, tmp_path: Path):
+    few = ("--backend", choose_backend("auto", "cpu")[0], "--method", "adaptive", "--rays", 16, "--repeats", 1)
+    done = command_line("bench", "cone", *few, "--tolerance", "1", "--tolerance", "1e-4", "--out", "bench.json")
     assert done.returncode == 0, done.stderr
     held = json.loads((tmp_path / "bench.json").read_text(encoding="utf-8"))
     assert held["schema"] == SCHEMA

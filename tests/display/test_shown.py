@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from aerokernels import Disc, IndexField, RayBundle, Scene, flow, simulate, trace, wavefront
+from aerokernels import Disc, IndexField, RayBundle, Scene, flow, trace, wavefront
 from aerokernels.display.shown import described
 
 
@@ -46,8 +46,8 @@ def picture_in(thing) -> np.ndarray | None:
 def test_notebooks_show_one_picture_with_the_numbers(field, tmp_path):
     """Fields, wavefronts, traces and scenes: the text that is printed, then the picture."""
     rays = RayBundle.collimated(Disc(1e-3, (0.0, 0.0, -1e-3)), 64)
-    air, wave = flow.shipped("mach3"), wavefront(field, Disc(1e-3, (0.0, 0.0, -1e-3)), pixel_count=16)
-    for thing in (field, air, wave, trace(field, rays), flow.wedge(3.0, 0.2), flow.uniform_air()):
+    wave = wavefront(field, Disc(1e-3, (0.0, 0.0, -1e-3)), pixel_count=16)
+    for thing in (field, wave, trace(field, rays), flow.wedge(3.0, 0.2)):
         assert thing._repr_html_().startswith(f"<pre>{html.escape(repr(thing))}</pre><img ")
         picture_in(thing)
     assert "+-" in wave._repr_html_()
@@ -70,10 +70,9 @@ def test_the_picture_of_a_field_is_upright():
     assert rows.size and rows.max() < 0.4 * len(pixels) and columns.min() > 0.4 * pixels.shape[1]
 
 
-def test_a_run_prints_as_on_the_command_line():
+def test_a_run_prints_as_on_the_command_line(small_run):
     """The rows of `aerokernels run` in a terminal that is none, but for the time."""
-    few = {"strehl.ray_count": 2000, "beam.ray_count": 16, "receiver.ray_count": 16}
-    run = simulate(Scene.load("wind-tunnel-mach3", few))
+    run, _ = small_run
     lines = repr(run).splitlines()
     assert lines[0] == run.scene.title and lines[1].split("  ")[1] == "Strehl ratio" and "+-" in lines[1]
     assert "2,000 requested" in str(run) and "µW" in str(run) and picture_in(run).size

@@ -16,7 +16,7 @@ import numpy as np
 
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import Plane, RayStatus, trace
-from aerokernels.tracing.status import reached
+from aerokernels.tracing.stop import reached
 
 from .bundle_draws import WAVE, Case, box_of
 

@@ -18,7 +18,7 @@ def still_air(hole: float | None) -> IndexField:
     return IndexField.from_samples(np.zeros((27, 25)), body=body, **options)
 
 
-@pytest.mark.parametrize(("hole", "ray_count"), [(2.0e-3, 512), (1.4e-3, 400)])
+@pytest.mark.parametrize(("hole", "ray_count"), [(2.0e-3, 512), pytest.param(1.4e-3, 400, marks=pytest.mark.slow)])
 def test_the_echo_of_a_cut_beam_has_the_error_that_is_told(hole: float, ray_count: int):
     """Expected: 1 - exp(-2 (a / w)^2) of the power without the ring, for a hole of radius a.
 

@@ -1,8 +1,6 @@
 """The parts of a rangefinder made in Python: the same echo as a scene's, what they refuse, and the scene of a run."""
 
 import json
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -88,12 +86,11 @@ def test_a_run_gives_its_scene_back(tmp_path):
         Scene.load(tmp_path / "summary.json", {"target.tild": 1.0})
 
 
-def test_the_command_line_repeats_a_run_from_its_summary(tmp_path):
+def test_the_command_line_repeats_a_run_from_its_summary(tmp_path, command_line):
     """The same Strehl ratio again, and that of a changed wavelength where that is changed."""
 
     def strehl(scene, *more) -> float:
-        line = [sys.executable, "-m", "aerokernels", "strehl", str(scene), "--rays", "2000", "--json", *more]
-        done = subprocess.run(line, capture_output=True, encoding="utf-8", check=False)
+        done = command_line("strehl", scene, "--rays", 2000, "--json", "--set", "grid.spacing=0.2 mm", *more)
         assert done.returncode == 0, done.stderr
         return json.loads(done.stdout)["value"]["value"]
 

@@ -64,7 +64,7 @@ def test_the_textbook_equation_gives_the_same_flow(mach, degrees):
     assert np.abs(np.array(shock.velocity_at(stops[1:])) - found.y[:, 1:] / unit).max() < 1e-9
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=6, deadline=None)
 @given(*ANYWHERE)
 def test_mass_and_momentum_balance(mach, share, gamma):
     """Set-up: the gas between wall, shock and a sphere about the tip; free stream of density and speed 1.
@@ -91,7 +91,7 @@ def test_shock_angles_of_the_charts(mach, degrees, angle):
     assert abs(math.degrees(flow.cone_shock(mach, math.radians(degrees)).shock_angle) - angle) < 0.1
 
 
-@pytest.mark.parametrize(("mach", "half_angle"), [(2.0, 1e-3), (2.0, 1e-4), (1.3, 3e-4), (4.0, 1e-3)])
+@pytest.mark.parametrize(("mach", "half_angle"), [(2.0, 1e-3), (1.3, 3e-4), (4.0, 1e-3)])
 def test_slender_cones(mach, half_angle):
     """Slender limit d -> 0: pressure coefficient d^2 (2 ln(2 / (B d)) - 1) with B = sqrt(M^2 - 1) (linear theory).
 

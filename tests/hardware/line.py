@@ -3,6 +3,7 @@
 import sqlite3
 import subprocess
 import sys
+import threading
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
@@ -10,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from aerokernels.hardware.port import open_port
+from aerokernels.hardware.simulator import EchoSource, PseudoTerminal, run_board
 from aerokernels.hardware.sources import FrameStream
 from aerokernels.hardware.store import EchoStore
 
@@ -39,6 +41,22 @@ def board(link: Path, *options: object) -> Iterator[subprocess.Popen[str]]:
         assert process.stdout is not None
         assert "board on" in process.stdout.readline()
         yield process
+
+
+@contextmanager
+def board_here(link: Path, rate: float = 500.0) -> Iterator[None]:
+    """The same board as a thread of this process."""
+    ended = threading.Event()
+    source = EchoSource.from_scene()
+    with PseudoTerminal(link) as terminal:
+        options = {"rate": rate, "stopped": ended.is_set}
+        thread = threading.Thread(target=run_board, args=(terminal, source), kwargs=options)
+        thread.start()
+        try:
+            yield
+        finally:
+            ended.set()
+            thread.join(30)
 
 
 def frames_from(link: Path) -> FrameStream:

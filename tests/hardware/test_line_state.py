@@ -66,7 +66,9 @@ def test_a_lock_that_stays_ends_a_recording_with_a_sentence(tmp_path: Path, monk
 
 
 @needs_pseudo_terminals
-@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP"])
+@pytest.mark.parametrize(
+    "name", ["SIGTERM", *(pytest.param(one, marks=pytest.mark.slow) for one in ("SIGINT", "SIGHUP"))]
+)
 def test_an_interrupt_during_the_search_for_an_instrument(tmp_path: Path, name: str):
     """A silent line: the search ends at once with the status of the signal, 128 + its number, and leaves no store.
 
@@ -86,26 +88,17 @@ def test_an_interrupt_during_the_search_for_an_instrument(tmp_path: Path, name: 
 
 
 @needs_pseudo_terminals
-def test_a_full_disk_leaves_what_was_committed(tmp_path: Path, run_code):
-    """A process whose files may grow to 150 kB."""
-    code = (
-        "import resource, sys, threading\n"
-        "import numpy as np\n"
-        "from aerokernels.hardware.frames import EchoFrame, encode\n"
-        "from aerokernels.hardware.port import open_port\n"
-        "from aerokernels.hardware.simulator import PseudoTerminal\n"
-        "from aerokernels.hardware.recorder import Recorder\n"
-        "from aerokernels.hardware.sources import FrameStream\n"
-        "from aerokernels.hardware.store import EchoStore\n"
-        "resource.setrlimit(resource.RLIMIT_FSIZE, (150_000, 150_000))\n"
-        "wire = b''.join(encode(EchoFrame(k, k, 250, 1e-3, 0.0, np.arange(100))) for k in range(160))\n"
-        "with PseudoTerminal('port') as terminal, EchoStore('s.sqlite') as store:\n"
-        "    store.begin_recording('port', 'frames', {'mach': '3'})\n"
-        "    stream = FrameStream(open_port('port'))\n"
-        "    threading.Thread(target=terminal.write, args=(wire,), daemon=True).start()\n"
-        "    Recorder(stream, store, lambda: stream, count=160, commit_interval=0.0, batch_size=20).run()\n"
-    )
-    done = run_code(code)
-    assert done.returncode == 1 and "what was committed is safe" in done.stderr, done.stderr
+def test_a_full_disk_leaves_what_was_committed(tmp_path: Path, full_disk):
+    """Files that may grow to 150 kB."""
+    wire = b"".join(encode(EchoFrame(k, k, 250, 1e-3, 0.0, np.arange(100))) for k in range(160))
+    with PseudoTerminal(tmp_path / "port") as terminal, EchoStore(tmp_path / "s.sqlite") as store:
+        store.begin_recording("port", "frames", {"mach": "3"})
+        stream, ended = frames_from(tmp_path / "port"), threading.Event()
+        threading.Thread(target=terminal.write, args=(wire, ended.is_set), daemon=True).start()
+        full_disk(150_000)
+        with pytest.raises(StoreError, match="what was committed is safe"):
+            Recorder(stream, store, lambda: stream, count=160, commit_interval=0.0, batch_size=20).run()
+        ended.set()
+        full_disk(None)
     committed = sequences(tmp_path / "s.sqlite")
     assert committed == list(range(len(committed))) and len(committed) >= 20

@@ -24,12 +24,12 @@ from aerokernels.hardware.store import EchoStore
 from aerokernels.lidar import fwhm_from_pulse_tau
 from aerokernels.lidar.parts import Setup
 
-from .line import board, frames_from, integrity, needs_pseudo_terminals, sequences, started
+from .line import board, board_here, frames_from, integrity, needs_pseudo_terminals, sequences, started
 
 pytestmark = needs_pseudo_terminals
 
 
-def test_board_to_store(tmp_path: Path, aerokernels):
+def test_board_to_store(tmp_path: Path, command_line):
     """`record --count 60` ends by itself with exactly 60 rows, numbered without a gap, that show the board's echo.
 
     Formula: that of the static scene in vacuum, 1.994 V exp(-(t - t0)^2 / tau^2) with tau = 6 ns (10 ns wide at half
@@ -39,8 +39,7 @@ def test_board_to_store(tmp_path: Path, aerokernels):
     """
     link, path = tmp_path / "port", tmp_path / "echoes.sqlite"
     with board(link, "--rate", 500) as process:
-        done = aerokernels("record", "--port", link, "--store", path, "--count", 60, "--label", "mach=3",
-                           "--json", timeout=60)  # fmt: skip
+        done = command_line("record", "--port", link, "--store", path, "--count", 60, "--label", "mach=3", "--json")
         assert done.returncode == 0, done.stderr
         assert json.loads(done.stdout)["stored_count"] == 60  # one object, and no lines of progress about it
         process.send_signal(signal.SIGINT)
@@ -62,7 +61,7 @@ def test_board_to_store(tmp_path: Path, aerokernels):
 
 def test_an_interrupt_ends_a_recording_cleanly(tmp_path: Path):
     link, path = tmp_path / "port", tmp_path / "echoes.sqlite"
-    with board(link, "--rate", 500), started("record", "--port", link, "--store", path) as recorder:
+    with board_here(link), started("record", "--port", link, "--store", path) as recorder:
         assert recorder.stdout is not None
         while "stored" not in recorder.stdout.readline():
             assert recorder.poll() is None
@@ -178,12 +177,12 @@ def test_a_port_unplugged_and_back(tmp_path: Path):
     assert integrity(path) == "ok"
 
 
-def test_a_port_in_use_is_refused(tmp_path: Path, aerokernels):
+def test_a_port_in_use_is_refused(tmp_path: Path, command_line):
     link = tmp_path / "port"
     with PseudoTerminal(link), closing(open_port(str(link))):
         with pytest.raises(PortError, match="in use by another process"):
             open_port(str(link))
-        done = aerokernels("record", "--port", link, "--store", tmp_path / "echoes.sqlite", "--count", 1)
+        done = command_line("record", "--port", link, "--store", tmp_path / "echoes.sqlite", "--count", 1)
     assert done.returncode == 2
     assert "in use" in done.stderr and len(done.stderr.splitlines()) == 1
     assert not (tmp_path / "echoes.sqlite").exists()

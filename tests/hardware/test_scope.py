@@ -139,7 +139,7 @@ def plain_instrument(link: Path, answers: dict[bytes, bytes]):
             thread.join(30)
 
 
-def test_an_instrument_that_knows_two_questions(tmp_path: Path, aerokernels):
+def test_an_instrument_that_knows_two_questions(tmp_path: Path, command_line):
     """No count of acquisitions, no terminator after the block, line feeds and # in the data, the fewest fields.
 
     Expected: one echo an answer, numbered here, and on from there when recorded again; volts by the formula.
@@ -153,9 +153,7 @@ def test_an_instrument_that_knows_two_questions(tmp_path: Path, aerokernels):
     link, path = tmp_path / "port", tmp_path / "echoes.sqlite"
     with plain_instrument(link, answers):
         for _ in range(2):
-            done = aerokernels(
-                "record", "--port", link, "--protocol", "scpi", "--store", path, "--count", 3, timeout=60
-            )
+            done = command_line(*record_into(path, link), "--count", 3)
             assert done.returncode == 0, done.stderr
     echoes = recorded(path)
     assert [echo.frame.sequence for echo in echoes] == [0, 1, 2, 3, 4, 5]
@@ -171,17 +169,17 @@ TEN_NUMBERS = {b":WAVEFORM:PREAMBLE?": b"+0,+0,+4,+1,1E-9,-2E-7,+0,0.0157,1.27,+
                b":WAVEFORM:DATA?": b"#14" + bytes([47, 47, 148, 47])}  # fmt: skip
 
 
-def test_a_dialect_that_is_given_counts_where_the_maker_is_not_told(tmp_path: Path, aerokernels):
+def test_a_dialect_that_is_given_counts_where_the_maker_is_not_told(tmp_path: Path, command_line):
     """Expected: Rigol's rule, (y - yorigin - yreference) yincrement; another maker's name is refused even then."""
     link, path = tmp_path / "port", tmp_path / "echoes.sqlite"
     command = (*record_into(path, link), "--dialect", "rigol", "--count", 1, "--timeout", 0.3)
     with plain_instrument(link, TEN_NUMBERS):
-        done = aerokernels(*command, timeout=60)
+        done = command_line(*command)
     assert done.returncode == 0, done.stderr
     ((echo,),) = (recorded(path),)
     np.testing.assert_allclose(echo.frame.voltage, 0.0157 * (np.array([47, 47, 148, 47]) - 1.27 - 128.0), rtol=1e-12)
     with plain_instrument(link, {b"*IDN?": b"KEYSIGHT TECHNOLOGIES,DSO-X 3024T,MY0,07.20\n", **TEN_NUMBERS}):
-        done = aerokernels(*command, timeout=60)
+        done = command_line(*command)
     assert done.returncode == 2 and "maker whose scale of volts is not known" in done.stderr
 
 

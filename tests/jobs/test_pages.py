@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import aerokernels
 from aerokernels.display.figures import Axis, Line, Lines, Raster, packed
 from aerokernels.display.quantities import Quantity
 from aerokernels.jobs.pages.page import Answer, Bar, Page, Panel
@@ -20,16 +19,10 @@ CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shuti
 browser = pytest.mark.skipif(CHROMIUM is None, reason="no chromium: the script of reports is not tested")
 
 
-@pytest.fixture(scope="module")
-def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+@pytest.fixture
+def run(small_run) -> Path:
     """The report of a shipped scene."""
-    out = tmp_path_factory.mktemp("run") / "out"
-    settings = {"strehl.ray_count": 256, "grid.spacing": "0.2 mm"}
-    scene = aerokernels.Scene.load("wind-tunnel-mach3", settings)
-    from aerokernels.jobs.run import write_run
-
-    write_run(aerokernels.simulate(scene), out)
-    return out
+    return small_run[1]
 
 
 def opened(path: Path, script: str = "") -> str:

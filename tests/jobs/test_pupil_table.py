@@ -86,7 +86,7 @@ def test_a_run_looks_where_the_table_says():
     wide = ((0.0, -0.03), (0.03, 0.0044))
     field = whole.prepared.mesh_field.resample(turned.grid.spacing, region=wide)
     pupil = ak.Disc(4e-3, (0.0, 0.0, turned.receiver.aperture_z))
-    options = {"wavelength": turned.flow.wavelength, "ray_count": 4000, "backend": "warp", "device": "cpu"}
+    options = {"wavelength": turned.flow.wavelength, "ray_count": 4000}
     expected = look_map(field, [angles[0]], [angles[1]], pupil, **options)
     ahead = look_map(field, [0.0], [0.0], pupil, **options)
     assert whole.strehl.value == pytest.approx(float(expected.strehl[0, 0]), abs=5e-4)

@@ -10,6 +10,7 @@ import xarray
 
 from aerokernels.scene import Scene, shipped_scenes, warn_of_unused
 from aerokernels.series import statistics
+from tests.command import command
 from tests.series.fourier import Fourier
 
 SCENE = """
@@ -39,18 +40,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return place
 
 
-def run(folder: Path, *arguments: str):
-    import subprocess
-    import sys
-
-    command = [sys.executable, "-m", "aerokernels", "series", *arguments]
-    return subprocess.run(
-        command, cwd=folder, capture_output=True, encoding="utf-8", timeout=300, stdin=subprocess.DEVNULL
-    )
-
-
-def test_a_series_gives_maps_statistics_and_a_report(folder: Path, command_line):
-    done = run(folder, "layer.toml", "--out", "out")
+def test_a_series_gives_maps_statistics_and_a_report(folder: Path):
+    done = command(folder, "series", "layer.toml", "--out", "out")
     assert done.returncode == 0, done.stderr
     assert "Strehl ratio, exact mean\t" in done.stdout and " +- " in done.stdout
     said = done.stderr.splitlines()
@@ -87,7 +78,7 @@ def test_a_series_gives_maps_statistics_and_a_report(folder: Path, command_line)
     data = json.loads(re.search(r'<script type="application/json" id="data">(.*?)</script>', page)[1])  # type: ignore[index]
     assert len(data["plots"][0]["frames"]) == len(data["plots"][0]["times"]) == 24
     before = (out / "series.zarr" / "opd" / "c" / "0" / "0" / "0").stat().st_mtime_ns
-    again = command_line("series", folder / "layer.toml", "--out", out)
+    again = command(folder, "series", "layer.toml", "--out", "out")
     assert again.returncode == 0
     assert (out / "series.zarr" / "opd" / "c" / "0" / "0" / "0").stat().st_mtime_ns == before
 
@@ -136,8 +127,8 @@ def test_tables_without_an_effect_are_named(folder: Path, recwarn):
         "schlieren": "[detector], [series], trace.method have",
         "series": "[detector], flow.source, trace.method have",
     }
-    for command, words in told.items():
-        warn_of_unused(scene, command)
+    for job, words in told.items():
+        warn_of_unused(scene, job)
         assert str(recwarn.pop().message) == f"wind-tunnel-mach3-changed: {words} no effect here"
     for name in shipped_scenes():
         warn_of_unused(Scene.load(name), "run")

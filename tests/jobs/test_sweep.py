@@ -7,14 +7,17 @@ import signal
 import subprocess
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from unittest import mock
 
 import numpy as np
 import pytest
 import xarray
 
 import aerokernels
-from aerokernels.jobs.sweeps.records import CASES_FILE, DATASET_FILE
+from aerokernels.jobs.sweeps.records import CASES_FILE, DATASET_FILE, Records
+from tests.command import command
 
 SMALL = {
     "strehl.ray_count": "1024",
@@ -24,9 +27,9 @@ SMALL = {
     "grid.spacing": "0.4 mm",
 }
 OPTIONS = [part for key, value in SMALL.items() for part in ("--set", f"{key}={value}")]
-# Of two sources one is air at rest: each worker reads each source, and a shipped flow takes it two seconds.
-VARY = ["--vary", "flow.source=static,mach3", "--vary", "target.tilt=0 deg:15 deg:4"]
-COMMAND = ["sweep", "wind-tunnel-mach3", *VARY, *OPTIONS, "--out", "out"]
+# Two index fields of air at rest: a shipped flow takes each worker two seconds.
+VARY = ["--vary", "flow.wavelength=905 nm,1064 nm", "--vary", "target.tilt=0 deg:15 deg:4"]
+COMMAND = ["sweep", "wind-tunnel-static", *VARY, *OPTIONS, "--out", "out"]
 
 
 def started(folder: Path, *arguments: str) -> subprocess.Popen:
@@ -71,7 +74,7 @@ def checked(folder: Path) -> xarray.Dataset:
     assert sorted(line["case"] for line in lines(folder)) == list(range(8))
     with xarray.open_dataset(folder / "out" / DATASET_FILE, engine="h5netcdf") as found:
         found.load()
-    assert dict(found.strehl.sizes) == {"flow.source": 2, "target.tilt": 4}
+    assert dict(found.strehl.sizes) == {"flow.wavelength": 2, "target.tilt": 4}
     np.testing.assert_allclose(np.degrees(found["target.tilt"]), [0, 5, 10, 15], atol=1e-12)
     assert found["target.tilt"].attrs["units"] == "rad"
     assert np.isfinite(found.strehl).all() and not found.failed.any()
@@ -80,30 +83,33 @@ def checked(folder: Path) -> xarray.Dataset:
 
 @pytest.fixture(scope="module")
 def unbroken(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, xarray.Dataset]:
-    """The 8 cases, by two local workers, of which one was killed in the middle and replaced."""
-    folder = tmp_path_factory.mktemp("sweep")
-    process = started(folder, *COMMAND, "--workers", "2")
-    wait_for_cases(process, folder, 2)
-    workers = children(process.pid, "spawn_main")
-    assert len(workers) == 2
-    os.kill(workers[0], signal.SIGKILL)
-    told, faults = process.communicate(timeout=300)
-    assert process.returncode == 0, faults
-    assert "8 of 8 cases" in told and "left" in faults
+    """The 8 cases, by two local workers, of which one is killed at the second case and replaced."""
+    folder, add, killed = tmp_path_factory.mktemp("sweep"), Records.add, []
+
+    def add_and_kill(records: Records, case: int, outcome: dict) -> bool:
+        is_new = add(records, case, outcome)
+        if len(records.done) == 2 and not killed:
+            killed.extend(children(os.getpid(), "spawn_main"))
+            os.kill(killed[0], signal.SIGKILL)
+        return is_new
+
+    with mock.patch.object(Records, "add", add_and_kill):
+        done = command(folder, *COMMAND, "--workers", "2")
+    assert done.returncode == 0 and len(killed) == 2, done.stderr
+    assert "8 of 8 cases" in done.stdout and "left" in done.stderr
     return folder, checked(folder)
 
 
 def test_a_finished_sweep_does_nothing(unbroken, monkeypatch: pytest.MonkeyPatch):
     folder, found = unbroken
     before = {path: path.stat().st_mtime_ns for path in (folder / "out").iterdir()}
-    process = started(folder, *COMMAND)
-    _, told = process.communicate(timeout=60)
-    assert process.returncode == 0 and "nothing to do" in told
+    done = command(folder, *COMMAND)
+    assert done.returncode == 0 and "nothing to do" in done.stderr
     assert {path: path.stat().st_mtime_ns for path in (folder / "out").iterdir()} == before
     monkeypatch.setattr("aerokernels.jobs.sweeps.run.run_sweep", None)  # in Python: neither
     again = aerokernels.sweep(
-        "wind-tunnel-mach3",
-        {"flow.source": ["static", "mach3"], "target.tilt": [0.0, *found["target.tilt"].values[1:]]},
+        "wind-tunnel-static",
+        {"flow.wavelength": [905e-9, 1064e-9], "target.tilt": [0.0, *found["target.tilt"].values[1:]]},
         settings=SMALL,
         out=folder / "out",
     )
@@ -166,12 +172,14 @@ def test_a_dead_dask_worker_is_made_up_for(unbroken, command_line, tmp_path: Pat
 
 def test_a_failed_case_is_recorded_and_the_others_go_on(tmp_path: Path):
     """A target nearer than the receiver is wide; the zip's second case. In Python, with a scene and keys in SI."""
-    scene = aerokernels.Scene.load("wind-tunnel-mach3", SMALL)
+    scene = aerokernels.Scene.load("wind-tunnel-static", SMALL)
     vary = {"target.distance": [1.5, 0.01], "target.tilt": [0.0, 0.1]}
     steps: list[tuple[str, float]] = []
-    found = aerokernels.sweep(
-        scene, vary, out=tmp_path / "out", zip=True, workers=1, progress=lambda text, share: steps.append((text, share))
-    )
+    with ThreadPoolExecutor(1) as here:
+        found = aerokernels.sweep(
+            scene, vary, out=tmp_path / "out", zip=True, executor=here,
+            progress=lambda text, share: steps.append((text, share)),
+        )  # fmt: skip
     assert found.strehl.dims == ("case",) and list(found["target.distance"].values) == [1.5, 0.01]
     assert list(found.failed.values) == [False, True] and found.attrs["failed_count"] == 1
     assert "target" in str(found.failures.values[1]) and np.isnan(found.range_m.values[1])

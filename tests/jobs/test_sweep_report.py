@@ -2,6 +2,7 @@
 
 import json
 import re
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -21,9 +22,9 @@ def finished(tmp_path_factory: pytest.TempPathFactory):
     """A sweep without flow over distance and tilt; at 4 m the echo is below the threshold."""
     out = tmp_path_factory.mktemp("sweep") / "out"
     scene = aerokernels.Scene.load("wind-tunnel-static", dict(text.split("=") for text in SMALL[:3]))
-    found = aerokernels.sweep(
-        scene, {"target.distance": [1.0, 1.5, 4.0], "target.tilt": [0.0, 0.5]}, out=out, workers=1
-    )
+    vary = {"target.distance": [1.0, 1.5, 4.0], "target.tilt": [0.0, 0.5]}
+    with ThreadPoolExecutor(1) as here:
+        found = aerokernels.sweep(scene, vary, out=out, executor=here)
     return found, (out / "report.html").read_text(), out
 
 

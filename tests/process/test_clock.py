@@ -36,7 +36,7 @@ def test_a_trace_tells_its_stages_and_its_error_has_a_clock_of_its_own():
     samples = 1e-5 * np.random.default_rng(0).random((9, 9))
     field = IndexField.from_samples(samples, origin=(-1e-3, 0.0), spacing=(2.5e-4,) * 2, geometry="planar")
     rays = RayBundle(np.c_[np.zeros((20, 2)), np.full(20, -1e-3)], (0.0, 0.1, 1.0))
-    result = trace(field, rays, backend="warp", device="cpu")
+    result = trace(field, rays)
     assert set(result.seconds) == set(STAGES) - {"error", "landing", "spread", "render"}
     total = result.seconds["total"]
     assert 0.0 < sum(result.seconds[name] for name in ("plan", "upload", "compile", "kernel", "download")) <= total

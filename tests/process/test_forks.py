@@ -101,7 +101,11 @@ def test_a_child_of_a_process_that_opens_something_opens_its_own(monkeypatch: py
 
 
 @pytest.mark.parametrize(
-    ("backend", "slow"), [("warp", "aerokernels.tracing.engines.warp.engine"), ("opencl", "pyopencl")]
+    ("backend", "slow"),
+    [
+        pytest.param("warp", "aerokernels.tracing.engines.warp.engine", marks=pytest.mark.slow),
+        ("opencl", "pyopencl"),
+    ],
 )
 def test_a_fork_in_the_first_trace_of_another_thread(backend: str, slow: str):
     """Expected: the parent's trace ends; the child traces too, or its refusal says what a forked process cannot do.

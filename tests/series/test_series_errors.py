@@ -23,7 +23,7 @@ def opened(seed: int, nodes: int, count: int = 1, strength=lambda k: 1.0) -> flo
     return flow.open_series(arrays, time=1e-5 * np.arange(count), ambient_density=1.0, **grid)
 
 
-@pytest.mark.parametrize(("seed", "direction"), [(0, (0.0, 0.0, 1.0)), (1, (0.15, -0.1, 1.0)), (2, (0.15, -0.1, 1.0))])
+@pytest.mark.parametrize(("seed", "direction"), [(0, (0.0, 0.0, 1.0)), (1, (0.15, -0.1, 1.0))])
 def test_errors_cover_the_truth(seed: int, direction):
     """25 nodes a side and 48 pixels against 97 nodes and 144 pixels."""
     pupil = Disc(0.02, (0.0, 0.0, 0.0))

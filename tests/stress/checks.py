@@ -6,7 +6,7 @@ from scipy.ndimage import gaussian_filter
 from aerokernels.medium import IndexField
 from aerokernels.tracing import RayStatus, TraceResult
 from aerokernels.tracing.plan import RAY_OUTPUTS
-from aerokernels.tracing.status import reached
+from aerokernels.tracing.stop import reached
 
 WAVE = 905e-9
 UP = (0.0, 0.0, 1.0)

@@ -17,7 +17,7 @@ from aerokernels.tracing.engines.reference.ends import Ends
 from aerokernels.tracing.engines.reference.flight import Flight, starting_momentum
 from aerokernels.tracing.engines.reference.medium import GridAir, dot
 from aerokernels.tracing.engines.reference.mesh import MeshAir
-from aerokernels.tracing.status import RayStatus, reached
+from aerokernels.tracing.stop import RayStatus, reached
 from aerokernels.tracing.tableau import BT, NEARLY_STRAIGHT, STAGE_MOMENTUM, A, C, has_consistent_gradient
 
 BISECTIONS = 60

@@ -30,12 +30,12 @@ def quantity_name(name: str, grouped: bool = False) -> str:
     """
     if (whole := re.fullmatch(r"\s*<([^<>]*)>\s*", name)) is not None:
         name = whole[1]
-    rest = _without_comma(name)
-    while inside := in_brackets(rest):
+    text = _without_comma(name)
+    while inside := in_brackets(text):
         if not (is_no_unit(inside) or written_unit(inside) is not None or inside.lower() in SAME_QUANTITY):
             return re.sub(r"[^a-z0-9]", "", name.lower())
-        rest = rest[: rest.rfind(inside)].rstrip(" \t[(<{")
-    return plain_name(rest, grouped)
+        text = text[: text.rfind(inside)].rstrip(" \t[(<{")
+    return plain_name(text, grouped)
 
 
 def known_names(names: Iterable[str], known: Sequence[str], grouped: bool = False) -> list[str]:
@@ -44,8 +44,8 @@ def known_names(names: Iterable[str], known: Sequence[str], grouped: bool = Fals
     mean = r"(?:time)?(?:mean|averaged?|avg|ave)"
     for pattern in ("{one}", f"{mean}(?:of)?{{one}}|{{one}}{mean}"):
         for one in known:
-            if found := [name for name, own in quantities if re.fullmatch(pattern.format(one=one), own)]:
-                return found
+            if result := [name for name, own in quantities if re.fullmatch(pattern.format(one=one), own)]:
+                return result
     return []
 
 

@@ -108,15 +108,15 @@ class DensityChoice:
 
     def of_block(self, block: Block) -> tuple[np.ndarray, str]:
         """Return the density [kg/m3] of a block, and whether it belongs to its "cell"s or its "point"s."""
-        found: dict[str, np.ndarray] = {}
+        result: dict[str, np.ndarray] = {}
         places: list[str] = []
         for dimension, name in self.names.items():
-            found[dimension], place = scalar_array(self.path, block, name, *places)
+            result[dimension], place = scalar_array(self.path, block, name, *places)
             places.append(place)
         if len(set(places)) > 1:
             both = " and ".join(self.names.values())
             raise ReadError(self.path, f"{both} are given at different places", "give both in cells")
-        values, where = self.densities(found), places[0]
+        values, where = self.densities(result), places[0]
         self._refuse_no_gas(block, values, where)
         return values, where
 
@@ -188,13 +188,15 @@ def usual_name(path, dataset: Dataset, known: Sequence[str]) -> str | None:
     Means over time count after all others. A "T" counts before a "t", which may be the time: it is not taken where it
     is the same everywhere.
     """
-    found = known_names((name for name in dataset.array_names() if not _is_time(dataset, name)), known, dataset.grouped)
+    result = known_names(
+        (name for name in dataset.array_names() if not _is_time(dataset, name)), known, dataset.grouped
+    )
     if dataset.grouped:
-        level = min((name.count("/") for name in found), default=0)
-        found = [name for name in found if name.count("/") == level]
-        if level and len(found) > 1:
-            raise ReadError(path, f"several groups have such an array: {', '.join(found)}", "name one of them")
-    return min(found, key=lambda name: name[-1:] == "t", default=None)
+        level = min((name.count("/") for name in result), default=0)
+        result = [name for name in result if name.count("/") == level]
+        if level and len(result) > 1:
+            raise ReadError(path, f"several groups have such an array: {', '.join(result)}", "name one of them")
+    return min(result, key=lambda name: name[-1:] == "t", default=None)
 
 
 def _is_time(dataset: Dataset, name: str) -> bool:

@@ -141,13 +141,13 @@ def direction(value, name: str) -> np.ndarray:
                 f"frame: {name} {value!r} is not an axis: give one of +x, -x, +y, -y, +z, -z, or three numbers"
             )
         return sign * np.eye(3)[number]
-    told = f"frame: {name} must be an axis such as '-x' or three numbers, got {value!r}"
+    message = f"frame: {name} must be an axis such as '-x' or three numbers, got {value!r}"
     try:
         vector = np.asarray(value, dtype=np.float64)
     except (TypeError, ValueError):
-        raise TypeError(told) from None
+        raise TypeError(message) from None
     if vector.shape != (3,) or not np.isfinite(vector).all() or not vector.any():
-        raise ValueError(told)
+        raise ValueError(message)
     return _unit(vector)
 
 

@@ -244,8 +244,8 @@ def _refuse_wedge(path, dataset: Dataset) -> None:
     every = [block.points for block in dataset.blocks]
     if grid_of(every[0]) is not None:  # which fills a volume
         return
-    if (found := wedge(every[0] if len(every) == 1 else np.concatenate(every))) is not None:
-        axis, angle = "xyz"[found.axis], np.degrees(found.angle)
+    if (result := wedge(every[0] if len(every) == 1 else np.concatenate(every))) is not None:
+        axis, angle = "xyz"[result.axis], np.degrees(result.angle)
         raise ReadError(
             path,
             f"all its points are on two planes that meet in the {axis} axis at {angle:.3g} degrees: a wedge, one cell "
@@ -282,12 +282,12 @@ def field_of(reading: Reading, shared: Reader | None = None) -> DensityField:
 def _plane_field(reading: Reading) -> DensityField:
     path, dataset = reading.path, reading.dataset
     plane = Plane.of(reading)
-    given = [(np.asarray(rho, np.float64), where) for rho, where in reading.densities]
+    samples = [(np.asarray(rho, np.float64), where) for rho, where in reading.densities]
     fractions = reading.fractions
     if fractions is not None:  # partial densities are carried to the mesh in the same way as the density
-        parts = zip(given, fractions.blocks, strict=True)
-        given = [(np.vstack([rho, rho * shares]).T, where) for (rho, where), shares in parts]
-    mesh, density, where, remark = plane_mesh(path, list(dataset.blocks), plane, given)
+        parts = zip(samples, fractions.blocks, strict=True)
+        samples = [(np.vstack([rho, rho * shares]).T, where) for (rho, where), shares in parts]
+    mesh, density, where, remark = plane_mesh(path, list(dataset.blocks), plane, samples)
     composition = None
     body = _body(reading, plane, mesh)
     at = mesh.cell_centroid if where == "cell" else mesh.vertices
@@ -369,5 +369,5 @@ def from_pyvista(dataset, **options: Unpack[ReadOptions]) -> DensityField:
     if not hasattr(dataset, "GetClassName"):
         raise TypeError(f"from_pyvista takes a data set of pyvista or VTK, got {type(dataset).__name__}")
     asked = checked_options(options, "from_pyvista", without=("time", "walls", *FORMAT_OPTIONS))
-    found = vtk_dataset(f"{dataset.GetClassName()} given", dataset, "VTK data set")
-    return field_of(reading_of("pyvista data", found, asked))
+    result = vtk_dataset(f"{dataset.GetClassName()} given", dataset, "VTK data set")
+    return field_of(reading_of("pyvista data", result, asked))

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from aerokernels.display.figures import Axis, Line, Lines, color_bar, color_map, data_url, figure_of, packed, plain
+from aerokernels.display.canvas import color_bar, color_map, data_url, figure_of
+from aerokernels.display.figures import Axis, Line, Lines, packed, plain
 from aerokernels.display.shown import is_flat
 from aerokernels.files.writing import replacing
 from aerokernels.flow import CellDensity, DensityField

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from aerokernels.display.figures import SHADES, Axis, Line, Lines
+from aerokernels.display.canvas import SHADES
+from aerokernels.display.figures import Axis, Line, Lines
 from aerokernels.display.quantities import Quantity
 from aerokernels.jobs.pages.page import Answer, Page, Panel
 from aerokernels.jobs.recorded import label_text

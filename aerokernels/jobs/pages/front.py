@@ -7,15 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from aerokernels.display.figures import (
-    LEAST_DECADE,
-    Axis,
-    Line,
-    Lines,
-    Raster,
-    packed,
-    plain,
-)
+from aerokernels.display.figures import LEAST_DECADE, Axis, Line, Lines, Raster, packed, plain
 from aerokernels.display.quantities import Quantity
 from aerokernels.jobs.pages.page import Bar, Panel, shown
 from aerokernels.jobs.store import number_or_nan

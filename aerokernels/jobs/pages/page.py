@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
 
 from aerokernels import __version__
-from aerokernels.display.figures import color_tables
+from aerokernels.display.canvas import color_tables
 from aerokernels.display.plain_text import plain
 from aerokernels.display.quantities import Quantity
 from aerokernels.display.shown import told
@@ -207,7 +207,8 @@ class Page:
             "version": __version__,
             "has_budget": any(panel.name == "budget" for panel in self.panels),
         }
-        return template.render(page=content, plots=_script_json(data) if data else "", citation=CITATION, **parts)
+        plots = _script_json(data) if data else ""
+        return plain(template.render(page=content, plots=plots, citation=CITATION, **parts))
 
 
 def _drawn(panel: Panel) -> tuple[dict[str, Any], list[str], str]:
@@ -232,17 +233,6 @@ def _typeset(text: str) -> str:
     return re.sub(r"(?<![\w.])-(?=\d)|(?<=e)-(?=\d)", "−", text)
 
 
-def flat(tree: Mapping[str, Any], prefix: str = "") -> "list[tuple[str, str]]":
-    """Return the keys and values of nested mappings, keys joined by dots and values as JSON."""
-    rows: list[tuple[str, str]] = []
-    for key, value in tree.items():
-        if isinstance(value, Mapping) and value:
-            rows += flat(value, f"{prefix}{key}.")
-        else:
-            rows.append((f"{prefix}{key}", json.dumps(value, ensure_ascii=False)))
-    return rows
-
-
 def _script_json(data: Mapping[str, Any]) -> str:
     """Return data as JSON that may stand in a script element: nothing in it ends the element."""
     text = json.dumps(to_json(data), separators=(",", ":"), allow_nan=False)
@@ -257,7 +247,6 @@ def _template() -> "tuple[jinja2.Template, dict[str, Any]]":
         autoescape=True,
         trim_blocks=True,
         lstrip_blocks=True,
-        finalize=lambda value: plain(value) if type(value) is str else value,
     )
     environment.filters["link"] = _link
     read = environment.loader.get_source if environment.loader is not None else None

@@ -14,8 +14,8 @@ from aerokernels.jobs.numbers import NUMBERS, quantity_of, remark_rows
 from aerokernels.jobs.pages.air import Air
 from aerokernels.jobs.pages.echo import Echo
 from aerokernels.jobs.pages.front import GROUPS, Front
-from aerokernels.jobs.pages.page import Answer, Bar, Page, Panel, Row, flat, shown
-from aerokernels.jobs.store import number_or_nan
+from aerokernels.jobs.pages.page import Answer, Bar, Page, Panel, Row, shown
+from aerokernels.jobs.store import flat, number_or_nan
 
 if TYPE_CHECKING:
     import xarray

@@ -10,7 +10,8 @@ from aerokernels.display.figures import Axis, Line, Lines, Raster
 from aerokernels.display.quantities import Quantity
 from aerokernels.display.shown import is_flat
 from aerokernels.jobs.numbers import SERIES_NUMBERS, quantity_of
-from aerokernels.jobs.pages.page import Answer, Page, Panel, Row, flat, shown
+from aerokernels.jobs.pages.page import Answer, Page, Panel, Row, shown
+from aerokernels.jobs.store import flat
 
 if TYPE_CHECKING:
     import xarray

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from aerokernels.display.figures import SHADES, Axis, Line, Lines, Raster
+from aerokernels.display.canvas import SHADES
+from aerokernels.display.figures import Axis, Line, Lines, Raster
 from aerokernels.display.quantities import Quantity
 from aerokernels.display.shown import is_flat
 from aerokernels.jobs.numbers import NUMBERS, Number

@@ -103,9 +103,9 @@ class Stages:
             return cache[key]
         while len(cache) >= CACHED:
             del cache[next(iter(cache))]  # free memory before the next stage: fields can be large
-        made = cache[key] = make()
+        result = cache[key] = make()
         self.made[kind] += 1
-        return made
+        return result
 
     def run(self, case: Case) -> RunResult:
         """Compute a case."""

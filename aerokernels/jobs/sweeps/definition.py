@@ -71,12 +71,12 @@ class Definition:
 
     def load(self, changes: Mapping[str, Any]) -> Scene:
         """Load the scene of a case."""
-        found = changed_scene(self.scene, {**self.settings, **with_units(changes)})
+        result = changed_scene(self.scene, {**self.settings, **with_units(changes)})
         try:
-            _ = found.flow_source
+            _ = result.flow_source
         except ValueError as fault:
             raise SceneError(f"{getattr(self.scene, 'name', self.scene)}: {fault}") from None
-        return found
+        return result
 
     def described(self) -> dict[str, Any]:
         """Return everything that the numbers depend on, as plain JSON types: sweeps that agree in it are the same."""
@@ -172,12 +172,12 @@ def checked_scenes(definition: Definition) -> tuple[list[Scene | None], dict[int
 
 def coordinates(definition: Definition) -> dict[str, tuple[str, np.ndarray, str]]:
     """Return dimension, values and unit of each key's coordinate: numbers if all values are numbers, else texts."""
-    found = {}
+    result = {}
     for key, values in definition.vary.items():
         numbers = all(map(is_number, values))
         array = np.array(values) if numbers else np.array(list(map(str, values)), dtype=object)
-        found[key] = (key if definition.mode == "grid" else CASE, array, key_unit(key) if numbers else "1")
-    return found
+        result[key] = (key if definition.mode == "grid" else CASE, array, key_unit(key) if numbers else "1")
+    return result
 
 
 def _values(key: str, values: Any) -> tuple[Any, ...]:
@@ -203,12 +203,12 @@ def content_hashes(sources: Iterable[Any]) -> dict[str, str]:
 
     The content is that of all files that are read with it: the pieces that it names, the mesh beside it, a whole case.
     """
-    found = {}
+    result = {}
     for source in sources:
         path = Path(source) if isinstance(source, (str, Path)) and str(source) else None
         if path is not None and path.exists():
-            found[str(source)] = _content_hash(path)
-    return found
+            result[str(source)] = _content_hash(path)
+    return result
 
 
 def _content_hash(path: Path) -> str:

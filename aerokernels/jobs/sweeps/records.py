@@ -17,7 +17,7 @@ import numpy as np
 from aerokernels.display.plain_text import cut, plain_json
 from aerokernels.files.writing import FULL, OutputError
 from aerokernels.jobs.numbers import NUMBERS, TEXTS
-from aerokernels.jobs.store import number_or_nan, to_json, write_text
+from aerokernels.jobs.store import flat, number_or_nan, to_json, write_text
 from aerokernels.jobs.sweeps.definition import CASE, Definition, coordinates
 from aerokernels.scene import Scene
 
@@ -34,12 +34,12 @@ def read_definition(folder: Path) -> dict[str, Any] | None:
     if not path.is_file():
         return None
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
+        result = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError) as fault:
         raise ValueError(f"out={folder}: {path.name} cannot be read ({fault}); {_REMEDY}") from None
-    if not isinstance(found, dict) or "vary" not in found:
+    if not isinstance(result, dict) or "vary" not in result:
         raise ValueError(f"out={folder}: {path.name} is not that of a sweep; {_REMEDY}")
-    return found
+    return result
 
 
 def write_definition(folder: Path, described: Mapping[str, Any]) -> None:
@@ -47,35 +47,28 @@ def write_definition(folder: Path, described: Mapping[str, Any]) -> None:
     write_text(folder / DEFINITION_FILE, plain_json(json.dumps(described, indent=2, ensure_ascii=False)) + "\n")
 
 
-def check_same(folder: Path, found: Mapping[str, Any], asked: Mapping[str, Any]) -> None:
+def check_same(folder: Path, result: Mapping[str, Any], asked: Mapping[str, Any]) -> None:
     """Reject resuming a different sweep."""
-    old, new = _flat(found), _flat(asked)
+    old, new = dict(flat(result)), dict(flat(asked))
     differing = [key for key in {**old, **new} if old.get(key) != new.get(key)]
-    if not differing and list(found["vary"]) == list(asked["vary"]):
+    if not differing and list(result["vary"]) == list(asked["vary"]):
         return
     if differing and differing[0].startswith("content."):
         name = differing[0].removeprefix("content.")
         raise ValueError(f"out={folder}: {name} has changed since its sweep began; {_REMEDY}")
     if differing == ["version"]:
         raise ValueError(
-            f"out={folder}: its sweep was made by aerokernels {old['version']}, this is {new['version']}, whose "
+            f"out={folder}: its sweep was made by aerokernels {result['version']}, this is {asked['version']}, whose "
             f"numbers may differ; {_REMEDY}"
         )
     if differing:
         key, more = differing[0], f" (and {len(differing) - 1} more differences)" if len(differing) > 1 else ""
         name = key.removeprefix("scene.").removeprefix("vary.")
-        was, now = ("absent" if one is None else cut(json.dumps(one)) for one in (old.get(key), new.get(key)))
+        was, now = (cut(some.get(key, "absent")) for some in (old, new))
     else:
-        name, more, was, now = "the order of the keys that vary", "", ", ".join(found["vary"]), ", ".join(asked["vary"])
+        name, more = "the order of the keys that vary", ""
+        was, now = (", ".join(some["vary"]) for some in (result, asked))
     raise ValueError(f"out={folder}: it holds another sweep: {name} was {was} and is {now}{more}; {_REMEDY}")
-
-
-def _flat(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Return the values of nested mappings by their dotted keys."""
-    flat: dict[str, Any] = {}
-    for key, value in values.items():
-        flat |= _flat(value, f"{prefix}{key}.") if isinstance(value, dict) else {f"{prefix}{key}": value}
-    return flat
 
 
 class Records:

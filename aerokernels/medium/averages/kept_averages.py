@@ -130,21 +130,21 @@ def _vertex_weights(mesh: QuadMesh) -> _VertexWeights:
     return _VertexWeights(matrix, matrix.T.tocsr())
 
 
-def _sweep(weights: _VertexWeights, some, target, found, low, high, settled: float, sweeps: int) -> None:
+def _sweep(weights: _VertexWeights, some, target, result, low, high, settled: float, sweeps: int) -> None:
     """Sweep over some of the flow's cells and the vertices that belong to no other cells, in place.
 
     Ends when no deficit has changed by more than `settled` in CHECK_INTERVAL sweeps.
     """
     share, size, target = weights.matrix[some], weights.cell_total[some], target[some]
     if len(some) < len(weights.cell_total):
-        count = np.bincount(share.indices, minlength=len(found))
+        count = np.bincount(share.indices, minlength=len(result))
         vertex = np.flatnonzero((count > 0) & (count == np.diff(weights.transposed.indptr)))
     else:
-        vertex = np.arange(len(found))
+        vertex = np.arange(len(result))
     inner = share.tocsc()[:, vertex].tocsr()
     transposed = inner.T.tocsr()
-    values, low, high = found[vertex], low[vertex], high[vertex]
-    wanted = target * size - share @ found + inner @ values
+    values, low, high = result[vertex], low[vertex], high[vertex]
+    wanted = target * size - share @ result + inner @ values
     total = np.asarray(weights.matrix.sum(axis=0))[vertex]
     rate = np.where(total > 0.0, 1.0 / np.where(total > 0.0, total, 1.0), 0.0)
     before, ahead, restart = np.full(len(target), np.inf), values, 0
@@ -160,7 +160,7 @@ def _sweep(weights: _VertexWeights, some, target, found, low, high, settled: flo
             restart = sweep
         ahead = moved + (sweep - restart) / (sweep - restart + 3.0) * step
         values = moved
-    found[vertex] = values
+    result[vertex] = values
 
 
 def _vertices_at(mesh: QuadMesh, points: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

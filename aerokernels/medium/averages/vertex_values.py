@@ -230,11 +230,11 @@ def _least_squares_gradient(points, values, first, second) -> np.ndarray:
     determinant = yy * zz - yz * yz
     flat = ~(determinant > 1e-4 * (yy + zz) ** 2)
     divisor = np.where(flat, 1.0, determinant)
-    found = np.stack([(zz * right_y - yz * right_z) / divisor, (yy * right_z - yz * right_y) / divisor], axis=1)
+    result = np.stack([(zz * right_y - yz * right_z) / divisor, (yy * right_z - yz * right_y) / divisor], axis=1)
     normal = np.stack([yy, yz, yz, zz], axis=1)[flat].reshape(-1, 2, 2)
     right = np.stack([right_y, right_z], axis=1)[flat]
-    found[flat] = (np.linalg.pinv(normal) @ right[..., None])[..., 0]
-    return found
+    result[flat] = (np.linalg.pinv(normal) @ right[..., None])[..., 0]
+    return result
 
 
 def _slopes(mesh: QuadMesh, centroid: np.ndarray, average: np.ndarray) -> tuple[np.ndarray, ...]:

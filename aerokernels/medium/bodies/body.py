@@ -248,12 +248,12 @@ def _cuts(start, end, other_start, other_end, size: float) -> list[np.ndarray]:
     crosses = (np.minimum(s1, s2) < -near) & (np.maximum(s1, s2) > near)
     inner = (crossing > near) & (crossing < length[:, None] - near) & crosses
     ends_on = (np.abs(s1) <= near) & (t1 > near) & (t1 < length[:, None] - near)
-    found = []
+    result = []
     for row in range(len(start)):
         if not (inner[row].any() or ends_on[row].any()):
-            found.append(np.empty((0, 2)))
+            result.append(np.empty((0, 2)))
             continue
         t = np.concatenate([crossing[row][inner[row]], t1[row][ends_on[row]]])
         points = np.concatenate([start[row] + crossing[row][inner[row], None] * along[row], other_start[ends_on[row]]])
-        found.append(points[np.argsort(t, kind="stable")])
-    return found
+        result.append(points[np.argsort(t, kind="stable")])
+    return result

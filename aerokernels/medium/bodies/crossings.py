@@ -39,8 +39,8 @@ def crossings(start: np.ndarray, end: np.ndarray, geometry: str, position, direc
     parts = []
     for first in range(0, len(position), block):
         rows = slice(first, first + block)
-        found = np.sort(function(start, end, position[rows], direction[rows]), axis=1)
-        parts.append(found[:, : np.isfinite(found).sum(axis=1).max(initial=0)])
+        results = np.sort(function(start, end, position[rows], direction[rows]), axis=1)
+        parts.append(results[:, : np.isfinite(results).sum(axis=1).max(initial=0)])
     result = np.full((len(position), max((part.shape[1] for part in parts), default=0)), np.inf)
     for number, part in enumerate(parts):
         result[number * block : number * block + len(part), : part.shape[1]] = part

@@ -215,11 +215,11 @@ def outlines(vertices: np.ndarray, triangles: np.ndarray) -> list[np.ndarray]:
     for a, b in joined.tolist():
         neighbours[a].append(b)
         neighbours[b].append(a)
-    found, left = [], set(range(len(named)))
+    result, left = [], set(range(len(named)))
     while left:
         line = [left.pop()]
         while onward := [k for k in neighbours[line[-1]] if k in left]:
             line.append(onward[0])
             left.remove(onward[0])
-        found.append(place[line])
-    return found
+        result.append(place[line])
+    return result

@@ -114,7 +114,7 @@ def triangle_normals(corners: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     angle = np.arctan2(np.linalg.norm(np.cross(edges, back), axis=2), np.sum(edges * back, axis=2)).ravel()
     order = np.argsort(triangles.ravel(), kind="stable")
     first = np.searchsorted(triangles.ravel()[order], np.arange(triangles.max() + 2))
-    found = np.empty((triangles.size, 3))
+    result = np.empty((triangles.size, 3))
     for begin in range(0, triangles.size, CORNERS):
         some = np.arange(begin, min(begin + CORNERS, triangles.size))
         vertex = triangles.ravel()[some]
@@ -124,9 +124,9 @@ def triangle_normals(corners: np.ndarray, triangles: np.ndarray) -> np.ndarray:
         other = order[place]
         near = np.sum(normal[some[mine] // 3] * normal[other // 3], axis=1) > np.cos(SMOOTH)
         weight = np.where(near, angle[other], 0.0)[:, None] * normal[other // 3]
-        found[some] = np.stack([np.bincount(mine, weight[:, k], len(some)) for k in range(3)], axis=1)
-    found /= np.maximum(np.linalg.norm(found, axis=1), 1e-300)[:, None]
-    return found.reshape(corners.shape)
+        result[some] = np.stack([np.bincount(mine, weight[:, k], len(some)) for k in range(3)], axis=1)
+    result /= np.maximum(np.linalg.norm(result, axis=1), 1e-300)[:, None]
+    return result.reshape(corners.shape)
 
 
 POINTS = 1 << 10  # points that descend the tree together; speed only
@@ -194,14 +194,14 @@ class NearestTriangles:
     def _replace_farther(self, points, foot, least, rows, pieces) -> None:
         """Replace surface points `foot` and squared distances `least`, in place, by nearer ones on triangles."""
         at = [one.take(rows) for one in points]
-        found = self._foot(at, pieces)
-        distance = np.asarray(sum((one - other) ** 2 for one, other in zip(found, at, strict=True)))
+        result = self._foot(at, pieces)
+        distance = np.asarray(sum((one - other) ** 2 for one, other in zip(result, at, strict=True)))
         first = np.flatnonzero(np.diff(rows, prepend=-1))
         nearest = np.repeat(np.minimum.reduceat(distance, first), np.diff(first, append=len(rows)))
         best = np.flatnonzero((distance == nearest) & (distance < least[rows] * (1.0 - 1e-12)))
         best = best[np.diff(rows[best], prepend=-1) > 0]  # feet that are equally near stay
         least[rows[best]] = distance[best]
-        for one, other in zip(foot, found, strict=True):
+        for one, other in zip(foot, result, strict=True):
             one[rows[best]] = other[best]
 
     def _foot(self, point, piece: np.ndarray) -> list[np.ndarray]:

@@ -15,8 +15,7 @@ from ...medium import IndexField
 from ...rays import RayBundle
 from ..blocks import greatest_around
 from ..lines import box_span
-from ..status import RayStatus
-from ..stop import stop_distance
+from ..stop import RayStatus, stop_distance
 
 # Deviations from the undisturbed line, which alone are small and smooth: optical path difference [m], direction (3),
 # end point [m] (3), arc length [m].
@@ -172,7 +171,7 @@ class Lattice:
         table = np.zeros(finer_one.row.shape)
         np.maximum.at(table, self._finer_nodes(blocks), np.where(np.isfinite(surplus), surplus, 0.0))
         half = NODES // 2 + BESIDE
-        wide = greatest_around(greatest_around(table, -half, half, 0), -half, half, 1)
+        wide = greatest_around(table, (-half, -half), (half, half))
         return np.asarray(wide[CELLS * quarters[:, 0] + NODES // 2, CELLS * quarters[:, 1] + NODES // 2])
 
     @staticmethod

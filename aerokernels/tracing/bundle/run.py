@@ -13,14 +13,14 @@ from ...medium import IndexField
 from ...rays import RayBundle
 from ..cuts import face_strengths
 from ..engines import engine_of
-from ..engines.device_memory import memory_of
+from ..engines.info import memory_of
 from ..error_limit import error_limit
 from ..launch import in_chunks, run_plan, starts_of
 from ..leapfrog.pilot import LEAST_RAYS, pays_once
 from ..lines import box_size, check_meeting, lever_arms_of
 from ..plan import BundleCounts, TracePlan
 from ..planning import make_plan, plan_bundle
-from ..status import NOT_DELIVERED
+from ..stop import NOT_DELIVERED
 from .lattice import CHANNELS, TRACED, channels_of
 from .refine import Refinement
 from .tubes import Clearance, Tubes

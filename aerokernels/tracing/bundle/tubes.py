@@ -154,9 +154,8 @@ def roughness_of(grid: UniformGrid) -> Roughness:
     levels = []
     # Levels of blocks, each of twice the width.
     for _ in range(12):
-        wide = table
-        for axis in range(table.ndim - 1):
-            wide = greatest_around(wide, -1, 1, axis)
+        beside = [*[1] * (table.ndim - 1), 0]
+        wide = greatest_around(table, np.negative(beside), beside)
         levels.append(np.ascontiguousarray(wide))
         if max(table.shape[:-1]) == 1:
             break

@@ -4,6 +4,8 @@
 implement the interface.
 """
 
+import os
+from functools import cache
 from importlib import import_module
 
 from .choice import available_backends, choose_backend
@@ -19,5 +21,10 @@ def engine_of(backend: str, device: str) -> Engine:
     Raises:
         ValueError: The device does not exist, or does not open.
     """
+    return _engine_of(backend, device, os.getpid())  # no device survives a fork
+
+
+@cache
+def _engine_of(backend: str, device: str, process: int) -> Engine:
     engine: Engine = import_module(f".{backend}.engine", __package__).Engine(device)
     return engine

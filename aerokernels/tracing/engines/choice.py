@@ -6,8 +6,10 @@ if it has a device that can trace, else Warp. docs/backend-speed.md has the spee
 
 import importlib.util
 import sys
+from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import replace
+from functools import lru_cache
 from importlib.metadata import PackageNotFoundError, version
 
 from aerokernels.process.quiet_warp import NoCacheError
@@ -49,7 +51,7 @@ def choose_backend(backend: str, device: str | None) -> tuple[str, str, str]:
         return _warp_named(_warp_devices(), device)
     warp = _warp_devices(quick=True)
     if device is None or device.lower() in ("cpu", "gpu"):
-        return _best(warp, device and device.lower())
+        return _best(tuple(warp), tuple(_opencl_devices()), device and device.lower())
     if any(info.available and info.device == device for info in warp):
         return "warp", device, f"backend warp on {device}: requested"
     try:
@@ -61,9 +63,9 @@ def choose_backend(backend: str, device: str | None) -> tuple[str, str, str]:
         ) from error
 
 
-def _best(warp: list[BackendInfo], only: str | None) -> tuple[str, str, str]:
+@lru_cache(maxsize=8)
+def _best(warp: tuple[BackendInfo, ...], opencl: tuple[BackendInfo, ...], only: str | None) -> tuple[str, str, str]:
     """As `choose_backend`: the best device of a kind ("cpu", "gpu" or None for any)."""
-    opencl = _opencl_devices()
     for kind in KINDS if only is None else (only,):
         mine, others = _of_kind(warp, kind), _of_kind(opencl, kind)
         if mine or others:
@@ -147,7 +149,7 @@ def _opencl_devices() -> list[BackendInfo]:
     return list_devices()
 
 
-def _of_kind(devices: list[BackendInfo], kind: str) -> list[BackendInfo]:
+def _of_kind(devices: Iterable[BackendInfo], kind: str) -> list[BackendInfo]:
     """Return the devices of one backend that can trace: its GPUs, or its other devices."""
     return [info for info in devices if info.available and info.is_gpu == (kind == "gpu")]
 
@@ -159,7 +161,7 @@ def _reference() -> BackendInfo:
     return BackendInfo("reference", "cpu", text, scipy.__version__, True, True, known_memory(), "never chosen by auto")
 
 
-def _why_not(opencl: list[BackendInfo]) -> str:
+def _why_not(opencl: Iterable[BackendInfo]) -> str:
     """Say in one line why Warp is chosen and not OpenCL."""
     broken = "; ".join(info.reason for info in opencl if not info.available)
     return " ".join(f"no OpenCL: {broken}".split()) if broken else "OpenCL has no device of that kind"

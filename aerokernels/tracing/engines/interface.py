@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from aerokernels.tracing.engines.bundle_frame import kernel_arrays, kernel_numbers
+from aerokernels.tracing.engines.field_data import kernel_arrays, kernel_numbers
 from aerokernels.tracing.tasks.cube_polynomials import cube_polynomials
 from aerokernels.tracing.tasks.family import BundleTable
 
@@ -23,7 +23,7 @@ from ...medium.grid import UniformGrid
 from ...process.clock import stage
 from ..plan import TracePlan
 from .field_data import FieldData, array_of, field_data, plan_members, step_bound_tables, stop_kind, trace_members
-from .layout import REAL_TYPES, STRUCTS, Value, arrays_of
+from .layout import ARRAYS, REAL_TYPES, STRUCTS, Value, number_type, parts_of
 from .transfers import Fetched, Sent
 
 # Tables that kernels may compute from a grid, besides its spline coefficients.
@@ -34,7 +34,7 @@ PROGRAMS = {
     "grid_tables": ("spline_lines", "column_maxima", "block_maxima", "round_coefficients"),
 }
 # Per-ray outputs of the tracing kernels, in their order: how many numbers per ray, and their type.
-OUTPUT_TYPES = {member.name: (member.parts[1], member.number_type()) for member in STRUCTS["RayOutputs"]}
+OUTPUT_TYPES = {member.name: (parts_of(member.kind)[1], number_type(member.kind)) for member in STRUCTS["RayOutputs"]}
 # Structs of a field that are cached for the last plans; sets of outputs and devices cached with a field or a bundle.
 STRUCTS_CACHED, ARRAYS_CACHED = 4, 8  # speed only
 
@@ -244,8 +244,7 @@ class Engine(ABC):
 
         def upload() -> dict[str, Any]:
             return {
-                member.name: self.struct_array(member, tables[member.name], precision)
-                for member in arrays_of("Control")
+                member.name: self.struct_array(member, tables[member.name], precision) for member in ARRAYS["Control"]
             }
 
         if tables["step_bound_start"].max() >= 0:
@@ -286,14 +285,14 @@ def _field_arrays(field: IndexField, engine: Engine, precision: str, with_paper_
         else engine.struct_array(member, array_of(field, data, member.name), precision)
         if coefficients is None
         else coefficients
-        for member in arrays_of("Field")
+        for member in ARRAYS["Field"]
     }
 
 
 @cached_on("data", ARRAYS_CACHED)
 def _shared_arrays(data: FieldData, engine: Engine, precision: str) -> dict[str, Any]:
     """Upload the arrays in `data`, by name, which fields on the same nodes may share."""
-    members = [member for member in arrays_of("Field") if member.name in data.arrays]
+    members = [member for member in ARRAYS["Field"] if member.name in data.arrays]
     return {member.name: engine.struct_array(member, data.arrays[member.name], precision) for member in members}
 
 

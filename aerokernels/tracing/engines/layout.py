@@ -1,6 +1,6 @@
 """The structs and compile options of the kernels, which both engines read from these tables.
 
-warp/library.py makes Warp's structs from them, and opencl/headers.py the OpenCL headers types.h and options.h.
+warp/library.py makes Warp's structs from them, and opencl/program.py the OpenCL headers types.h and options.h.
 
 A kind is a type of OpenCL C: int, uint, bool, real (of the kernel's precision) or double, or a vector of 2 to 4 such
 numbers; one star makes it an array in device memory, two stars an array with two indices. Structs are kinds, too.
@@ -11,6 +11,7 @@ field, all axes of a mesh) have cell = 0.
 """
 
 import re
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -28,18 +29,21 @@ class Value(NamedTuple):
     kind: str
     meaning: str = ""
 
-    @property
-    def parts(self) -> tuple[str, int, int]:
-        """The type of one number or struct, the length of a vector (1 for a scalar), and the number of indices."""
-        found = _KIND.fullmatch(self.kind)
-        if found is None:
-            raise ValueError(f"{self.name}: {self.kind!r} is not a kind, see layout.py")
-        return found[1], int(found[2] or 1), len(found[3])
 
-    def number_type(self, precision: str = "float64") -> type:
-        """Return the NumPy type of its numbers."""
-        plain = {"int": np.int32, "uint": np.uint32, "bool": np.int32, "double": np.float64}
-        return {**plain, "real": REAL_TYPES[precision]}[self.parts[0]]
+@cache
+def parts_of(kind: str) -> tuple[str, int, int]:
+    """Return the type of one number or struct, the length of a vector (1 for a scalar), and the number of indices."""
+    found = _KIND.fullmatch(kind)
+    if found is None:
+        raise ValueError(f"{kind!r} is not a kind, see layout.py")
+    return found[1], int(found[2] or 1), len(found[3])
+
+
+@cache
+def number_type(kind: str, precision: str = "float64") -> type:
+    """Return the NumPy type of the numbers of a kind."""
+    plain = {"int": np.int32, "uint": np.uint32, "bool": np.int32, "double": np.float64}
+    return {**plain, "real": REAL_TYPES[precision]}[parts_of(kind)[0]]
 
 
 # Members in order; lengths are in metres unless the meaning says otherwise.
@@ -234,14 +238,6 @@ OPTIONS: dict[str, Option] = {
 }
 
 
-ARRAYS = {name: tuple(each for each in members if each.kind.endswith("*")) for name, members in STRUCTS.items()}
-
-
-def arrays_of(struct: str) -> tuple[Value, ...]:
-    """Return the members of a struct that are arrays."""
-    return ARRAYS[struct]
-
-
-def values_of(struct: str) -> tuple[Value, ...]:
-    """Return the members of a struct that are numbers or vectors."""
-    return tuple(member for member in STRUCTS[struct] if not member.kind.endswith("*"))
+# Of each struct the members that are arrays, and those that are numbers or vectors.
+ARRAYS = {name: [each for each in members if each.kind.endswith("*")] for name, members in STRUCTS.items()}
+VALUES = {name: [each for each in members if not each.kind.endswith("*")] for name, members in STRUCTS.items()}

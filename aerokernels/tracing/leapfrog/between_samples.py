@@ -342,11 +342,10 @@ def missed_along(field: IndexField, sampling: Sampling, lines: Lines) -> np.ndar
     grid, (block, table) = grid_of(field), lookup_table(field, sampling)
     size = block * np.asarray(grid.spacing)
     count = max(1, int(np.ceil(float(lines.length.max(initial=0.0)) / (LOOKUP_STRIDE * float(size.min())))))
-    found = np.zeros(len(lines.length))
-    for k in range(count):
-        place = lines.start + ((k + 0.5) / count * lines.length)[:, None] * lines.direction
-        found += table[_blocks_at(place, field.geometry, grid.low, size, table.shape)]
-    found *= lines.length / count * with_lever_arm(field, lines)
+    share = ((np.arange(count) + 0.5) / count)[:, None]
+    places = lines.start + (share * lines.length)[..., None] * lines.direction
+    met = table[_blocks_at(places.reshape(-1, 3), field.geometry, grid.low, size, table.shape)]
+    found = met.reshape(count, -1).sum(axis=0) * (lines.length / count * with_lever_arm(field, lines))
     return found + _missed_at_ends_of(field, sampling, lines)
 
 

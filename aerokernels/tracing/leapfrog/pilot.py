@@ -13,8 +13,8 @@ from ...rays import RayBundle
 from ..engines import engine_of
 from ..launch import Trials
 from ..plan import TracePlan
-from ..status import reached
 from ..step_bound import predict_evaluations
+from ..stop import reached
 
 # A ray's estimate is scaled to SAFETY times the pilot's greatest error.
 SAFETY = 3.0

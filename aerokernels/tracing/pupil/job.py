@@ -26,7 +26,7 @@ from ...medium import IndexField
 from ...medium.grid import UniformGrid
 from ...rays import PILOT_RAYS, Pupil, RayBundle
 from ..engines import engine_of
-from ..engines.device_memory import memory_of
+from ..engines.info import memory_of
 from ..grid_tables import prepare_grid
 from ..lines import box_size
 from ..plan import TracePlan

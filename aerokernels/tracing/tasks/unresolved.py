@@ -52,9 +52,7 @@ class Sampling:
 
 def with_neighbors(values: np.ndarray) -> np.ndarray:
     """For each block the greatest value of it and of all adjacent blocks."""
-    for axis in range(values.ndim):
-        values = greatest_around(values, -1, 1, axis)
-    return values
+    return greatest_around(values, [-1] * values.ndim, [1] * values.ndim)
 
 
 @cached_on("grid")
@@ -80,7 +78,8 @@ def lookup_table(field: IndexField, sampling: Sampling) -> tuple[int, np.ndarray
         elif obliquity > LEAST_OBLIQUITY:
             # Blocks that are found a block and a half away along the main axis are beside the ray by that slope.
             wide = 3 if main is None or obliquity < 0.5 * obliquities[main] else 5
-            missed = greatest_around(missed, -(wide // 2), wide // 2, axis)
+            beside = wide // 2 * np.eye(missed.ndim, dtype=int)[axis]
+            missed = greatest_around(missed, -beside, beside)
     return block, missed
 
 
@@ -215,7 +214,8 @@ def _with_lobes(rest: np.ndarray, main: int | None) -> np.ndarray:
         if axis != main:
             # Overshoot of a spline through one outstanding node between the next two nodes, at most, over the node's
             # value.
-            rest = np.maximum(rest, 0.15 * greatest_around(rest, -1, 1, axis))
+            beside = np.eye(rest.ndim, dtype=int)[axis]
+            rest = np.maximum(rest, 0.15 * greatest_around(rest, -beside, beside))
     return rest.astype(np.float64)
 
 

@@ -19,8 +19,8 @@ from ...medium.refined import refined
 from ...rays import RayBundle
 from ..launch import run_plan
 from ..plan import TracePlan
-from ..status import reached
 from ..step_bound import step_allowance
+from ..stop import reached
 from .jumps import jumps, lacking, next_order, patterns
 from .orders import change_in_planes, change_on_two_axes, thinned_along_r, thinned_sums
 from .paths import Cause, Paths, Rays, paths_of, shortest_cell
@@ -270,9 +270,9 @@ FACTOR = 2.0
 Number = Callable[[Rays], Any]
 
 
-def spread(number: Number, base: Rays, cause: Cause) -> np.ndarray:
-    """Return the error of a number, or of each in an array, by one cause."""
-    plain, count = np.asarray(number(base)), len(base.opd)
+def spread(number: Number, base: Rays, cause: Cause, plain: np.ndarray) -> np.ndarray:
+    """Return the error of a number, or of each in an array, by one cause; `plain` is the number of the base."""
+    count = len(base.opd)
     block = np.arange(count) * BLOCKS // max(count, 1)
     total = np.zeros(plain.shape)
     for change in (*cause.known, *cause.like):
@@ -280,7 +280,7 @@ def spread(number: Number, base: Rays, cause: Cause) -> np.ndarray:
             continue
         total += np.square(number(base + change) - plain)
         centred = change.lifted(-change.opd.mean())
-        samples = np.array([BLOCKS * (number(base + centred * (block == part)) - plain) for part in range(BLOCKS)])
+        samples = np.array([BLOCKS * (number(centred.part(block == k, base)) - plain) for k in range(BLOCKS)])
         total += samples.var(axis=0) / (BLOCKS - 1 if change in cause.known else 1)
     for draw in cause.draws:
         total += np.square(number(base + draw) - plain) / len(cause.draws)
@@ -317,7 +317,8 @@ def of_a_ray(pick: Number, found: Variants, unit: str = "", others: Mapping[str,
 
 def errors(number: Number, found: Variants) -> dict[str, np.ndarray]:
     """Return the error of a number, or of each in an array, by cause."""
-    return {name: spread(number, found.base, cause) for name, cause in found.causes.items()}
+    plain = np.asarray(number(found.base))
+    return {name: spread(number, found.base, cause, plain) for name, cause in found.causes.items()}
 
 
 def budget(number: Number, found: Variants, unit: str = "", **others: float) -> ErrorBudget:

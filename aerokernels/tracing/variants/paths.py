@@ -39,11 +39,16 @@ class Rays:
 
     def __add__(self, other: "Rays") -> "Rays":
         """Return the sum of both."""
-        return self._with(other, np.add)
+        return Rays(self.opd + other.opd, self.direction + other.direction, self.position + other.position)
+
+    def part(self, share: np.ndarray, base: "Rays") -> "Rays":
+        """Return a base plus everything times each ray's share, shape (n,)."""
+        way, place = base.direction + (self.direction.T * share).T, base.position + (self.position.T * share).T
+        return Rays(base.opd + self.opd * share, way, place)
 
     def __sub__(self, other: "Rays") -> "Rays":
         """Return the difference of both."""
-        return self._with(other, np.subtract)
+        return Rays(self.opd - other.opd, self.direction - other.direction, self.position - other.position)
 
     def __mul__(self, factor: float | np.ndarray) -> "Rays":
         """Return everything times a number, or each ray times its own, shape (n,)."""
@@ -60,10 +65,6 @@ class Rays:
     def put(self, rows: np.ndarray, part: "Rays") -> None:
         """Overwrite some of the rays."""
         self.opd[rows], self.direction[rows], self.position[rows] = part.opd, part.direction, part.position
-
-    def _with(self, other: "Rays", call: Callable) -> "Rays":
-        path, direction = call(self.opd, other.opd), call(self.direction, other.direction)
-        return Rays(path, direction, call(self.position, other.position))
 
 
 @dataclass(frozen=True, eq=False)

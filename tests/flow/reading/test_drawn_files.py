@@ -56,7 +56,7 @@ def test_markers_of_walls_in_a_volume_of_su2(tmp_path):
     assert np.array_equal(body.box, [points[middle].min(axis=0), points[middle].max(axis=0)])
 
 
-def test_a_child_that_ended_is_replaced(tmp_path):
+def test_a_child_that_ended_is_replaced(tmp_path, readers_child):
     """Set-up: the child that waits for a file is killed. Expected: the next file is read, by another child."""
     xarray = pytest.importorskip("xarray")
     x = np.linspace(0.0, 1.0, 5)

@@ -5,6 +5,7 @@ file holds (EnSight: single precision), places within single precision of EnSigh
 VTK's own reader.
 """
 
+import os
 from pathlib import Path
 
 import numpy as np
@@ -143,9 +144,9 @@ def test_exodus(tmp_path, time, factor):
 @pytest.mark.parametrize(
     ("make", "name"), [(ensight, "flow.0.00000.geo"), (fluent, "flow.cas"), (fluent, "flow.dat"), (exodus, "flow.e")]
 )
-def test_files_cut_short_are_refused(tmp_path, make, name):
+def test_files_cut_short_are_refused(tmp_path, make, name, readers_child):
     path = make(tmp_path)
-    for share in (0.1, 0.95):
+    for share in (0.1, 0.95) if "AEROKERNELS_SLOW" in os.environ else (0.95,):  # a child for each
         data = (tmp_path / name).read_bytes()
         (tmp_path / name).write_bytes(data[: int(share * len(data))])
         with pytest.raises(flow.ReadError, match=path.name.split(".")[0]) as refused:

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from aerokernels.tracing.engines.opencl.pocl_cache import CHECKED, remove_damaged
+from aerokernels.tracing.engines.opencl.pocl import CHECKED, remove_damaged
 
 from ..opencl_stands import need_opencl, run_python
 
@@ -119,15 +119,15 @@ def test_a_home_that_takes_no_files_gives_the_process_caches_of_its_own(backend,
 
 def test_a_full_disk_gives_the_process_a_cache_of_its_own(tmp_path, monkeypatch):
     from aerokernels.process import quiet_warp
-    from aerokernels.tracing.engines.opencl import pocl_cache
+    from aerokernels.tracing.engines.opencl import pocl
 
     monkeypatch.setenv("POCL_CACHE_DIR", str(tmp_path))
     real, full = shutil.disk_usage, shutil.disk_usage(tmp_path)._replace(free=0)
     monkeypatch.setattr(quiet_warp.shutil, "disk_usage", lambda folder: full if folder == tmp_path else real(folder))
     with pytest.warns(RuntimeWarning, match="is full: kernels are built in"):
-        pocl_cache.make_safe()
-    assert pocl_cache.cache_folder() != tmp_path and pocl_cache.cache_folder().is_dir()
-    pocl_cache.cache_folder().rmdir()
+        pocl.make_safe()
+    assert pocl.cache_folder() != tmp_path and pocl.cache_folder().is_dir()
+    pocl.cache_folder().rmdir()
 
 
 def test_what_a_crash_left_of_warps_kernels_is_compiled_again(tmp_path: Path):

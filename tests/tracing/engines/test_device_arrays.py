@@ -5,8 +5,7 @@ import pytest
 
 from aerokernels import RayBundle
 from aerokernels.device_arrays import pinned
-from aerokernels.device_arrays.array import DeviceArray, extremes_of, is_one_row, rows_where
-from aerokernels.device_arrays.foreign import host_array
+from aerokernels.device_arrays.array import DeviceArray, extremes_of, host_array, is_one_row, rows_where
 from aerokernels.device_arrays.rays import checked_rays
 from aerokernels.tracing.engines import available_backends, engine_of
 

@@ -7,7 +7,7 @@ import pytest
 
 from aerokernels import Disc, IndexField, Plane, RayBundle, prepare_strehl, trace
 from aerokernels.tracing import launch
-from aerokernels.tracing.engines.device_memory import DeviceMemoryError, lacks_memory, memory_of
+from aerokernels.tracing.engines.info import DeviceMemoryError, lacks_memory, memory_of
 
 from ..backends import ENGINES, on
 from ..opencl_stands import need_opencl, run_python
@@ -121,7 +121,7 @@ def test_opencls_own_refusal_is_recognised(tmp_path):
     code = (
         "import resource, pyopencl as cl\n"
         "from aerokernels.tracing.engines.opencl.devices import session\n"
-        "from aerokernels.tracing.engines.device_memory import lacks_memory\n"
+        "from aerokernels.tracing.engines.info import lacks_memory\n"
         "opened = session()\n"
         "used = int(open('/proc/self/statm').read().split()[0]) * resource.getpagesize()\n"
         "resource.setrlimit(resource.RLIMIT_AS, (used + (64 << 20), resource.RLIM_INFINITY))\n"

@@ -2,8 +2,8 @@
 
 import re
 
-from aerokernels.tracing.engines.opencl.headers import HEADERS
-from aerokernels.tracing.status import RayStatus
+from aerokernels.tracing.engines.opencl.program import HEADERS
+from aerokernels.tracing.stop import RayStatus
 
 
 def defined(name: str) -> dict[str, str]:

@@ -8,7 +8,7 @@ from aerokernels.medium import IndexField
 from aerokernels.pupils.square_map import RING, SquareMap
 from aerokernels.tracing.pupil.run import check_memory
 from aerokernels.tracing.scheme import GROUP, REDUCTION_WIDTH
-from aerokernels.tracing.status import RayStatus
+from aerokernels.tracing.stop import RayStatus
 from aerokernels.tracing.tasks.quadrature import LATTICES, lattice_points, smoothed_axes
 from aerokernels.tracing.tasks.sums import MOMENT_COUNT, SUM_COUNT
 

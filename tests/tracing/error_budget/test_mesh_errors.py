@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from aerokernels import Disc, IndexField, Plane, RayBundle, trace
-from aerokernels.tracing.status import RayStatus
+from aerokernels.tracing.stop import RayStatus
 from tests.draws.mesh_draws import cut_in_three, draw, random_triangles
 
 from ..backends import WAVE, on

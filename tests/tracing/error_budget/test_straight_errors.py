@@ -16,7 +16,7 @@ import pytest
 from aerokernels.medium import IndexField
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import ArcLength, Plane, RayStatus, trace
-from aerokernels.tracing.status import reached
+from aerokernels.tracing.stop import reached
 
 from ..backends import WAVE, on
 

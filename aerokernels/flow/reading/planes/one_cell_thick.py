@@ -59,12 +59,12 @@ class Wedge:
         beside = beside[distance > 1e-6 * radius]
         if len(beside) < 2:
             return None
-        found = cls(axis, beside.sum(axis=0), 0.0, 0.0, radius)
-        turn = found.turn(beside)
-        found = replace(found, low=float(turn.min()), angle=float(turn.max()) - float(turn.min()))
-        if not 1e-4 < found.angle <= 0.35:  # [rad], at most 20 degrees
+        result = cls(axis, beside.sum(axis=0), 0.0, 0.0, radius)
+        turn = result.turn(beside)
+        result = replace(result, low=float(turn.min()), angle=float(turn.max()) - float(turn.min()))
+        if not 1e-4 < result.angle <= 0.35:  # [rad], at most 20 degrees
             return None
-        return found if np.logical_or(*found.sides(turn)).all() else None
+        return result if np.logical_or(*result.sides(turn)).all() else None
 
     def turn(self, beside: np.ndarray) -> np.ndarray:
         """Return the angles of points about the axis, from the direction `ahead` [rad]."""
@@ -89,7 +89,7 @@ def wedge(points: np.ndarray) -> Wedge | None:
     """Return the wedge of which points are the corners of the cells; None for other points."""
     some = points[:: max(len(points) // 1000, 1)]
     likely = [axis for axis in range(3) if Wedge.about(some, axis) is not None]
-    return next((found for axis in likely if (found := Wedge.about(points, axis)) is not None), None)
+    return next((result for axis in likely if (result := Wedge.about(points, axis)) is not None), None)
 
 
 def flattened(dataset: Dataset, look: np.ndarray | None) -> Dataset | None:
@@ -114,12 +114,14 @@ def flattened(dataset: Dataset, look: np.ndarray | None) -> Dataset | None:
             return Layers(np.delete(points, axis, axis=1), lower, ~lower)
 
         return _in_plane(dataset, layers, size, f"one cell thick along {'xyz'[axis]}: taken as planar")
-    if (found := wedge(points)) is None:
+    if (result := wedge(points)) is None:
         return None
-    said = f"a wedge of {np.degrees(found.angle):.3g} degrees about {'xyz'[found.axis]}: taken as a flow of revolution"
-    plane = _in_plane(dataset, found.layers, size, said)
+    said = (
+        f"a wedge of {np.degrees(result.angle):.3g} degrees about {'xyz'[result.axis]}: taken as a flow of revolution"
+    )
+    plane = _in_plane(dataset, result.layers, size, said)
     return (
-        None if plane is None else replace(plane, geometry="axisymmetric", axis=tuple(np.eye(3)[found.axis].tolist()))
+        None if plane is None else replace(plane, geometry="axisymmetric", axis=tuple(np.eye(3)[result.axis].tolist()))
     )
 
 
@@ -224,8 +226,8 @@ def _edges(patch: Patch, layers: Callable[[np.ndarray], Layers]) -> Patch:
     if patch.polygons is None or not len(patch.polygons.points):
         return patch
     points, start = patch.polygons.points, patch.polygons.start
-    found = layers(points)
+    result = layers(points)
     face = np.repeat(np.arange(len(start) - 1), np.diff(start))
-    count, alone = (np.bincount(face[own], minlength=len(start) - 1) for own in (found.low, found.low & ~found.high))
+    count, alone = (np.bincount(face[own], minlength=len(start) - 1) for own in (result.low, result.low & ~result.high))
     edge = (count == 2) & (alone > 0)  # not the axis
-    return Patch(patch.name, patch.kind, points[found.low & edge[face]].reshape(-1, 2, 3))
+    return Patch(patch.name, patch.kind, points[result.low & edge[face]].reshape(-1, 2, 3))

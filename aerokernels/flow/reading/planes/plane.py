@@ -153,7 +153,7 @@ def wall_density(reading, plane: Plane) -> tuple[np.ndarray, np.ndarray] | None:
     An edge's value belongs to its middle. At a corner between two edges the value is interpolated linearly between
     their middles; at the end of a wall it is extrapolated from the last edge.
     """
-    found: dict[str, list[tuple[np.ndarray, np.ndarray]]] = {}
+    result: dict[str, list[tuple[np.ndarray, np.ndarray]]] = {}
     for patch in wall_patches(reading.path, reading.dataset.patches, reading.options["walls"]):
         if patch.values is None or not len(patch.edges):
             continue
@@ -161,9 +161,9 @@ def wall_density(reading, plane: Plane) -> tuple[np.ndarray, np.ndarray] | None:
         known = {dimension: pair for dimension, pair in pairs.items() if pair is not None}
         if len(known) == len(pairs):
             pair = [reading.choice.densities({dimension: own[k] for dimension, own in known.items()}) for k in (0, 1)]
-            found.setdefault(patch.name, []).append((plane.local(patch.edges), np.stack(pair)))
+            result.setdefault(patch.name, []).append((plane.local(patch.edges), np.stack(pair)))
     points, values = [], []
-    for parts in found.values():  # a part for each processor
+    for parts in result.values():  # a part for each processor
         edges = np.concatenate([own for own, _ in parts])
         wall, cell = np.concatenate([pair for _, pair in parts], axis=1)
         # A file with six digits tells no less than 1e-5 of a cell's density from it.
@@ -182,12 +182,12 @@ def _at_corners(edges: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.n
     length = np.repeat(np.linalg.norm(edges[:, 1] - edges[:, 0], axis=1), 2)
     weight = 1.0 / length
     total = np.bincount(point, weight)
-    found = np.bincount(point, weight * np.repeat(values, 2)) / total
+    result = np.bincount(point, weight * np.repeat(values, 2)) / total
     count = np.bincount(point)
     other = point.reshape(-1, 2)[:, ::-1].ravel()
     end = (count[point] == 1) & (count[other] > 1)
-    found[point[end]] = 2.0 * np.repeat(values, 2)[end] - found[other[end]]
-    return ends[first], np.clip(found, values.min(), values.max())
+    result[point[end]] = 2.0 * np.repeat(values, 2)[end] - result[other[end]]
+    return ends[first], np.clip(result, values.min(), values.max())
 
 
 CLOSE = 1e-9  # of the field's size: closer points are the same
@@ -221,10 +221,10 @@ def hole_body(mesh: QuadMesh) -> Body | None:
     _, same, count = np.unique(pairs, axis=0, return_inverse=True, return_counts=True)
     edges = edges[count[same.ravel()] == 1]
     try:
-        found = chains(edges, CLOSE * size)
+        result = chains(edges, CLOSE * size)
     except ValueError:  # cells that touch in a corner only: holes are ambiguous there
         return None
-    loops = [chain[:-1] for chain in found if len(chain) > 3 and np.linalg.norm(chain[0] - chain[-1]) <= CLOSE * size]
+    loops = [chain[:-1] for chain in result if len(chain) > 3 and np.linalg.norm(chain[0] - chain[-1]) <= CLOSE * size]
     if len(loops) < 2:
         return None
     loops.sort(key=lambda loop: -abs(_area(loop)))
@@ -244,7 +244,7 @@ def chains(edges: np.ndarray, near: float) -> list[np.ndarray]:
     if touching and max(len(own) for own in touching.values()) > 2:
         crowded = next(end for end, own in touching.items() if len(own) > 2)
         raise ValueError(f"the walls branch at {places[crowded].tolist()}: a wall has two ends")
-    free, found = set(range(len(pairs))), []
+    free, result = set(range(len(pairs))), []
     open_ends = [end for end, own in touching.items() if len(own) == 1]
     for begin in [*open_ends, *touching]:
         chain = [begin]
@@ -253,8 +253,8 @@ def chains(edges: np.ndarray, near: float) -> list[np.ndarray]:
             one, other = pairs[following].tolist()
             chain.append(other if one == chain[-1] else one)
         if len(chain) > 1:
-            found.append(places[chain])
-    return found
+            result.append(places[chain])
+    return result
 
 
 def _closed_behind(chain: np.ndarray, mesh: QuadMesh) -> np.ndarray:

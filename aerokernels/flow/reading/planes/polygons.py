@@ -166,15 +166,15 @@ def _fans(polygons: Polygons) -> tuple[Polygons, np.ndarray]:
         apex[number] = _seeing_corner(polygons, number)
     keep = (one != apex[owner]) & (other != apex[owner])
     triangles = np.stack([apex[owner], one, other], axis=1)[keep]
-    rest = ~poor
-    corners = np.concatenate([polygons.corners[rest[cell]], triangles.ravel()])
-    width = np.concatenate([polygons.width[rest], np.full(len(triangles), 3)])
+    others = ~poor
+    corners = np.concatenate([polygons.corners[others[cell]], triangles.ravel()])
+    width = np.concatenate([polygons.width[others], np.full(len(triangles), 3)])
     if polygons.where == "cell":
-        values = np.concatenate([polygons.values[rest], polygons.values[owner[keep]]])
+        values = np.concatenate([polygons.values[others], polygons.values[owner[keep]]])
     else:
         values = np.concatenate([polygons.values, polygons.means(polygons.values)[poor]])
     parts = Polygons(points, starts_of(width), corners, values, polygons.where).used()
-    return parts, np.concatenate([np.flatnonzero(rest), owner[keep]])
+    return parts, np.concatenate([np.flatnonzero(others), owner[keep]])
 
 
 def _seeing_corner(polygons: Polygons, number: int) -> int:
@@ -222,15 +222,18 @@ def oriented(polygons: Polygons) -> tuple[Polygons, str]:
     fewer = clockwise if clockwise.mean() <= 0.5 else ~clockwise
     if not fewer.any():
         return polygons, ""
-    found = turned(polygons, fewer)
-    one, other = _on_one_side(found)
+    result = turned(polygons, fewer)
+    one, other = _on_one_side(result)
     folded = fewer[one] != fewer[other]  # a reversed cell runs along an edge like one that was not reversed
     if folded.any():
         wrong = np.unique(np.where(fewer[one], one, other)[folded])
         raise ValueError(
-            f"{len(wrong)} of {len(fewer)} cells are folded over their neighbours, {found.shown(wrong[0])}"
+            f"{len(wrong)} of {len(fewer)} cells are folded over their neighbours, {result.shown(wrong[0])}"
         )
-    return found, f"{fewer.sum()} of {len(fewer)} cells were listed the other way round than the rest: they were turned"
+    return (
+        result,
+        f"{fewer.sum()} of {len(fewer)} cells were listed the other way round than the rest: they were turned",
+    )
 
 
 def turned(polygons: Polygons, which: np.ndarray) -> Polygons:

@@ -105,10 +105,10 @@ def _stated(path: Path, root) -> dict[str, Any]:
     patches, notes = patches_of(root)
     lengths: dict[str, str] = {}
     units: dict[str, str] = {}
-    for label, found in (("GridCoordinates_t", lengths), ("FlowSolution_t", units)):
+    for label, result in (("GridCoordinates_t", lengths), ("FlowSolution_t", units)):
         for above in array_paths(root, label):
-            if unit := _unit(above, "Coordinate" if found is lengths else name_of(above[-1])):
-                found.setdefault(name_of(above[-1]), unit)
+            if unit := _unit(above, "Coordinate" if result is lengths else name_of(above[-1])):
+                result.setdefault(name_of(above[-1]), unit)
     symmetry = [own for base in children(root, "CGNSBase_t") for own in children(base, "Axisymmetry_t")]
     classes = {class_of(above) for above in array_paths(root, "FlowSolution_t")}
     scaled = ""

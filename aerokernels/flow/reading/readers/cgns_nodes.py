@@ -152,16 +152,16 @@ def _check_arrays(path: Path, at: str, holder, counts: np.ndarray, where: str) -
 
 def _whole(path: Path, node, count: int) -> np.ndarray:
     """Return the whole numbers of a node."""
-    found = data_of(node).ravel() if " data" in node else np.empty(0)
-    if len(found) != count or found.dtype.kind not in "iu":
+    result = data_of(node).ravel() if " data" in node else np.empty(0)
+    if len(result) != count or result.dtype.kind not in "iu":
         fault = f"node {name_of(node)!r} ({_attribute(node, 'label')}) has no {count} whole numbers"
         raise ReadError(path, fault, REMEDY)
-    return found.astype(np.int64)
+    return result.astype(np.int64)
 
 
 def patches_of(root) -> tuple[list[Patch], list[str]]:
     """Return the boundary patches of a file, edges of a plane or faces of a volume, and notes about them."""
-    found, notes = [], []
+    result, notes = [], []
     for base, zone in zones_of(root):
         dimension = int(data_of(base)[0])
         points = _points(zone)
@@ -181,8 +181,8 @@ def patches_of(root) -> tuple[list[Patch], list[str]]:
                 continue
             if corners.min() < 0 or corners.max() >= len(points):  # NumPy would count negative numbers from the end
                 raise ValueError(f"boundary patch {name_of(own)!r} names points that are not there")
-            found.append(Patch.of(name_of(own), _kind(own, families), points[corners]))
-    return found, notes
+            result.append(Patch.of(name_of(own), _kind(own, families), points[corners]))
+    return result, notes
 
 
 def _points(zone) -> np.ndarray | None:

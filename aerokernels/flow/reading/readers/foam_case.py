@@ -39,15 +39,15 @@ def case_folder(path: Path) -> Path:
 
 def times_of(folder: Path) -> list[tuple[float, str]]:
     """Return the times for which a folder holds fields, ascending, with the names of their folders."""
-    found = []
+    result = []
     for entry in folder.iterdir():
         try:
             value = float(entry.name)
         except ValueError:
             continue
         if entry.is_dir() and np.isfinite(value) and fields_in(entry):
-            found.append((value, entry.name))
-    return sorted(found)
+            result.append((value, entry.name))
+    return sorted(result)
 
 
 def fields_in(folder: Path) -> list[str]:
@@ -73,10 +73,10 @@ class FoamFields(Mapping):
             return True  # a damaged file is reported when the field is read
         if file.header.get("class") not in WIDTH:
             return False
-        if found := re.compile(rb"\bdimensions\s*\[([^\]]*)\]").search(file.data, file.at):
+        if result := re.compile(rb"\bdimensions\s*\[([^\]]*)\]").search(file.data, file.at):
             symbols = ("kg", "m", "s", "K", "mol", "A", "cd")  # of mass, length, time, temperature, amount, ...
             try:
-                powers = [float(word) for word in found[1].split()]
+                powers = [float(word) for word in result[1].split()]
             except ValueError:  # named dimensions, which only OpenFOAM can resolve
                 powers = []
             pairs = zip(symbols, powers, strict=False)

@@ -32,19 +32,19 @@ class FoamFile:
 
     def __init__(self, path: Path):
         """Read the file and its header."""
-        found = find(path)
-        if found is None:
+        result = find(path)
+        if result is None:
             raise ReadError(path, "there is no such file", "give the folder of a whole OpenFOAM case")
-        self.path = found
-        self.data = found.read_bytes()
-        if found.suffix == ".gz" or self.data[:2] == b"\x1f\x8b":
+        self.path = result
+        self.data = result.read_bytes()
+        if result.suffix == ".gz" or self.data[:2] == b"\x1f\x8b":
             try:
                 self.data = gzip.decompress(self.data)
             except (OSError, EOFError, zlib.error):
-                raise ReadError(found, "the compressed file ends early or is damaged", REMEDY) from None
+                raise ReadError(result, "the compressed file ends early or is damaged", REMEDY) from None
         header = re.search(rb"FoamFile\s*\{(.*?)\}", self.data[:8192], re.DOTALL)
         if header is None:
-            raise ReadError(found, "it has no FoamFile header", "give a case that OpenFOAM wrote")
+            raise ReadError(result, "it has no FoamFile header", "give a case that OpenFOAM wrote")
         # A text may contain semicolons, as arch's does.
         entries = re.findall(r"""(\w+)\s+("[^"\n]*"|[^;]+);""", header[1].decode("latin-1"))
         self.header = {key: value.strip().strip('"') for key, value in entries}

@@ -156,14 +156,14 @@ def _axis_of(mesh: FoamMesh, wedges: list[np.ndarray]) -> Axis | None:
 
 def surface_patches(mesh: FoamMesh) -> list[Patch]:
     """Return the patches of a volume, without those between processors."""
-    start, points, found = mesh.faces.start, mesh.faces.points, []
+    start, points, result = mesh.faces.start, mesh.faces.points, []
     for patch in mesh.patches:
         if not patch.count or patch.kind.startswith("processor"):
             continue
         first, last = patch.first, patch.first + patch.count
         corners = mesh.points[points[start[first] : start[last]]]
-        found.append(Patch(patch.name, patch.kind, polygons=Polygons(corners, start[first : last + 1] - start[first])))
-    return found
+        result.append(Patch(patch.name, patch.kind, polygons=Polygons(corners, start[first : last + 1] - start[first])))
+    return result
 
 
 def flat_block(mesh: FoamMesh, faces: np.ndarray, cell_data, time: Path) -> tuple[Block, list[Patch]]:

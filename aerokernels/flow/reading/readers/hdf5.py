@@ -73,8 +73,8 @@ def _unpacked(attributes: Any, values: np.ndarray) -> np.ndarray:
     if scale is None and offset is None:
         return values
     empty = np.isin(values, [own for own in (fill, missing) if own is not None])
-    found = values * (1.0 if scale is None else scale) + (0.0 if offset is None else offset)
-    return np.where(empty, np.nan, found)
+    result = values * (1.0 if scale is None else scale) + (0.0 if offset is None else offset)
+    return np.where(empty, np.nan, result)
 
 
 def _places(entry: Any) -> list[int] | None:

@@ -63,13 +63,13 @@ def arrays_as_dataset(
     those of others in the caller's `order`; else they are identified by their lengths, where these tell it.
     """
     variables, order = dict(options.get("variables") or {}), options.get("order")
-    given = {axis: value for axis, value in variables.items() if not isinstance(value, str)}
-    if given:  # ends of axes that a caller gives replace the file's coordinates
+    wanted = {axis: value for axis, value in variables.items() if not isinstance(value, str)}
+    if wanted:  # ends of axes that a caller gives replace the file's coordinates
         arrays = {n: own for n, own in arrays.items() if not any(plain_name(n, True) in COLUMNS[a] for a in COLUMNS)}
     if order is not None and (not isinstance(order, str) or not order or set(order) - set("rxyz")):
         raise ReadError(path, f"order is {order!r}", "name the axes of the arrays: 'xy', 'yx', 'xyz', 'zyx', 'zr', ...")
-    arrays, note = _with_even_cells(path, arrays, variables, given or ends, order)
-    variables = {axis: name for axis, name in variables.items() if axis not in given}
+    arrays, note = _with_even_cells(path, arrays, variables, wanted or ends, order)
+    variables = {axis: name for axis, name in variables.items() if axis not in wanted}
     if unknown := set(variables) - set(COLUMNS):
         raise ReadError(path, f"variables: {sorted(unknown)[0]!r} is not a coordinate", "name x, y, z or r, z")
     if missing := [name for name in variables.values() if name not in arrays]:
@@ -97,10 +97,10 @@ def arrays_as_dataset(
         arrays = {**arrays, **turned}
     block, notes = _block(path, axes, coordinates, arrays, order is None or not along)
     unsure = ""
-    told = order is not None or not along or all(n in labelled for n, a in arrays.items() if a.ndim > 1)
+    is_known = order is not None or not along or all(n in labelled for n, a in arrays.items() if a.ndim > 1)
     lengths = [*map(len, coordinates)]
     # Of the other orders programs write numpy.meshgrid's, whose first two axes are exchanged, and the reversed one.
-    if not told and block.shape and lengths in ([lengths[1], lengths[0], *lengths[2:]], lengths[::-1]):
+    if not is_known and block.shape and lengths in ([lengths[1], lengths[0], *lengths[2:]], lengths[::-1]):
         own, other = "".join(axes), "".join((axes[1], axes[0], *axes[2:]))
         unsure = (
             f"arrays taken as [{', '.join(axes)}], which equal lengths do not tell: say so by order = {own!r}, or "

@@ -57,18 +57,18 @@ class _Stream:
         ends = np.cumsum([count for _, count in parts])
         if self.at + ends[-1] > len(self.source):
             return None
-        found = np.split(np.asarray(self.source[self.at : self.at + ends[-1]]), ends[:-1])
-        if any(kind == "i" and (own != np.round(own)).any() for (kind, _), own in zip(parts, found, strict=True)):
+        result = np.split(np.asarray(self.source[self.at : self.at + ends[-1]]), ends[:-1])
+        if any(kind == "i" and (own != np.round(own)).any() for (kind, _), own in zip(parts, result, strict=True)):
             return None
         self.at += int(ends[-1])
-        return found
+        return result
 
     @property
     def at_end(self) -> bool:
         """Whether only zeros follow, with which some systems pad the last block."""
-        rest = self.source[self.at :]
+        remaining = self.source[self.at :]
         # Less than a disk or tape block, in bytes.
-        return not len(rest) if not self.order else len(rest) < 1024 and not any(rest)
+        return not len(remaining) if not self.order else len(remaining) < 1024 and not any(remaining)
 
 
 def read(path: Path, time: Any, options: Mapping[str, Any]) -> Dataset:
@@ -98,10 +98,10 @@ def grid_and_solution(path: Path, solution) -> tuple[Path, Path]:
     beside = [other for other in sorted(path.parent.iterdir()) if other.suffix.lower() in others and other.is_file()]
     same = [other for other in beside if other.stem == path.stem] or beside
     if len(same) != 1:
-        found = ", ".join(other.name for other in same) or "none"
+        result = ", ".join(other.name for other in same) or "none"
         need = "solution" if ends is GRID_ENDS else "grid"
         raise ReadError(
-            path, f"its {need} is not clear (beside it: {found})", f"name it: solution = PATH ({need} file)"
+            path, f"its {need} is not clear (beside it: {result})", f"name it: solution = PATH ({need} file)"
         )
     other = own_file(path, same[0].name)
     return (path, other) if ends is GRID_ENDS else (other, path)
@@ -127,10 +127,10 @@ def _sizes(stream: _Stream, several: bool, width: int, more: int = 0) -> tuple[n
     head = stream.take(("i", 1)) if several else [np.ones(1)]
     if head is None or not 0 < head[0][0] <= 100_000:
         return None
-    found = stream.take(("i", width * int(head[0][0]) + more))
-    if found is None or found[0].min() < 0 or found[0].max() > most:
+    result = stream.take(("i", width * int(head[0][0]) + more))
+    if result is None or result[0].min() < 0 or result[0].max() > most:
         return None
-    numbers = found[0].astype(np.int64)
+    numbers = result[0].astype(np.int64)
     sizes = numbers[: len(numbers) - more].reshape(-1, width)
     if sizes.min() < 1 or (sizes.prod(axis=1, dtype=np.float64) > most).any():
         return None

@@ -172,8 +172,8 @@ def fortran_numbers(text: str) -> np.ndarray:
             try:
                 return np.fromstring(written(), sep=" ")
             except (DeprecationWarning, ValueError) as fault:
-                found = fault
-    raise ValueError(str(found))
+                wrong = fault
+    raise ValueError(str(wrong))
 
 
 def is_number(word: str) -> bool:

@@ -79,19 +79,19 @@ def mesh_and_restart(path: Path, options: Mapping[str, Any]) -> tuple[Path, Path
     if path.suffix.lower() != ".su2":
         if options.get("mesh"):
             return Path(options["mesh"]), path
-        found = sorted(path.parent.glob("*.su2"))
-        if len(found) != 1:
-            names = ", ".join(p.name for p in found) or "none"
+        result = sorted(path.parent.glob("*.su2"))
+        if len(result) != 1:
+            names = ", ".join(p.name for p in result) or "none"
             raise ReadError(path, f"its mesh is not clear (beside it: {names})", "name it: mesh = 'MESH.su2'")
-        return own_file(path, found[0].name), path
+        return own_file(path, result[0].name), path
     if options.get("solution"):
         return path, Path(options["solution"])
     beside = [one for one in sorted(path.parent.iterdir()) if one.suffix.lower() in (".dat", ".csv") and one.is_file()]
-    found = [one for one in beside if _is_restart(one)]
-    if len(found) > 1:
-        names = ", ".join(p.name for p in found)
+    result = [one for one in beside if _is_restart(one)]
+    if len(result) > 1:
+        names = ", ".join(p.name for p in result)
         raise ReadError(path, f"several restarts are beside it ({names})", "name one: flow.read(RESTART, mesh=MESH)")
-    return path, own_file(path, found[0].name) if found else None
+    return path, own_file(path, result[0].name) if result else None
 
 
 def _is_restart(path: Path) -> bool:
@@ -274,23 +274,23 @@ def _free_stream(stated: Mapping[str, str]) -> float | None:
         return None
     try:
         if stated.get("FREESTREAM_OPTION", "TEMPERATURE_FS") == "DENSITY_FS":
-            found = float(stated["FREESTREAM_DENSITY"])
+            result = float(stated["FREESTREAM_DENSITY"])
         else:
             constant = float(stated.get("GAS_CONSTANT", 287.058)) if model == "IDEAL_GAS" else 287.058  # SU2's of air
-            found = float(stated["FREESTREAM_PRESSURE"]) / (constant * float(stated["FREESTREAM_TEMPERATURE"]))
+            result = float(stated["FREESTREAM_PRESSURE"]) / (constant * float(stated["FREESTREAM_TEMPERATURE"]))
     except (KeyError, ValueError, ZeroDivisionError):
         return None
-    return found if math.isfinite(found) and found > 0.0 else None
+    return result if math.isfinite(result) and result > 0.0 else None
 
 
 def _cgns_mesh(path: Path) -> Mesh:
     """Return points, cells and patches of the one zone of a mesh in CGNS."""
-    found = in_child("cgns", path, None, {})
-    if len(found.blocks) != 1:
-        fault = f"it has {len(found.blocks)} zones, and SU2 reads a mesh in CGNS of one"
+    result = in_child("cgns", path, None, {})
+    if len(result.blocks) != 1:
+        fault = f"it has {len(result.blocks)} zones, and SU2 reads a mesh in CGNS of one"
         raise ReadError(path, fault, "give the mesh that SU2 read")
-    (block,) = found.blocks
+    (block,) = result.blocks
     if block.cells is None:
         fault = f"zone {block.name!r} is structured"
         raise ReadError(path, fault, "give the mesh that SU2 read, which is unstructured")
-    return block.points, block.cells, list(found.patches)
+    return block.points, block.cells, list(result.patches)

@@ -159,8 +159,8 @@ def zone_block(path: Path, variables: list[str], head: dict[str, str], text: str
         parts = [numbers[cuts[k] : cuts[k + 1]] for k in range(len(own))]
     else:
         parts = list(numbers[: nodes * len(own)].reshape(nodes, len(own)).T)
-    found = shared | dict(zip(own, parts, strict=True))
-    arrays = [found[k] for k in range(len(variables))]
+    result = shared | dict(zip(own, parts, strict=True))
+    arrays = [result[k] for k in range(len(variables))]
     if any(len(arrays[k]) != (cells if k in in_cells else nodes) for k in shared):
         raise ReadError(path, f"{name} shares a variable of another size", UNFINISHED)
     connectivity = numbers[sum(width) :]
@@ -176,13 +176,13 @@ def zone_block(path: Path, variables: list[str], head: dict[str, str], text: str
 
 def _shared_variables(path: Path, name: str, text: str, count: int, held: list) -> dict[int, np.ndarray]:
     """Return the variables that a zone has from earlier ones, as in ([1-3]=2, [5]); by default from the one before."""
-    found: dict[int, np.ndarray] = {}
+    result: dict[int, np.ndarray] = {}
     for numbers, zone in re.findall(r"\[([\d,\-\s]+)\]\s*(?:=\s*(\d+))?", text):
         arrays = _earlier(path, name, zone or str(len(held)), held)[0]
-        found |= {k: arrays[k] for k in _numbered(path, "VARSHARELIST", numbers, count)}
-    if text and not found:
+        result |= {k: arrays[k] for k in _numbered(path, "VARSHARELIST", numbers, count)}
+    if text and not result:
         raise ReadError(path, f"{name} has VARSHARELIST={text[:40]}", UNFINISHED)
-    return found
+    return result
 
 
 def _earlier(path: Path, name: str, word: str, held: list) -> tuple[list[np.ndarray], Cells | None]:
@@ -237,7 +237,7 @@ def coordinate_columns(variables: list[str]) -> tuple[dict[int, int], Direction 
 
 def _numbered(path: Path, key: str, numbers: str, count: int) -> set[int]:
     """Return the variables, from 0 on, of a list such as 1, 3-5."""
-    found: set[int] = set()
+    result: set[int] = set()
     for part in numbers.split(","):
         low, _, high = part.strip().partition("-")
         first, last = whole_number(low.strip()), whole_number((high or low).strip())
@@ -245,21 +245,21 @@ def _numbered(path: Path, key: str, numbers: str, count: int) -> set[int]:
             raise ReadError(path, f"{key} names variables by {part.strip()[:20]!r}", UNFINISHED)
         if last > count:  # before allocating a set of this size
             raise ReadError(path, f"{key} names variable {last} of {count}", UNFINISHED)
-        found |= set(range(first - 1, last))
-    return found
+        result |= set(range(first - 1, last))
+    return result
 
 
 def _cell_variables(path: Path, text: str, count: int) -> set[int]:
-    found: set[int] = set()
+    result: set[int] = set()
     for numbers, place in re.findall(r"\[([\d,\-\s]+)\]\s*=\s*(\w+)", text):
         if place.upper() == "CELLCENTERED":
-            found |= _numbered(path, "VARLOCATION", numbers, count)
+            result |= _numbered(path, "VARLOCATION", numbers, count)
     listed = re.fullmatch(r"\(((?:\s*(?:NODAL|CELLCENTERED)\s*,?)+)\)", text.strip(), re.IGNORECASE)
     if listed:
-        found |= {k for k, word in enumerate(re.findall(r"\w+", listed[1])) if word.upper() == "CELLCENTERED"}
-    if found and max(found) >= count:
-        raise ReadError(path, f"VARLOCATION names variable {max(found) + 1} of {count}", UNFINISHED)
-    return found
+        result |= {k for k, word in enumerate(re.findall(r"\w+", listed[1])) if word.upper() == "CELLCENTERED"}
+    if result and max(result) >= count:
+        raise ReadError(path, f"VARLOCATION names variable {max(result) + 1} of {count}", UNFINISHED)
+    return result
 
 
 def _count(path: Path, name: str, word: str) -> int:

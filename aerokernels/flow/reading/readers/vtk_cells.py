@@ -213,8 +213,8 @@ def joined(block: Block) -> tuple[Block, str | None]:
         columns = values.reshape(len(values), -1).astype(np.float64).T
         with np.errstate(invalid="ignore"):  # NaN in ghost cells
             kept = np.where(weight > 0.0, columns, 0.0)
-            found = np.stack([np.bincount(number, own * weight) / total for own in kept], axis=1)
-        return found.reshape(-1, *values.shape[1:])
+            result = np.stack([np.bincount(number, own * weight) / total for own in kept], axis=1)
+        return result.reshape(-1, *values.shape[1:])
 
     faces = None if cells.faces is None else replace(cells.faces, points=number[cells.faces.points])
     whole = replace(

@@ -85,11 +85,11 @@ def collection(path: Path) -> list[Entry]:
     ParaView's collections (.pvd) are XML, with `<DataSet timestep="0.5" part="0" file="a_0.vtu"/>` for each file; the
     files of one time are its parts. File series (.vtu.series) are JSON: `{"files": [{"name": "a.vtu", "time": 0.5}]}`.
     """
-    found = _of_series(path) if path.suffix.lower() == ".series" else _of_collection(path)
-    if not found:
+    result = _of_series(path) if path.suffix.lower() == ".series" else _of_collection(path)
+    if not result:
         raise ReadError(path, "it lists no data sets", NO_LIST)
     entries, seen, missing = [], set(), []
-    for time, name, part in found:
+    for time, name, part in result:
         if not math.isfinite(time):
             raise ReadError(path, f"it lists {name} at a time that is not a number", NO_LIST)
         plain = name if "\0" in name else os.path.normpath(name)
@@ -187,7 +187,7 @@ def blocks_of(path: Path | str, data, notes: dict[str, None]) -> list[Block]:
         if not data.GetNumberOfPoints():
             raise ReadError(path, "it has no points", DAMAGED)
         return [_block(path, data, "", notes)]
-    found = []
+    result = []
     iterator = data.NewIterator()
     iterator.InitTraversal()
     while not iterator.IsDoneWithTraversal():
@@ -196,11 +196,11 @@ def blocks_of(path: Path | str, data, notes: dict[str, None]) -> list[Block]:
             own = text_of(iterator.GetCurrentMetaData().Get(vtkCompositeDataSet.NAME()))
         part = iterator.GetCurrentDataObject()
         if isinstance(part, vtkDataSet) and part.GetNumberOfPoints():
-            found.append(_block(path, part, own, notes))
+            result.append(_block(path, part, own, notes))
         iterator.GoToNextItem()
-    if not found:
+    if not result:
         raise ReadError(path, "it has no block with points", DAMAGED)
-    return found
+    return result
 
 
 def _block(path: Path | str, data, name: str, notes: dict[str, None]) -> Block:
@@ -252,7 +252,7 @@ def _points(data) -> np.ndarray:
 def _arrays(path: Path | str, attributes, count: int) -> dict[str, np.ndarray]:
     from vtkmodules.util.numpy_support import vtk_to_numpy
 
-    found = {}
+    result = {}
     for k in range(attributes.GetNumberOfArrays()):
         array = attributes.GetArray(k)
         if array is None:  # an array of texts
@@ -260,8 +260,8 @@ def _arrays(path: Path | str, attributes, count: int) -> dict[str, np.ndarray]:
         values, name = vtk_to_numpy(array), text_of(array.GetName()) or f"array {k}"
         if len(values) != count:
             raise ReadError(path, f"array {name!r} has {len(values)} entries instead of {count}", DAMAGED)
-        found[name] = np.array(values)
-    return found
+        result[name] = np.array(values)
+    return result
 
 
 def vtk_output(path: Path, suffix: str, time: Any = None) -> tuple[Any, list[float], float | None]:

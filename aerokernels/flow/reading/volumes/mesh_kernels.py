@@ -78,11 +78,11 @@ def launch(kernel, count: int, *arguments) -> None:
         # An empty array has no address.
         return wp.array(own, dtype=kind, device="cpu", copy=False) if len(own) else wp.zeros(1, kind, device="cpu")
 
-    given = [shared(argument) for argument in arguments]
+    arrays = [shared(argument) for argument in arguments]
     size = max(1 << 10, min(1 << 18, -(-count // (4 * core_count()))))  # items of a launch
 
     def run(first: int) -> None:
-        warp_launch(kernel, min(size, count - first), [first, *given], "cpu")
+        warp_launch(kernel, min(size, count - first), [first, *arrays], "cpu")
 
     in_threads(run, range(0, count, size))
 
@@ -97,14 +97,14 @@ CLOSE = wp.constant(wp.float64(1e-11))  # of the width of the cells around a poi
 def inverse_or_zero(square: wp.mat33d) -> wp.mat33d:
     """Return the inverse of a symmetric matrix; zeros for a matrix of lower rank."""
     trace = wp.trace(square)
-    found = wp.mat33d()
+    result = wp.mat33d()
     if trace > wp.float64(0.0):
         scaled = square / trace
         if wp.determinant(scaled) > wp.float64(0.0):
             inverse = wp.inverse(scaled)
             if wp.trace(inverse) < STEEPEST:
-                found = inverse / trace
-    return found
+                result = inverse / trace
+    return result
 
 
 @wp.kernel(enable_backward=False)
@@ -127,12 +127,12 @@ def slope_weights(
         square += wp.outer(step, step)
     inverse = inverse_or_zero(square)
     # One correction step removes rounding errors in the slope of a linear function, which matter in flat cells.
-    found = wp.mat33d()
+    result = wp.mat33d()
     for k in range(begin, end):
         step = point_in[column_in[k]] - centre
-        found += wp.outer(inverse * step, step)
+        result += wp.outer(inverse * step, step)
     if wp.trace(inverse) > wp.float64(0.0):
-        inverse = wp.float64(2.0) * inverse - found * inverse
+        inverse = wp.float64(2.0) * inverse - result * inverse
     for k in range(begin, end):
         weight_out[k] = inverse * (point_in[column_in[k]] - centre)
     centre_out[row] = centre
@@ -211,15 +211,15 @@ def convex_weights(
         slope = slope / share
         bend = bend / share - wp.outer(slope, slope)
         turn = inverse_or_zero(bend) * slope
-        rest = wp.dot(turn, slope)
-        if rest <= wp.float64(0.0) and wp.length(slope) > wp.float64(0.0):
+        slack = wp.dot(turn, slope)
+        if slack <= wp.float64(0.0) and wp.length(slope) > wp.float64(0.0):
             steps = NEWTON_STEPS
         else:
             length = wp.float64(1.0)
-            if rest > wp.float64(0.1):
-                length = wp.float64(1.0) / (wp.float64(1.0) + wp.sqrt(rest))
+            if slack > wp.float64(0.1):
+                length = wp.float64(1.0) / (wp.float64(1.0) + wp.sqrt(slack))
             tilt -= length * turn
-            if rest < AGREED * AGREED:
+            if slack < AGREED * AGREED:
                 agreed = int(1)
         steps += 1
     share = wp.float64(0.0)

@@ -105,11 +105,11 @@ class EmptyNodes:
                     row = np.flatnonzero(line[0] >= 0)
                     rows.append(row)
                     near.append(np.stack([other[row] for other in line]))
-            row, found = np.concatenate(rows), np.concatenate(near, axis=1)
-            changes = found[1] >= 0
+            row, result = np.concatenate(rows), np.concatenate(near, axis=1)
+            changes = result[1] >= 0
             some = np.bincount(row, changes, len(empty)) > 0
             of_use = changes | ~some[row]  # drop single known nodes where two in a row are known in another direction
-            self._layers.append((empty, row[of_use], found[:, of_use]))
+            self._layers.append((empty, row[of_use], result[:, of_use]))
             known[empty] = True
         self._deep = np.flatnonzero(~known)
 

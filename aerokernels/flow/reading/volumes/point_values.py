@@ -64,11 +64,11 @@ class Rows:
 
     def totals(self, each: np.ndarray) -> np.ndarray:
         """Return the sum over each row of one value an entry, 0 for an empty row."""
-        found = np.zeros((len(self.start) - 1, *each.shape[1:]))
+        result = np.zeros((len(self.start) - 1, *each.shape[1:]))
         some = self.width > 0  # reduceat over an empty row would return its neighbour's entry
         if some.any():
-            found[some] = np.add.reduceat(each, self.start[:-1][some], axis=0)
-        return found
+            result[some] = np.add.reduceat(each, self.start[:-1][some], axis=0)
+        return result
 
     def means(self, values: np.ndarray) -> np.ndarray:
         """Return the mean of the values that each row lists, 0 for an empty row."""
@@ -162,11 +162,11 @@ def _beyond(at_cells, at_points, middle, points, inside, rim):
         at = points[rim[kept]]  # the value of the least-squares line there
         centre = np.where(rows.width[:, None] > 0, rows.means(points), at)
         slope, full, _ = _slope_along(rows, points, at - centre)
-        found = rows.spread(1.0 / np.maximum(rows.width, 1)) + slope
+        result = rows.spread(1.0 / np.maximum(rows.width, 1)) + slope
         good = full >= rank[kept]
         some, entry = rows.select(np.flatnonzero(good))
         far.append((kept[good], some))
-        far_weight.append(found[entry])
+        far_weight.append(result[entry])
         kept, around = kept[~good], around[~good]
         if not len(kept):
             break
@@ -176,9 +176,9 @@ def _beyond(at_cells, at_points, middle, points, inside, rim):
         width[row] = some.width
     start = starts_of(width)
     column, together = np.empty(start[-1], np.int32), np.empty(start[-1])
-    for (row, some), found in zip(far, far_weight, strict=True):
+    for (row, some), result in zip(far, far_weight, strict=True):
         _, place = Rows(start, column).select(row)
-        column[place], together[place] = some.column, found
+        column[place], together[place] = some.column, result
     return near, weight, basis, Rows(start, column), together
 
 
@@ -199,9 +199,9 @@ def _slope_along(rows: Rows, place: np.ndarray, along: np.ndarray) -> tuple[np.n
     def weights(rise: np.ndarray) -> np.ndarray:
         return np.asarray(np.einsum("ni,ni->n", basis, rows.spread(np.einsum("nki,nk->ni", turned, rise))))
 
-    found = weights(along)
-    found += weights(along - rows.totals(found[:, None] * step))  # correct for rounding
-    return found, good.sum(axis=1), basis
+    result = weights(along)
+    result += weights(along - rows.totals(result[:, None] * step))  # correct for rounding
+    return result, good.sum(axis=1), basis
 
 
 def _together(parts: list[tuple]) -> tuple:

@@ -40,10 +40,10 @@ class Reconstruction:
 
     def values(self, density: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the average of each cell and the values at the points, for densities of the cells or the points."""
-        given = np.ascontiguousarray(density, dtype=np.float64)
+        own = np.ascontiguousarray(density, dtype=np.float64)
         if isinstance(self._between, Rows):
-            return self._between.means(given), given
-        return given, self._between.values(given)
+            return self._between.means(own), own
+        return own, self._between.values(own)
 
 
 @dataclass(frozen=True, eq=False)

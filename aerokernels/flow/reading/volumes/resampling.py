@@ -10,13 +10,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from aerokernels.flow.composition import Composition
 from aerokernels.flow.reading.dataset import SOLID, Block, ReadError
 from aerokernels.flow.reading.volumes.node_fill import EmptyNodes, SmallCells, foremost
 from aerokernels.flow.reading.volumes.reconstruction import CellNodes, MeasuringLines, Reconstruction, VolumeResampling
 from aerokernels.flow.reading.volumes.solid_walls import solid_body
 from aerokernels.flow.reading.volumes.solids import CellFacts, NodeGrid, rasterise
 from aerokernels.flow.sampled_density import GridDensity
-from aerokernels.flow.species import Composition
 
 OUTSIDE = "are in a body or beyond the mesh: the density is extrapolated there"
 
@@ -50,10 +50,10 @@ class Resampling:
         facts: list[CellFacts] = []
         firsts = _first_numbers(blocks, moved)
         for block, points, where, first in zip(blocks, moved, self._where, firsts, strict=True):
-            found = rasterise(block, points, [grid, lines.grid], first)
-            check_solids(path, block, points, found)
-            self._parts.append(Reconstruction(block, points, where, found))
-            facts.append(found)
+            result = rasterise(block, points, [grid, lines.grid], first)
+            check_solids(path, block, points, result)
+            self._parts.append(Reconstruction(block, points, where, result))
+            facts.append(result)
         held = grid.cell >= 0
         if not held.any():
             raise ReadError(
@@ -99,18 +99,18 @@ class Resampling:
         Raises:
             ValueError: Arrays that do not fit the mesh, or densities that no gas has.
         """
-        given = [densities] if isinstance(densities, np.ndarray) else list(densities)
-        given = [np.asarray(given)] if given and np.ndim(given[0]) == 0 else given
-        if len(given) != len(self._parts):
+        arrays = [densities] if isinstance(densities, np.ndarray) else list(densities)
+        arrays = [np.asarray(arrays)] if arrays and np.ndim(arrays[0]) == 0 else arrays
+        if len(arrays) != len(self._parts):
             raise ValueError(
-                f"{len(given)} arrays of densities for {len(self._parts)} blocks of cells: give one for each"
+                f"{len(arrays)} arrays of densities for {len(self._parts)} blocks of cells: give one for each"
             )
-        for part, own, name in zip(self._parts, given, self._where, strict=True):
+        for part, own, name in zip(self._parts, arrays, self._where, strict=True):
             if np.shape(own) != (part.count,):
                 raise ValueError(
                     f"densities have shape {np.shape(own)}, the mesh {part.count} {name}s: give one for each"
                 )
-        values, density = self._resampled(given)
+        values, density = self._resampled(arrays)
         ambient = float(np.median(density[self.front])) if ambient_density is None else float(ambient_density)
         self._empty.fill(density, ambient)
         averaged = 0.0 if self._small is None else self._small.share
@@ -151,13 +151,13 @@ class Resampling:
         around = partial[:, self.front].mean(axis=1)
         for own, share in zip(partial, around / around.sum(), strict=True):
             self._empty.fill(own, share * ambient)
-        found: Composition = fractions.composition(partial.reshape(-1, *self.shape), around)
-        return found
+        result: Composition = fractions.composition(partial.reshape(-1, *self.shape), around)
+        return result
 
     def field(self, reading) -> GridDensity:
         """Return the density field of a file on this mesh; its provenance states the changes due to resampling."""
-        found = self.apply([own for own, _ in reading.densities], ambient_density=reading.options["ambient_density"])
-        measured = found.resampling
+        result = self.apply([own for own, _ in reading.densities], ambient_density=reading.options["ambient_density"])
+        measured = result.resampling
         assert isinstance(measured, VolumeResampling)
         walls = sorted({patch.name for patch in reading.dataset.patches if patch.kind == "wall"})
         unused = ", ".join(walls[:3]) + (", ..." if len(walls) > 3 else "")
@@ -170,11 +170,11 @@ class Resampling:
             *([] if self.body is None else [f"a body of {len(self.body.triangles)} triangles"]),
             *([f"the solver's values at walls ({unused}) are not used in volumes: the cells beside them count"]
               if walls and self._small is not None else []),
-            f"ambient {found.ambient_density:.6g} kg/m3",
+            f"ambient {result.ambient_density:.6g} kg/m3",
         ]  # fmt: skip
-        object.__setattr__(found, "composition", self._composition(reading, found.ambient_density))
-        object.__setattr__(found, "provenance", f"{reading.path}: {'; '.join(said)}")
-        return found
+        object.__setattr__(result, "composition", self._composition(reading, result.ambient_density))
+        object.__setattr__(result, "provenance", f"{reading.path}: {'; '.join(said)}")
+        return result
 
 
 def _first_numbers(blocks: Sequence[Block], moved: Sequence[np.ndarray]) -> list[int]:
@@ -249,12 +249,12 @@ def choose_grid(path, blocks, moved, spacing, region):
 def _metres(given, form: str, *shapes: tuple[int, ...]) -> np.ndarray:
     """Return numbers of one of the shapes; raise ValueError with the expected form otherwise."""
     try:
-        found = np.asarray(given, dtype=np.float64)
+        result = np.asarray(given, dtype=np.float64)
     except (TypeError, ValueError):
         raise ValueError(f"{form}, got {given!r}") from None
-    if found.shape not in shapes:
+    if result.shape not in shapes:
         raise ValueError(f"{form}, got {given!r}")
-    return found
+    return result
 
 
 def check_solids(path, block: Block, points: np.ndarray, facts: CellFacts) -> None:

@@ -57,8 +57,8 @@ def boundary_polygons(block: Block, points: np.ndarray) -> Polygons:
     keys = [faces_of(chunk)[1].ravel() for chunk in corner_chunks(block)]
     if not keys:
         return Polygons(np.empty((0, 3)), np.zeros(1, np.int64))
-    found, count = np.unique(np.concatenate(keys), return_counts=True)
-    alone = found[count == 1]
+    result, count = np.unique(np.concatenate(keys), return_counts=True)
+    alone = result[count == 1]
     kept = []
     for chunk in corner_chunks(block):
         four, key = faces_of(chunk)
@@ -84,19 +84,19 @@ def _triangles(parts: list[Polygons], near: float) -> tuple[np.ndarray, np.ndarr
     _, back, count = np.unique(key, return_inverse=True, return_counts=True)
     alone = count[back.ravel()] == 1
     start = starts_of(width)
-    made = []
+    result = []
     for corners in np.unique(width[alone]):
         own = np.flatnonzero(alone & (width == corners))
         ring = vertex[start[own][:, None] + np.arange(corners)]
         if corners == 3:
-            made.append(ring)
+            result.append(ring)
         elif corners == 4:
-            made += [ring[:, [0, 1, 2]], ring[:, [0, 2, 3]]]
+            result += [ring[:, [0, 1, 2]], ring[:, [0, 2, 3]]]
         else:
             middle = len(vertices) + np.arange(len(ring))
             vertices = np.concatenate([vertices, vertices[ring].mean(axis=1)])
-            made += [np.stack([ring[:, k], ring[:, (k + 1) % corners], middle], axis=1) for k in range(corners)]
-    triangles = np.concatenate(made) if made else np.empty((0, 3), np.int64)
+            result += [np.stack([ring[:, k], ring[:, (k + 1) % corners], middle], axis=1) for k in range(corners)]
+    triangles = np.concatenate(result) if result else np.empty((0, 3), np.int64)
     a, b, c = triangles.T
     return vertices, triangles[(a != b) & (b != c) & (c != a)]
 
@@ -104,7 +104,7 @@ def _triangles(parts: list[Polygons], near: float) -> tuple[np.ndarray, np.ndarr
 def _body(vertices: np.ndarray, triangles: np.ndarray, grid: NodeGrid, size: float) -> SolidBody | None:
     """Return the closed surfaces with the flow outside, as one body."""
     triangles, part = _turned_alike(triangles)
-    found = []
+    result = []
     for number in range(part.max() + 1):
         own = triangles[part == number]
         whole, own = _closed(vertices, own)
@@ -115,13 +115,13 @@ def _body(vertices: np.ndarray, triangles: np.ndarray, grid: NodeGrid, size: flo
         if abs(volume) <= 1e-9 * size**3:
             continue
         if _flow_outside(corner[: (part == number).sum()], np.sign(volume), grid):
-            found.append((whole, own))
-    if not found:
+            result.append((whole, own))
+    if not result:
         return None
-    shift = starts_of([len(whole) for whole, _ in found])
-    everything = np.concatenate([whole for whole, _ in found])
+    shift = starts_of([len(whole) for whole, _ in result])
+    everything = np.concatenate([whole for whole, _ in result])
     used, corners = np.unique(
-        np.concatenate([own + first for (_, own), first in zip(found, shift, strict=False)]), return_inverse=True
+        np.concatenate([own + first for (_, own), first in zip(result, shift, strict=False)]), return_inverse=True
     )
     return SolidBody(everything[used], corners.reshape(-1, 3))
 

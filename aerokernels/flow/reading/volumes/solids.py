@@ -64,12 +64,12 @@ class Chunk:
                 centre[:, number] += d[:, number]
                 centre[:, number] *= 0.25
                 centre[:, number] += _from_mean([own[:, number] for own in (a, b, c, d)], centre[:, number])
-        found = _finished(self.cell, area, centre, at.min(axis=1), at.max(axis=1), at.mean(axis=1))
+        result = _finished(self.cell, area, centre, at.min(axis=1), at.max(axis=1), at.mean(axis=1))
         if self.kind != PRISM:
-            return found
+            return result
         # VTK and most other programs list a prism's corners in opposite orientations: accept both.
-        turn = np.where(found.volume < 0.0, -1.0, 1.0)
-        return replace(found, area=turn * found.area, volume=turn * found.volume)
+        turn = np.where(result.volume < 0.0, -1.0, 1.0)
+        return replace(result, area=turn * result.area, volume=turn * result.volume)
 
 
 @dataclass(frozen=True, eq=False)
@@ -236,8 +236,8 @@ def rasterise(block: Block, points: np.ndarray, grids: list[NodeGrid], first_cel
     facts = CellFacts(np.zeros(count), np.zeros((count, 3)))
     across = np.ascontiguousarray(points.T)
 
-    def work(made: Callable[[], Solids]) -> None:
-        solids = made()
+    def work(result: Callable[[], Solids]) -> None:
+        solids = result()
         facts.volume[solids.cell] = solids.volume
         facts.middle[solids.cell] = solids.middle.T
         for grid in grids:
@@ -283,8 +283,8 @@ def _rasterise_some(solids: Solids, grid: NodeGrid, first_cell: int, blank: np.n
 def _assign_inside(grid, cell, begin, span, pairs, middle, normal, bound) -> None:
     own = np.repeat(np.arange(len(cell)), pairs)
     within = np.arange(len(own)) - np.repeat(np.cumsum(pairs) - pairs, pairs)
-    rest, k = np.divmod(within, span[2][own])
-    i, j = np.divmod(rest, span[1][own])
+    others, k = np.divmod(within, span[2][own])
+    i, j = np.divmod(others, span[1][own])
     index = [axis + first[own] for axis, first in zip((i, j, k), begin, strict=True)]
     node = (index[0] * grid.shape[1] + index[1]) * grid.shape[2] + index[2]
     place = [(grid.low[axis] - middle[axis])[own] + grid.spacing[axis] * index[axis] for axis in range(3)]

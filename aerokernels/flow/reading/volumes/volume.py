@@ -49,12 +49,12 @@ def volume_field(reading, shared=None) -> GridDensity:
     if not any(block.cells is None or np.isin(block.cells.types, SOLID).any() for block in dataset.blocks):
         raise ReadError(path, "it has no solid cells: a surface in space", "give the volume's mesh")
     reading = replace(reading, dataset=replace(dataset, blocks=[cells_blanked(block) for block in dataset.blocks]))
-    found = None if shared is None else shared.resampling
-    if found is None or not found.fits(reading):
-        found = Resampling(reading, moved)
+    result = None if shared is None else shared.resampling
+    if result is None or not result.fits(reading):
+        result = Resampling(reading, moved)
         if shared is not None:
-            shared.resampling = found
-    return found.field(reading)
+            shared.resampling = result
+    return result.field(reading)
 
 
 def _on_uniform_grid(reading, density: np.ndarray, low, step, measured) -> GridDensity:
@@ -170,18 +170,18 @@ def _along(average: np.ndarray, smooth: np.ndarray, axis: int) -> np.ndarray:
     """Return values at the faces across one axis; threads process slabs of rows."""
     shape = list(average.shape)
     shape[axis] += 1
-    found = np.empty(shape)
+    result = np.empty(shape)
     weight = integral_weights(shape[axis])
     across = 1 if axis == 0 else 0
     size = max(1, (1 << 20) * average.shape[across] // max(average.size, 1))
 
     def work(first: int) -> None:
         part = tuple(slice(first, first + size) if k == across else slice(None) for k in range(average.ndim))
-        own, flags, faces = (np.moveaxis(each[part], axis, 0) for each in (average, smooth, found))
+        own, flags, faces = (np.moveaxis(each[part], axis, 0) for each in (average, smooth, result))
         faces[:] = _at_faces(np.ascontiguousarray(own), flags, weight)
 
     in_threads(work, range(0, average.shape[across], size))
-    return found
+    return result
 
 
 def integral_weights(count: int) -> np.ndarray:

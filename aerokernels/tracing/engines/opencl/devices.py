@@ -19,8 +19,7 @@ from aerokernels.process.quiet_warp import NoCacheError, why_unusable
 from ....process.machine import patient_threads
 from ....process.opened import OPENED
 from ..info import BackendInfo, absent
-from .pocl import is_unknown, linker_trouble, name_processor, workaround
-from .pocl_cache import make_safe
+from .pocl import is_unknown, linker_trouble, make_safe, name_processor, workaround
 from .session import Session
 
 POCL = "Portable Computing Language"

@@ -14,7 +14,7 @@ from ....process.clock import stage
 from ..field_data import FieldData
 from ..interface import GRID_TABLES, PROGRAMS, Prepared
 from ..interface import Engine as AnyEngine
-from ..layout import REAL_TYPES, Value, arrays_of, values_of
+from ..layout import ARRAYS, REAL_TYPES, VALUES, Value, number_type, parts_of
 from ..transfers import Fetched, FetchedFromGPU, Sent
 from .devices import session
 from .program import build, build_options, lane_count
@@ -37,7 +37,8 @@ CONTROL = 2
 # The memory layouts of the structs that are passed by value.
 LAYOUTS = {
     (struct, precision): np.dtype(
-        [(value.name, value.number_type(precision), (value.parts[1],)) for value in values_of(struct)], align=True
+        [(value.name, number_type(value.kind, precision), (parts_of(value.kind)[1],)) for value in VALUES[struct]],
+        align=True,
     )
     for struct in ("Field", "Bounds", "Control")
     for precision in REAL_TYPES
@@ -84,12 +85,12 @@ class Engine(AnyEngine):
     def place_structs(self, data: FieldData, precision: str, arrays: dict[str, Any], bounds: dict[str, Any]) -> Any:
         """Return the packed structs Field and Bounds, and the arrays of Field, which are separate arguments."""
         packed = pack("Field", precision, data.field), pack("Bounds", precision, bounds)
-        return packed, [arrays[member.name] for member in arrays_of("Field")]
+        return packed, [arrays[member.name] for member in ARRAYS["Field"]]
 
     def arguments(self, structs: Any, control: dict[str, Any], precision: str) -> list:
         """Return the structs Field, Bounds and Control, and their arrays."""
         packed, arrays = structs
-        of_control = [control[member.name] for member in arrays_of("Control")]
+        of_control = [control[member.name] for member in ARRAYS["Control"]]
         return [*packed, pack("Control", precision, control), *arrays, *of_control]
 
     def tuned(self, arguments: list, numbers: dict[str, Any]) -> list:
@@ -120,13 +121,13 @@ class Engine(AnyEngine):
 
         (COPY_HOST_PTR does this in one call, but NVIDIA's driver then copies only when a kernel uses the buffer.)
         """
-        if is_one_row(array) and len(array) > REPEATED:
+        if len(array) > REPEATED and is_one_row(array):
             return self._repeated(np.ascontiguousarray(array[:REPEATED]), len(array))
         array = np.ascontiguousarray(array)
         if self.session.pool is None and array.nbytes:
             flags = cl.mem_flags.READ_WRITE | cl.mem_flags.COPY_HOST_PTR
             return cl.Buffer(self.session.context, flags, hostbuf=array)
-        buffer = self._memory(array.nbytes)
+        buffer = self.empty(array.nbytes, kind=np.uint8)
         self.put_into(buffer, array)
         return buffer
 
@@ -140,7 +141,7 @@ class Engine(AnyEngine):
     def _repeated(self, some: np.ndarray, count: int):
         """Return a buffer of `count` equal rows, given some of them; the device copies twice as many each time."""
         row, done = some[0].nbytes, some.nbytes
-        buffer = self._memory(row * count)
+        buffer = self.empty(row * count, kind=np.uint8)
         self.put_into(buffer, some)
         while done < row * count:
             size = min(done, row * count - done)
@@ -155,8 +156,14 @@ class Engine(AnyEngine):
             cl.enqueue_copy(self.session.queue, buffer, np.ascontiguousarray(array), is_blocking=True)
 
     def empty(self, count: int, width: int = 1, kind: type = np.float64):
-        """Return an uninitialised buffer of `count` rows of `width` numbers."""
-        return self._memory(max(1, count) * width * np.dtype(kind).itemsize)
+        """Return an uninitialised buffer of `count` rows of `width` numbers.
+
+        On a GPU it is from the pool, which would waste memory for very large ones.
+        """
+        size = max(1, count) * width * np.dtype(kind).itemsize
+        if self.session.pool is not None and size <= POOLED:
+            return self.session.pool.allocate(size)
+        return cl.Buffer(self.session.context, cl.mem_flags.READ_WRITE, size)
 
     def _counter(self):
         """Return a buffer with one number, 0; on a GPU a waiting copy would take as long as tracing some rays."""
@@ -170,19 +177,12 @@ class Engine(AnyEngine):
         """Set the first number of a buffer of int32 to 0 without waiting."""
         cl.enqueue_fill_buffer(self.session.queue, buffer, np.int32(0), 0, 4)
 
-    def _memory(self, size: int):
-        """Return a buffer of `size` bytes; on a GPU from the pool, which would waste memory for very large ones."""
-        size = max(size, 1)
-        if self.session.pool is not None and size <= POOLED:
-            return self.session.pool.allocate(size)
-        return cl.Buffer(self.session.context, cl.mem_flags.READ_WRITE, size)
-
     def room(self, shape: tuple[int, ...], kind: type) -> np.ndarray:
         """Return an uninitialised array for `get`; for a GPU a large one is in pinned memory, within limits."""
         size = int(np.prod(shape)) * np.dtype(kind).itemsize
         taken = self.session.pinned.take(size) if self.is_gpu and size >= LEAST else None
         if taken is None:
-            return super().room(shape, kind)
+            return np.empty(shape, kind)
         return np.asarray(Lent(self.session.pinned, taken, shape, np.dtype(kind)))
 
     def get(self, buffer, array: np.ndarray) -> None:
@@ -192,7 +192,9 @@ class Engine(AnyEngine):
 
     def sent(self, array: np.ndarray) -> Sent:
         """See interface.py."""
-        return SentToGPU(self.session, array, self._memory(array.nbytes)) if self.is_gpu else super().sent(array)
+        if not self.is_gpu:
+            return super().sent(array)
+        return SentToGPU(self.session, array, self.empty(array.nbytes, kind=np.uint8))
 
     def fetched(self, arrays: Sequence[np.ndarray]) -> Fetched:
         """See interface.py."""
@@ -215,7 +217,7 @@ class Engine(AnyEngine):
 
     def struct_array(self, member: Value, values: np.ndarray, precision: str):
         """Upload an array of a struct to the device."""
-        numbers: np.ndarray = np.asarray(values, member.number_type(precision))
+        numbers: np.ndarray = np.asarray(values, number_type(member.kind, precision))
         limit = int(self.memory[1])
         if numbers.nbytes > limit:
             raise ValueError(

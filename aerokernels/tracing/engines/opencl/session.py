@@ -100,14 +100,8 @@ class Mapped:
         self.size, self.ptr = size, self._array.ctypes.data
 
 
-def _vector_or_struct(array: np.ndarray) -> np.ndarray:
-    """Return three numbers in the layout of a double3, and a packed struct as it is."""
-    return np.array([*array, 0.0]) if array.shape == (3,) else array
-
-
 # By type, since a launch has some forty arguments, most of them buffers.
 CONVERSIONS: dict[type, Callable[[Any], Any]] = {int: np.int32, bool: np.int32, float: np.float64}
-CONVERSIONS[np.ndarray] = _vector_or_struct
 
 
 class Kernel:
@@ -149,8 +143,12 @@ class Kernel:
             kind = type(new)
             if new is old or ((kind is int or kind is float) and kind is type(old) and new == old):
                 continue
-            convert = CONVERSIONS.get(kind)
-            self.kernel.set_arg(number, new if convert is None else convert(new))
+            if kind in CONVERSIONS:
+                self.kernel.set_arg(number, CONVERSIONS[kind](new))
+            elif kind is np.ndarray and new.shape == (3,):  # a double3, in place of a packed struct
+                self.kernel.set_arg(number, np.array([*new, 0.0]))
+            else:
+                self.kernel.set_arg(number, new)
         self._arguments = arguments
 
     def size(self, count: int) -> tuple[int]:

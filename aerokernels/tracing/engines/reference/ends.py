@@ -6,8 +6,7 @@ import numpy as np
 
 from ....medium import Body, IndexField, SolidBody
 from ...scheme import ENTRY_ROUNDING, LEAST_SLOPE
-from ...status import RayStatus
-from ...stop import ArcLength, Plane
+from ...stop import ArcLength, Plane, RayStatus
 from .flight import Flight, Segments, Triangles
 from .medium import dot, outward, plane_motion
 from .steps import EPSILON, Integrator

@@ -12,7 +12,7 @@ import numpy as np
 from ....medium import IndexField
 from ....rays import RayBundle
 from ...plan import RAY_OUTPUTS, TracePlan
-from ...status import RayStatus, reached
+from ...stop import RayStatus, reached
 from .ends import Ends
 from .medium import GridAir
 from .mesh import MeshAir

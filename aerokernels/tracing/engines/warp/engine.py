@@ -20,7 +20,7 @@ from ...scheme import GROUP
 from ..field_data import FieldData
 from ..interface import GRID_TABLES, Prepared
 from ..interface import Engine as AnyEngine
-from ..layout import STRUCTS, Value
+from ..layout import STRUCTS, Value, number_type, parts_of
 from ..transfers import Fetched, FetchedFromGPU, Sent
 from .kernels import grid_tables, pupil
 from .kernels.deliver_bundle import build_bundle_kernel
@@ -61,7 +61,7 @@ SCALARS: dict[Any, type] = {
 }
 # Names of the members of each struct that are vectors.
 VECTOR_MEMBERS = {
-    name: {each.name for each in members if each.parts[1] > 1 and not each.parts[2]}
+    name: {each.name for each in members if parts_of(each.kind)[1] > 1 and not parts_of(each.kind)[2]}
     for name, members in STRUCTS.items()
 }
 VECTORS = {2: wp.vec2d, 3: wp.vec3d}
@@ -240,7 +240,7 @@ class Engine(AnyEngine):
 
     def struct_array(self, member: Value, values: np.ndarray, precision: str) -> wp.array:
         """Upload an array of a struct to the device."""
-        numbers: np.ndarray = np.ascontiguousarray(values, member.number_type(precision))
+        numbers: np.ndarray = np.ascontiguousarray(values, number_type(member.kind, precision))
         return self._copied(numbers, TYPES[precision].kinds[member.kind.rstrip("*")])
 
     def _copied(self, array: np.ndarray, kind: type) -> wp.array:

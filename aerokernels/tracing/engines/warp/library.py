@@ -11,7 +11,7 @@ import warp as wp
 from ....process.opened import OPENED, Opened
 from ....process.quiet_warp import start_warp
 from ..info import NO_CUDA, BackendInfo, warp_processor
-from ..layout import STRUCTS, Value
+from ..layout import STRUCTS, Value, parts_of
 
 PLAIN = {
     "bool": wp.bool,
@@ -28,7 +28,7 @@ PLAIN = {
 
 def _type_of(value: Value, kinds: dict):
     """Return Warp's type of a struct's member."""
-    indices = value.parts[2]
+    indices = parts_of(value.kind)[2]
     kind = kinds[value.kind.rstrip("*")]
     return wp.array(dtype=kind, ndim=indices) if indices else kind
 
@@ -38,7 +38,7 @@ def _types(real: type, shared: dict) -> SimpleNamespace:
     vectors = {f"real{size}": wp.types.vector(size, real) for size in (2, 3, 4)}
     kinds = {**PLAIN, "real": real, **vectors}
     for name, members in STRUCTS.items():
-        if name in shared and not any(member.parts[0] == "real" for member in members):
+        if name in shared and not any(parts_of(member.kind)[0] == "real" for member in members):
             kinds[name] = shared[name]
             continue
         annotations = {member.name: _type_of(member, kinds) for member in members}

@@ -6,12 +6,12 @@ formulas in NumPy.
 
 import warp as wp
 
-from aerokernels.tracing.engines.bundle_frame import SHAPES, STOPS
+from aerokernels.tracing.engines.field_data import SHAPES, STOPS
 from aerokernels.tracing.tasks.family import EQUAL, FAR
 
 from ....lines import FACES
 from ....plan import output_mask
-from ....status import NOT_DELIVERED, RayStatus
+from ....stop import NOT_DELIVERED, RayStatus
 from ..library import TYPES, Scene, built_once
 from .outputs import build_write_outputs
 

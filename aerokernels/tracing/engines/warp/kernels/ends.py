@@ -13,7 +13,7 @@ from ....scheme import (
     LEAST_SLOPE,
     STEEPEST_COSINE,
 )
-from ....status import RayStatus
+from ....stop import RayStatus
 from ....tableau import NEARLY_STRAIGHT, has_consistent_gradient
 from ..library import Scene, built_once
 from .box import FACE_COUNT, build_box

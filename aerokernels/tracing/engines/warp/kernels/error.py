@@ -29,7 +29,7 @@ from ....scheme import (
     STEEPEST_COSINE,
     TINY,
 )
-from ....status import RayStatus
+from ....stop import RayStatus
 from ....tableau import (
     B_ERROR,
     BT_ERROR,

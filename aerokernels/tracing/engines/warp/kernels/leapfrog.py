@@ -30,7 +30,7 @@ import warp as wp
 
 from ....plan import OUTPUT_BITS
 from ....scheme import BEYOND_SUPPORT, LEAPFROG_ANGLE, LEAST_COSINE, LEFT_SHARE, STEEPEST_COSINE, TINY
-from ....status import RayStatus
+from ....stop import RayStatus
 from ..library import Scene, built_once
 from .box import build_box
 from .cubes import build_cube_sample

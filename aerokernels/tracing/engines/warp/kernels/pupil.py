@@ -11,7 +11,7 @@ from aerokernels.tracing.tasks.sums import MOMENT_COUNT, SUM_COUNT
 
 from .....device_arrays.kernels import place_on_pupil
 from ....scheme import GROUP, HASHES, REDUCTION_WIDTH
-from ....status import RayStatus
+from ....stop import RayStatus
 
 # 32-bit constants get their type here: a literal inside a kernel would pass through a signed integer.
 _HASH_1 = wp.constant(wp.uint32(HASHES[0]))
@@ -200,7 +200,7 @@ def launch_pupil(
 
 @wp.func
 def has_arrived(status: int):
-    """Whether a ray of this status reached the stop, see status.py."""
+    """Whether a ray of this status reached the stop, see stop.py."""
     return status == _OK or status == _LEFT_DISTURBED_AIR or status == _TOLERANCE_NOT_MET
 
 

@@ -1,5 +1,0 @@
-"""The old name of the package `aerokernels.benches`, for imports only."""
-
-from aerokernels.old_modules import stand_in
-
-stand_in(__name__, "aerokernels.benches")
