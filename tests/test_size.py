@@ -19,7 +19,7 @@ LINES = {
     "benchmark": 610,
     "commands": 1350,
     "device_arrays": 1190,
-    "display": 992,
+    "display": 997,
     "files": 430,
     "fldi": 620,
     "flow": 13090,
