@@ -199,10 +199,9 @@ def _dress(axes: "Axes", x: Axis, y: Axis, x_values: Any, y_values: Any) -> None
 
     for axis, one, values in (("x", x, x_values), ("y", y, y_values)):
         low, high = one.around(values)
-        axes.set(
-            **{f"{axis}scale": "log" if one.log else "linear", f"{axis}lim": (low, high), f"{axis}label": one.label}
-        )
+        axes.set(**{f"{axis}scale": "log" if one.log else "linear", f"{axis}lim": (low, high)})
         scale = getattr(axes, f"{axis}axis")
+        scale.set_label_text(one.label)
         if one.log:  # Matplotlib's own labels are formulas, which take as long as the figure
             scale.set_major_formatter(lambda value, _: _power_of_ten(value))
             scale.set_minor_locator(NullLocator())
@@ -265,10 +264,9 @@ class Raster:
         bottom, top = self.y.around(())
         with figure_of(min(2.45, 0.65 + 1.95 * self.shape), bar=True) as (figure, axes):
             values = self.frames[frame]
-            extent = (left, right, bottom, top)
             shown = np.log10(np.maximum(values, 10.0**low)) if self.z.log else values
-            options: dict[str, Any] = {"origin": "lower", "extent": extent, "interpolation": "nearest"}
-            options["aspect"] = "equal" if self.even else "auto"
+            options: dict[str, Any] = {"origin": "lower", "interpolation": "nearest"}
+            options |= {"extent": (left, right, bottom, top), "aspect": "equal" if self.even else "auto"}
             image = axes.imshow(shown, cmap=color_map(self.colors), vmin=low, vmax=high, **options)
             if self.error:
                 from matplotlib.colors import ListedColormap
