@@ -251,6 +251,38 @@ APART void leave(
         outputs, control, first, ray_count, &arrival, lateral_error, runs, rejected_count_out);
 }
 
+// Trace the packets of a work-item, from ray `first` on.
+APART void trace_packets(
+    const Field *field,
+    const Arrays *arrays,
+    const Bounds *bounds,
+    const Control *control,
+    int first,
+    int ray_count,
+    __global const double *position_in,
+    __global const double *direction_in,
+    const RayOutputs *outputs,
+    __global int *rejected_count_out)
+{
+    const real ambient = (real)bounds->ambient;
+    Entries in[PACKETS];
+    Flying rays[PACKETS];
+#pragma unroll
+    for (int packet = 0; packet < PACKETS; packet++) {
+        // Unused packets repeat the last ray, as unused lanes do.
+        in[packet] = enter(
+            field, arrays, bounds, control, first + packet * LANES, ray_count, position_in, direction_in);
+        rays[packet] = take_off(ambient, &in[packet].path, in[packet].kick);
+    }
+    take_samples(field, arrays, control, ambient, rays);
+#pragma unroll
+    for (int packet = 0; packet < PACKETS; packet++) {
+        land(control, ambient, &rays[packet]);
+        leave(field, arrays, bounds, control, first + packet * LANES, ray_count, position_in, direction_in,
+              &in[packet], &rays[packet], outputs, rejected_count_out);
+    }
+}
+
 __kernel void leapfrog(TRACED_ARGUMENTS, __global int *rejected_count_out)
 {
     Arrays arrays = ARRAYS;
@@ -263,21 +295,6 @@ __kernel void leapfrog(TRACED_ARGUMENTS, __global int *rejected_count_out)
         return;
     }
     const RayOutputs outputs = RAY_OUTPUTS;
-    const real ambient = (real)bounds.ambient;
-    Entries in[PACKETS];
-    Flying rays[PACKETS];
-#pragma unroll
-    for (int packet = 0; packet < PACKETS; packet++) {
-        // Unused packets repeat the last ray, as unused lanes do.
-        in[packet] = enter(
-            &field, &arrays, &bounds, &control, first + packet * LANES, ray_count, position_in, direction_in);
-        rays[packet] = take_off(ambient, &in[packet].path, in[packet].kick);
-    }
-    take_samples(&field, &arrays, &control, ambient, rays);
-#pragma unroll
-    for (int packet = 0; packet < PACKETS; packet++) {
-        land(&control, ambient, &rays[packet]);
-        leave(&field, &arrays, &bounds, &control, first + packet * LANES, ray_count, position_in, direction_in,
-              &in[packet], &rays[packet], &outputs, rejected_count_out);
-    }
+    trace_packets(&field, &arrays, &bounds, &control, first, ray_count, position_in, direction_in, &outputs,
+                  rejected_count_out);
 }

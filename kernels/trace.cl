@@ -18,23 +18,16 @@
 
 #define NEVER 1e+300
 
-__kernel void trace_kernel(TRACED_ARGUMENTS)
+// Traces one ray and writes its outputs.
+APART void trace_ray(
+    const Field *field, const Arrays *arrays, const Bounds *bounds, const Control *control, int ray, double3 p0,
+    double3 d0, const RayOutputs *outputs)
 {
-    const Arrays arrays = ARRAYS;
-    const RayOutputs outputs = RAY_OUTPUTS;
-    // The second index is always 0. With one index Warp compiles the kernel twice for a CPU, for arrays without gaps
-    // and for others, which takes half as long again.
-    const int thread = (int)get_global_id(0);
-    const int ray = thread + first_ray;
-    if (ray >= ray_count) {
-        return;
-    }
-    const double3 p0 = vload3(ray, position_in), d0 = vload3(ray, direction_in);
-    const StartOfResult status_and_interval = start_of(&field, &arrays, &bounds, p0, d0);
+    const StartOfResult status_and_interval = start_of(field, arrays, bounds, p0, d0);
     int status = status_and_interval.status;
     const Interval interval = status_and_interval.interval;
     const real3 d = convert_real3(d0);
-    const real ambient = (real)bounds.ambient;
+    const real ambient = (real)bounds->ambient;
     real3 q = (real3)(R(0.0));
     real3 q_carry = q;
     real3 momentum = q;  // P, the deviation of T
@@ -50,13 +43,13 @@ __kernel void trace_kernel(TRACED_ARGUMENTS)
     int undecided = 0;  // whether it has run in a face, where it may have left the box
 
     if (interval.meets && status == RAY_OK) {
-        const InCellsResult frac_and_cell = in_cells(&bounds, p0 + interval.t_enter * d0);
+        const InCellsResult frac_and_cell = in_cells(bounds, p0 + interval.t_enter * d0);
         real3 frac = frac_and_cell.frac;
         int3 cell = frac_and_cell.cell;
         real3 frac_carry = (real3)(R(0.0));
-        const real3 rate = VECTOR(field.inverse_spacing);
-        int current_cell = find_current_cell(&field, &arrays, frac, -1);  // the cell of a mesh
-        const FirstSampleResult pot_and_force = first_sample(&field, &arrays, cell, frac, current_cell, d);
+        const real3 rate = VECTOR(field->inverse_spacing);
+        int current_cell = find_current_cell(field, arrays, frac, -1);  // the cell of a mesh
+        const FirstSampleResult pot_and_force = first_sample(field, arrays, cell, frac, current_cell, d);
         real pot = pot_and_force.pot;
         real3 force = pot_and_force.force;
         evaluations += 1;
@@ -66,26 +59,26 @@ __kernel void trace_kernel(TRACED_ARGUMENTS)
         max_deflection = norm3(momentum - dot3(momentum, d) * d) / ambient;
 #endif
         const int cone = cone_of(d0);
-        const StopGeometry to_stop = stop_geometry_of(&bounds, &control, interval, p0, d0);
+        const StopGeometry to_stop = stop_geometry_of(bounds, control, interval, p0, d0);
         const real obliquity = to_stop.obliquity, lever_arm = to_stop.lever_arm;
         const real reach = to_stop.reach;
         real derating = to_stop.derating;
 #if AT_FACES
         // The table of step bounds weighs the kinks that a step may pass by their effect on the path alone.
-        if (obliquity * lever_arm * greatest(VECTOR(control.cell_rate)) > R(1.0)) {
+        if (obliquity * lever_arm * greatest(VECTOR(control->cell_rate)) > R(1.0)) {
             derating = R(0.0);
         }
 #endif
         real greatest_momentum = norm3(momentum);
-        const real arc_left = (real)(bounds.length - interval.t_enter);
+        const real arc_left = (real)(bounds->length - interval.t_enter);
         real aside = R(0.0);  // sideways deviation within which the ray meets no body
 #if HAS_BODY
-        const real near = WALL_ASIDE / greatest(VECTOR(control.cell_rate));
-        if (has_clearance(&field, &arrays, p0, d0, interval.t_enter, NEVER, (double)near)) {
+        const real near = WALL_ASIDE / greatest(VECTOR(control->cell_rate));
+        if (has_clearance(field, arrays, p0, d0, interval.t_enter, NEVER, (double)near)) {
             aside = near;
         }
 #endif
-        real h_next = control.extent / ambient;
+        real h_next = control->extent / ambient;
         real h_cap = h_next;  // reduced after a step that would have ended far behind a surface
         int running = 1;
         while (running) {
@@ -95,18 +88,18 @@ __kernel void trace_kernel(TRACED_ARGUMENTS)
 #if IS_STRAIGHT
             total = ambient * d;
 #endif
-            const real h_cell = R(1.0) / greater(norm3(total * VECTOR(control.cell_rate)), TINY);
-            const real h_least = LEAST_STEP / (greatest(VECTOR(control.cell_rate)) * norm3(total));
+            const real h_cell = R(1.0) / greater(norm3(total * VECTOR(control->cell_rate)), TINY);
+            const real h_least = LEAST_STEP / (greatest(VECTOR(control->cell_rate)) * norm3(total));
             const real spent = used + bend_error(bends);
             const Stride ahead = stride(
-                &field, &arrays, &control, current_cell, cone, cell, frac, total, force, index, derating, h_cell,
-                h_next, h_cap, to_stop, max_deflection, spent);
+                field, arrays, control, current_cell, cone, cell, frac, total, force, index, derating, h_cell, h_next,
+                h_cap, to_stop, max_deflection, spent);
             real3 ray_frac = frac;
 #if IS_STRAIGHT
             ray_frac = frac + q * rate;
 #endif
             const EventLocationResult h_and_event = event_location(
-                &control, rate, interval.side, cell, ray_frac, tangent, force, ahead.h);
+                control, rate, interval.side, cell, ray_frac, tangent, force, ahead.h);
             real h = h_and_event.best;
             int event = h_and_event.which;
             const int runs = h_and_event.runs;
@@ -120,14 +113,14 @@ __kernel void trace_kernel(TRACED_ARGUMENTS)
             // The later stages are inline: in a function of their own they are slower.
             const real3 kick2 = RKN_A21 * (h * h) * force;
             const real4 s2 = sample_at_stage(
-                &field, &arrays, current_cell, cell, frac, rate, RKN_C2 * h, total, momentum, q, kick2);
+                field, arrays, current_cell, cell, frac, rate, RKN_C2 * h, total, momentum, q, kick2);
             const real3 force2 = s2.yzw;
             const real3 kick3 = h * h * (RKN_A31 * force + RKN_A32 * force2);
             const real4 s3 = sample_at_stage(
-                &field, &arrays, current_cell, cell, frac, rate, RKN_C3 * h, total, momentum, q, kick3);
+                field, arrays, current_cell, cell, frac, rate, RKN_C3 * h, total, momentum, q, kick3);
             const real3 kick = kick_of(h, force, s2, s3);
             const real4 s4 = sample_at_stage(
-                &field, &arrays, current_cell, cell, frac, rate, h, total, momentum, q, kick);
+                field, arrays, current_cell, cell, frac, rate, h, total, momentum, q, kick);
             const real3 force4 = s4.yzw;
             evaluations += 3;
             const StepErrorResult error_and_angle_now = step_error(
@@ -144,8 +137,8 @@ __kernel void trace_kernel(TRACED_ARGUMENTS)
 
             int accept = 1;
 #if CONTROLLED
-            const real rounding = step_rounding(&control, h, direction_weight, rate, frac, pot, force, s3);
-            const real limit = attainable_error(&control, ambient, to_stop, angle_now);
+            const real rounding = step_rounding(control, h, direction_weight, rate, frac, pot, force, s3);
+            const real limit = attainable_error(control, ambient, to_stop, angle_now);
             const StepAcceptanceResult accept_and_ratio = step_acceptance(
                 limit, error, bend_size, rounding, spent, h, h_cell, h_least, index, reach);
             accept = accept_and_ratio.accept;
@@ -167,17 +160,17 @@ __kernel void trace_kernel(TRACED_ARGUMENTS)
                 const real3 there = ray_frac + (h * tangent + kick) * rate;
                 const real3 end_velocity = (tangent + h * force4) * rate;
                 const PassedSurfaceResult missed_and_nearest = passed_surface(
-                    &control, interval.side, cell, there, event);
+                    control, interval.side, cell, there, event);
                 int missed = missed_and_nearest.is_behind;
                 const real nearest = missed_and_nearest.nearest;
                 if (event >= 0 && event != ARC_SURFACE) {
                     const real near = R(0.05) * greater(ahead.h * norm3(total * rate), R(0.01));
-                    missed = missed || overshoots(&control, event, interval.side, cell, there, end_velocity, h, near);
+                    missed = missed || overshoots(control, event, interval.side, cell, there, end_velocity, h, near);
                 } else {
-                    const real allowance = face_margin(&control, displacement);
+                    const real allowance = face_margin(control, displacement);
 #if CONTROLLED
                     if (nearest <= allowance) {
-                        runs_on = in_face(&control, interval.side, cell, there, end_velocity, allowance);
+                        runs_on = in_face(control, interval.side, cell, there, end_velocity, allowance);
                     }
 #endif
                 }
@@ -194,9 +187,9 @@ __kernel void trace_kernel(TRACED_ARGUMENTS)
             real behind = R(-1.0);
 #if HAS_BODY
             if (accept && !(norm3(q + h * momentum + kick) < aside)) {
-                const double3 here = place_of(p0, d0, interval, bounds.ambient, q, q_carry, sums, sums_carry);
+                const double3 here = place_of(p0, d0, interval, bounds->ambient, q, q_carry, sums, sums_carry);
                 const real allowance = (real)min(steps, 1) * WALL_BACK * h_cell;
-                behind = behind_wall(&field, &arrays, &control, here, tangent, kick, h, allowance);
+                behind = behind_wall(field, arrays, control, here, tangent, kick, h, allowance);
                 if (behind > WALL_CLOSE * h_cell) {
                     accept = 0;
                     h_cap = h - behind + R(0.5) * WALL_CLOSE * h_cell;
@@ -205,7 +198,7 @@ __kernel void trace_kernel(TRACED_ARGUMENTS)
 #endif
 
             if (accept) {
-                h_cap = control.extent / ambient;
+                h_cap = control->extent / ambient;
                 steps = steps + 1;
                 used = used + error;
                 real late = R(0.0), gain_rate = R(0.0);  // what may be behind a face, and its gain per length
@@ -213,11 +206,11 @@ __kernel void trace_kernel(TRACED_ARGUMENTS)
                 if (runs || undecided) {
                     late = h;
                     if (!undecided) {
-                        late = time_beyond_face(&control, rate, interval.side, cell, ray_frac, tangent, force, h);
+                        late = time_beyond_face(control, rate, interval.side, cell, ray_frac, tangent, force, h);
                     }
                     gain_rate = possible_gain(ambient, to_stop, angle_now, pot, force, s3);
                     gain += late * gain_rate;
-                    if (leaves_by_rounding(&control, event, rate, interval.side, cell, ray_frac, tangent)) {
+                    if (leaves_by_rounding(control, event, rate, interval.side, cell, ray_frac, tangent)) {
                         gain = R(1e+30);
                     }
                 }
@@ -254,7 +247,7 @@ __kernel void trace_kernel(TRACED_ARGUMENTS)
                 int behind_face = AT_FACES;
 #if ON_MESH && CONTROLLED
                 if (at_edge) {
-                    rest = rest_to_edge(&field, &arrays, ahead.edge, frac, bearing, curve, h);
+                    rest = rest_to_edge(field, arrays, ahead.edge, frac, bearing, curve, h);
                     behind_face = rest >= R(0.0);
                 }
 #elif AT_FACES
@@ -264,12 +257,12 @@ __kernel void trace_kernel(TRACED_ARGUMENTS)
 #endif
 #if ON_MESH && CONTROLLED
                 if (behind_face) {
-                    current_cell = arrays.neighbors[ahead.edge];
+                    current_cell = arrays->neighbors[ahead.edge];
                 }
                 else
 #endif
                 {
-                    current_cell = find_current_cell(&field, &arrays, frac, current_cell);
+                    current_cell = find_current_cell(field, arrays, frac, current_cell);
                 }
                 real3 probe = frac;
                 real probe_pot = pot;  // where the slope is `force`: at a face, behind it
@@ -289,11 +282,11 @@ __kernel void trace_kernel(TRACED_ARGUMENTS)
                     frac = carry_over_10.frac;
 #if ON_MESH && CONTROLLED
                     const real doubt = bend_arm(to_stop, angle_now) * edge_rounding(
-                        &field, &arrays, ahead.edge, frac, bearing, h);
+                        field, arrays, ahead.edge, frac, bearing, h);
                     bends = with_bend(bends, R(0.0) * d, doubt);
 #endif
                     const SlopeBehindResult slope_behind_11 = slope_behind(
-                        &field, &arrays, cell, frac, current_cell, bearing, q);
+                        field, arrays, cell, frac, current_cell, bearing, q);
                     pot = slope_behind_11.pot;
                     force = slope_behind_11.force;
                     probe = slope_behind_11.probe;
@@ -312,7 +305,7 @@ __kernel void trace_kernel(TRACED_ARGUMENTS)
                 greatest_momentum = greater(greatest_momentum, norm3(momentum));
 #if IS_STRAIGHT
                 const SampleNeglectedResult beside = sample_neglected(
-                    &field, &arrays, current_cell, cell, probe, rate, total, q, probe_pot, force, h, h_cell);
+                    field, arrays, current_cell, cell, probe, rate, total, q, probe_pot, force, h, h_cell);
                 gain = gain + beside.first;
                 turned = turned + beside.turn;
                 evaluations = evaluations + 1;
@@ -341,7 +334,7 @@ __kernel void trace_kernel(TRACED_ARGUMENTS)
 #endif
                         const real3 velocity = (ambient * d + momentum) * rate, slope = force * rate;
                         const SurfaceIntersectionResult surface_intersection_13 = surface_intersection(
-                            &control, event, interval.side, cell, ray_frac, velocity, slope, h, h_cell);
+                            control, event, interval.side, cell, ray_frac, velocity, slope, h, h_cell);
                         back = surface_intersection_13.back;
                         done = surface_intersection_13.done;
                     }
@@ -357,11 +350,11 @@ __kernel void trace_kernel(TRACED_ARGUMENTS)
                     advance3(&q, &q_carry, back * momentum + R(0.5) * back * back * force);
                     advance3(&momentum, &momentum_carry, back * force);
                 }
-                if (running && steps >= control.max_steps) {
+                if (running && steps >= control->max_steps) {
                     running = 0;
                     status = RAY_MAX_STEPS;
                 }
-            } else if (evaluations / 12 > control.max_steps) {
+            } else if (evaluations / 12 > control->max_steps) {
                 running = 0;
                 status = RAY_MAX_STEPS;
             }
@@ -378,30 +371,43 @@ __kernel void trace_kernel(TRACED_ARGUMENTS)
         used = used + gain;
         gain = R(0.0);
 #endif
-        used = stop_error(
-            used, &bounds, &control, d0, ambient, greatest_momentum, max_deflection, to_stop, displacement);
+        used = stop_error(used, bounds, control, d0, ambient, greatest_momentum, max_deflection, to_stop, displacement);
         obliquity_first = obliquity;
         opd_rate = (fabs(pot) + norm3(force) * (obliquity + max_deflection) * lever_arm) / ambient;
 #endif
     }
 
     Arrival arrival = end_of(
-        &bounds, &control, p0, d0, interval, status, ends_on, q, q_carry, momentum, sums, sums_carry, max_deflection);
-    double step_error_out_ = 0.0;
+        bounds, control, p0, d0, interval, status, ends_on, q, q_carry, momentum, sums, sums_carry, max_deflection);
+    double step_error_out = 0.0;
 #if CONTROLLED
     if (arrival.status == RAY_OK && ends_on >= 0) {
-        const real size = R(1.0) / greatest(VECTOR(control.cell_rate));
+        const real size = R(1.0) / greatest(VECTOR(control->cell_rate));
         used = event_location_error(
             used, ambient, size, ends_on, arrival.grazing, obliquity_first, opd_rate, displacement);
     }
     used += gain;
-    const JudgedStatusResult judged_and_used = judged_status(arrival.status, control.tolerance, used);
+    const JudgedStatusResult judged_and_used = judged_status(arrival.status, control->tolerance, used);
     const int judged = judged_and_used.judged;
     used = judged_and_used.error;
     arrival.status = judged;
 #endif
 #if MEASURED
-    step_error_out_ = (double)used;
+    step_error_out = (double)used;
 #endif
-    write_outputs(&outputs, control.outputs, ray, arrival, step_error_out_, steps, evaluations);
+    write_outputs(outputs, control->outputs, ray, arrival, step_error_out, steps, evaluations);
+}
+
+__kernel void trace_kernel(TRACED_ARGUMENTS)
+{
+    const Arrays arrays = ARRAYS;
+    const RayOutputs outputs = RAY_OUTPUTS;
+    // The second index is always 0. With one index Warp compiles the kernel twice for a CPU, for arrays without gaps
+    // and for others, which takes half as long again.
+    const int thread = (int)get_global_id(0);
+    const int ray = thread + first_ray;
+    if (ray >= ray_count) {
+        return;
+    }
+    trace_ray(&field, &arrays, &bounds, &control, ray, vload3(ray, position_in), vload3(ray, direction_in), &outputs);
 }

@@ -39,18 +39,24 @@ prepare_environment() {
         if [ -f "$stamp$extras" ] && [ "$(cat "$stamp$extras")" = "$key" ]; then return; fi
         if { [ -z "$extras" ] || [ "$extras" = "[opencl]" ]; } && [ -f "$stamp[dev]" ] && [ "$(cat "$stamp[dev]")" = "$key" ]; then return; fi
     fi
+    local installer=("$python" -m pip) packages=()
     # An incomplete .venv has no pip yet; making it again completes it.
     if ! { [ -x "$python" ] && "$python" -m pip --version </dev/null >/dev/null 2>&1; }; then
         base=$(find_python)
         say "making $root/.venv"
-        if ! "$base" -m venv "$root/.venv" </dev/null >&2; then
+        # The interpreter's own pip installs .venv's with the other packages: venv would take several seconds for it.
+        if "$base" -m venv --without-pip "$root/.venv" </dev/null >/dev/null 2>&1 \
+            && "$base" -m pip --python "$python" --version </dev/null >/dev/null 2>&1; then
+            installer=("$base" -m pip --python "$python") packages=(pip)
+        elif ! "$base" -m venv "$root/.venv" </dev/null >&2; then
             say "error: $base cannot make a virtual environment; on Debian and Ubuntu: apt install python3-venv"
             return 1
         fi
     fi
     say "installing aerokernels$extras into $root/.venv (once; a few minutes on a slow line)"
     # Python compiles a module when it is first imported; compiling all modules here would double the time.
-    if ! "$python" -m pip install --quiet --no-compile --disable-pip-version-check --no-input --editable "$root$extras" </dev/null >&2; then
+    packages+=(--editable "$root$extras")
+    if ! "${installer[@]}" install --quiet --no-compile --disable-pip-version-check --no-input "${packages[@]}" </dev/null >&2; then
         say "error: pip could not install $root$extras; its messages are above"
         return 1
     fi

@@ -16,6 +16,7 @@ RANGE = (0.3e-6, 1.69e-6)
 TEMPERATURE_RANGE, GREATEST_PRESSURE = (233.0, 373.3), 140e3
 STANDARD_CO2 = 450e-6  # mole fraction in dry air
 GREATEST_CO2 = 2000e-6
+REFRACTIVITY_OF_CO2 = 0.534  # relative change of dry air's refractivity by the mole fraction that replaces O2
 # Gas constant in Ciddor's paper [J/(mol K)]: his densities use it, and it cancels in their ratios.
 GAS_CONSTANT = 8.314510
 WATER_MOLAR_MASS = 0.018015  # [kg/mol]
@@ -37,7 +38,7 @@ def ciddor_constant(wavelength: float, *, water: float = 0.0, co2: float = STAND
         TypeError: The wavelength is not one number.
         ValueError: A wavelength or a fraction outside its range.
     """
-    _check(water, co2)
+    check_fractions(water, co2)
     wavelength, (low, high) = check_wavelength(wavelength), RANGE
     if not low * (1.0 - SAME) <= wavelength <= high * (1.0 + SAME):
         raise ValueError(
@@ -45,9 +46,9 @@ def ciddor_constant(wavelength: float, *, water: float = 0.0, co2: float = STAND
             "choose another relation"
         )
     dry, vapour = _standard_refractivities(1.0 / (wavelength * 1e6) ** 2, co2, group)
-    dry_density = _molar_mass(co2) * _molar_density(288.15, 101325.0, 0.0)  # both at the standard states
+    dry_density = molar_mass(co2) * _molar_density(288.15, 101325.0, 0.0)  # both at the standard states
     vapour_density = WATER_MOLAR_MASS * _molar_density(293.15, 1333.0, 1.0)
-    dry_share, vapour_share = (1.0 - water) * _molar_mass(co2), water * WATER_MOLAR_MASS
+    dry_share, vapour_share = (1.0 - water) * molar_mass(co2), water * WATER_MOLAR_MASS
     per_mass = dry_share * dry / dry_density + vapour_share * vapour / vapour_density
     return per_mass / (dry_share + vapour_share)
 
@@ -95,7 +96,7 @@ def moist_air_density(temperature: float, pressure: float, *, water: float = 0.0
     Raises:
         ValueError: A temperature or pressure that is not positive, or a fraction outside its range.
     """
-    _check(water, co2)
+    check_fractions(water, co2)
     check_positive(temperature, "temperature")
     check_positive(pressure, "pressure")
     low, high = TEMPERATURE_RANGE
@@ -104,7 +105,7 @@ def moist_air_density(temperature: float, pressure: float, *, water: float = 0.0
             f"the density of moist air at {temperature:g} K and {pressure:g} Pa is extrapolated: its compressibility "
             f"is known from {low:g} to {high:g} K and up to {GREATEST_PRESSURE:g} Pa",
         )
-    mass = (1.0 - water) * _molar_mass(co2) + water * WATER_MOLAR_MASS
+    mass = (1.0 - water) * molar_mass(co2) + water * WATER_MOLAR_MASS
     return mass * _molar_density(temperature, pressure, water)
 
 
@@ -143,10 +144,10 @@ def _standard_refractivities(square: float, co2: float, group: bool = False) -> 
     if group:
         dry += 2e-8 * square * (5792105.0 / first**2 + 167917.0 / second**2)
         vapour += 2.044e-8 * square * (2.6422 + square * (-0.064760 + square * 0.012084))
-    return dry * (1.0 + 0.534 * (co2 - STANDARD_CO2)), vapour
+    return dry * (1.0 + REFRACTIVITY_OF_CO2 * (co2 - STANDARD_CO2)), vapour
 
 
-def _molar_mass(co2: float) -> float:
+def molar_mass(co2: float) -> float:
     """Return the molar mass of dry air [kg/mol]: CO2 replaces O2, which adds the mass of a carbon atom."""
     return 1e-3 * (28.9635 + 12.011 * (co2 - 400e-6))
 
@@ -160,7 +161,8 @@ def _molar_density(temperature: float, pressure: float, water: float) -> float:
     return pressure / (compressibility * GAS_CONSTANT * temperature)
 
 
-def _check(water: float, co2: float) -> None:
+def check_fractions(water: float, co2: float) -> None:
+    """Raise ValueError for a mole fraction of water vapour or of carbon dioxide out of range."""
     if not 0.0 <= water <= 1.0:
         raise ValueError(f"the mole fraction of water vapour must be between 0 and 1, got {water!r}")
     if not 0.0 <= co2 <= GREATEST_CO2:

@@ -16,8 +16,8 @@ from aerokernels.medium.grid import as_points, local_coordinates
 from aerokernels.medium.labelled_grid import check_order
 
 if TYPE_CHECKING:
+    from aerokernels.flow.composition import Composition
     from aerokernels.flow.gas import FreeStream
-    from aerokernels.flow.species import Composition
 
 
 class DensityField(ReadOnly, ABC):

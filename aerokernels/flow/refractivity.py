@@ -10,44 +10,20 @@ air is a row of `AIR`, a gas a row of species.py.
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from aerokernels.flow import ciddor
-from aerokernels.flow.species import WATER, Composition
+from aerokernels.flow.air import AIR, Band
+from aerokernels.flow.composition import Composition
+from aerokernels.flow.species import WATER
 from aerokernels.inputs.arguments import checked
-from aerokernels.inputs.checks import LONGEST, SHORTEST, check_choice, check_wavelength
+from aerokernels.inputs.checks import LONGEST, SAME, SHORTEST, check_choice, check_wavelength
 from aerokernels.medium import GroupIndex, IndexField, Upstream
 
 RELATIONS = ("gladstone-dale", "lorentz-lorenz")
-MODELS = ("paper", "ciddor", *RELATIONS)
-# Eq 2 was fitted in the visible; below this wavelength air absorbs and its index rises faster.
-SHORTEST_WAVELENGTH = 200e-9
-
-
-@checked
-def gladstone_dale_constant(wavelength: float, *, group: bool = False) -> float:
-    """Return the Gladstone-Dale constant of air [m3/kg] at a vacuum wavelength [m], the paper's eq 2.
-
-    K = 2.23e-4 (1 + 7.52e-3 / lambda^2), lambda in um; at 905 nm 0.46 % above Ciddor's dry air.
-
-    Args:
-        wavelength: [m].
-        group: Return the group constant.
-
-    Raises:
-        TypeError: The wavelength is not one number.
-        ValueError: A wavelength outside 0.2 to 20 um.
-    """
-    wavelength = check_wavelength(wavelength)
-    if wavelength < SHORTEST_WAVELENGTH:
-        raise ValueError(
-            f"wavelength {wavelength:g} m is shorter than the {SHORTEST_WAVELENGTH * 1e9:g} nm down to which the "
-            "Gladstone-Dale constant's formula holds: give metres, 905e-9 for 905 nm, or the constant itself"
-        )
-    micrometres = wavelength * 1e6
-    return 2.23e-4 * (1.0 + (3.0 if group else 1.0) * 7.52e-3 / micrometres**2)
+MODELS = ("paper", "ciddor", *RELATIONS, "mathar", "auto")
 
 
 @checked
@@ -66,6 +42,11 @@ def index_contrast(
             has no solution.
     """
     _check(gladstone_dale, relation)
+    return _contrast(density, ambient_density, gladstone_dale, relation)
+
+
+def _contrast(density, ambient_density: float, gladstone_dale, relation: str):
+    """Return the contrast; the constant of an ionised mixture may have any sign."""
     density = np.asarray(density, dtype=np.float64)
     difference = density - ambient_density
     if relation == "gladstone-dale":
@@ -96,32 +77,6 @@ def _check(gladstone_dale: float | np.ndarray, relation: str) -> None:
         )
 
 
-class _AirRelation(NamedTuple):
-    """A relation for air: wavelengths at which its constant is known [m], its relative uncertainty, source, and itself.
-
-    The uncertainty of the group constant is the same, or `group_length` over the wavelength where that is more.
-    """
-
-    range: tuple[float, float]
-    uncertainty: float
-    source: str
-    constant: Callable[..., float]
-    group_length: float = 0.0
-
-
-# Eq 2 exceeds Ciddor's constant by 1.2 % at 400 nm, 0.84 % at 532 nm, 0.46 % at 905 nm and 0.31 % at 1.6 um, its group
-# constant by 2.5 %, 1.8 %, 0.9 % and 0.5 %.
-AIR = {
-    "paper": _AirRelation(
-        (SHORTEST_WAVELENGTH, LONGEST), 1.2e-2, "the paper's eq 2",
-        lambda wavelength, *, group, **moisture: gladstone_dale_constant(wavelength, group=group), 1e-8,
-    ),
-    "ciddor": _AirRelation(
-        ciddor.RANGE, ciddor.UNCERTAINTY, "P. E. Ciddor, Applied Optics 35 (1996) 1566", ciddor.ciddor_constant
-    ),
-}  # fmt: skip
-
-
 @dataclass(frozen=True, eq=False)
 class RefractivityModel:
     """A relation between density and refractivity. Build one with `refractivity_model`.
@@ -129,13 +84,14 @@ class RefractivityModel:
     Attributes:
         name: One of `MODELS`.
         form: "gladstone-dale" (linear in density) or "lorentz-lorenz".
-        uncertainty: Relative uncertainty of n - 1 due to the constant; 0 for a constant given by the caller.
+        uncertainty: Relative uncertainty of n - 1 due to the constant, the greatest of the model's bands; 0 for a
+            constant given by the caller. See `uncertainty_at`.
         range: Shortest and longest vacuum wavelength at which the constant is known [m].
         source: Where the constant comes from.
         given: The constant given by the caller [m3/kg], or None.
         composition: The mixture, or None.
-        water: Mole fraction of water vapour, for "ciddor".
-        co2: Mole fraction of carbon dioxide in the dry air, for "ciddor".
+        water: Mole fraction of water vapour, for "auto", "ciddor" and "mathar".
+        co2: Mole fraction of carbon dioxide in the dry air, for the same.
     """
 
     name: str
@@ -165,11 +121,27 @@ class RefractivityModel:
             return self.given
         if self.composition is not None:
             return self.composition.constant(wavelength, self.form, ambient=ambient, group=group)
-        return self._air.constant(wavelength, water=self.water, co2=self.co2, group=group)
+        return self._band(wavelength).constant(wavelength, water=self.water, co2=self.co2, group=group)
 
-    @property
-    def _air(self) -> _AirRelation:
-        return AIR.get(self.name, AIR["paper"])
+    def uncertainty_at(self, wavelength: float) -> float:
+        """Return the relative uncertainty of n - 1 at a vacuum wavelength [m], due to the constant."""
+        if self.composition is not None:
+            return self.composition.uncertainty_at(wavelength)
+        return 0.0 if self.given is not None else self._band(wavelength).uncertainty
+
+    def _band(self, wavelength: float) -> Band:
+        """Return the first band that holds at a wavelength; the constant of a wrong one names its range."""
+        bands = AIR.get(self.name, AIR["paper"])
+        for band in bands:
+            if band.low * (1.0 - SAME) <= check_wavelength(wavelength) <= band.high * (1.0 + SAME):
+                return band
+        if self.name != "auto":
+            return bands[0]
+        listed = ", ".join(f"{1e6 * band.low:g} to {1e6 * band.high:g}" for band in bands)
+        raise ValueError(
+            f"wavelength {wavelength:g} m is outside the ranges of air's relations, {listed} um (Ciddor's and Mathar's "
+            "bands, between which air absorbs): choose a wavelength there, relation 'paper', or give a constant"
+        )
 
     def refractivity(self, density, wavelength: float, *, ambient: bool = False, group: bool = False):
         """Return the refractivity n - 1 at densities [kg/m3] of any shape and a vacuum wavelength [m].
@@ -181,12 +153,12 @@ class RefractivityModel:
         """
         constant = self._at(density, self.constant(wavelength, ambient=ambient))
         if not group:
-            return index_contrast(density, 0.0, constant, self.form)
+            return _contrast(density, 0.0, constant, self.form)
         of_group = self._at(density, self.constant(wavelength, ambient=ambient, group=True))
         if self.form == "gladstone-dale":
             return of_group * density
         # n_g = n + (K_g - K) dn/dK, and with a = 2/3 K rho dn/dK = rho / (n (1 - a)^2).
-        excess = index_contrast(density, 0.0, constant, self.form)
+        excess = _contrast(density, 0.0, constant, self.form)
         slope = density / ((1.0 + excess) * (1.0 - 2.0 / 3.0 * constant * density) ** 2)
         return excess + (of_group - constant) * slope
 
@@ -202,20 +174,23 @@ class RefractivityModel:
         `column` is the rms error of columns of the density [kg/m2]; `again(group=True)` makes the field of the group
         index, and `group` says that it is the one that is being made.
         """
-        uncertainty = self.uncertainty
-        if uncertainty == self._air.uncertainty:
-            uncertainty = max(uncertainty, self._air.group_length / wavelength)
+        source, of_phase = f"{self.name}: {self.source}", self.uncertainty_at(wavelength)
+        uncertainty = of_phase
+        if self.given is None and self.composition is None:
+            band = self._band(wavelength)
+            uncertainty = max(of_phase, band.group_length / wavelength)
+            source = f"{band.relation if self.name == 'auto' else self.name}: {band.source}"
         constant, of_group = (self.constant(wavelength, ambient=True, group=one) for one in (False, True))
         columns = float(np.max(self.constant(wavelength))) * column
-        made = Upstream(columns, self.uncertainty, f"{self.name}: {self.source}")
+        upstream = Upstream(columns, of_phase, source)
         if group:
-            made = replace(made, refractivity=uncertainty)
+            upstream = replace(upstream, refractivity=uncertainty)
         else:
             ambient_index = self.ambient_index(ambient_density, wavelength, group=True)
             field = None if self.is_one_gas else partial(again, group=True)
-            made = replace(made, group=GroupIndex(ambient_index, of_group / constant, uncertainty, field))
+            upstream = replace(upstream, group=GroupIndex(ambient_index, of_group / constant, uncertainty, field))
         index = self.ambient_index(ambient_density, wavelength, group=group)
-        return {"ambient_index": index, "wavelength": wavelength, "upstream": made}
+        return {"ambient_index": index, "wavelength": wavelength, "upstream": upstream}
 
     def contrast(self, density, ambient_density: float, wavelength: float, *, group: bool = False):
         """Return the contrast n - n_ambient of densities of any shape and an ambient one [kg/m3] at a wavelength [m].
@@ -226,7 +201,7 @@ class RefractivityModel:
             ValueError: A wavelength outside the model's range, or a composition by cell of another shape.
         """
         if self.is_one_gas and not group:
-            return index_contrast(density, ambient_density, self.constant(wavelength), self.form)
+            return _contrast(density, ambient_density, self.constant(wavelength), self.form)
         # Two gases have two constants. Both refractivities are small numbers, so their difference loses no digits.
         outside = self.refractivity(ambient_density, wavelength, ambient=True, group=group)
         return self.refractivity(density, wavelength, group=group) - outside
@@ -246,8 +221,8 @@ class RefractivityModel:
 
 
 def default_relation(has_constant: bool, is_mixture: bool) -> str:
-    """Return the relation where none is given: Ciddor's for air, unless the constant or the gas is another."""
-    return "gladstone-dale" if has_constant or is_mixture else "ciddor"
+    """Return the relation where none is given: "auto" for air, unless the constant or the gas is another."""
+    return "gladstone-dale" if has_constant or is_mixture else "auto"
 
 
 @checked
@@ -257,28 +232,30 @@ def refractivity_model(
     """Return a refractivity model by name.
 
     Args:
-        relation: One of `MODELS`: "paper", "ciddor", "gladstone-dale", "lorentz-lorenz". The last two take the paper's
-            K(wavelength) unless `constant` or `composition` is given. None is "ciddor", or "gladstone-dale" where one
-            of these is given.
+        relation: One of `MODELS`. "auto", which None is too, takes "ciddor" for air where it holds, 0.3 to 1.69 um, and
+            "mathar" in the infrared windows up to 24 um; with `constant` or the `composition` of another gas it is
+            "gladstone-dale". "paper" is eq 2. "gladstone-dale" and "lorentz-lorenz" take the paper's K(wavelength)
+            unless `constant` or `composition` is given.
         constant: K [m3/kg] for "gladstone-dale" or "lorentz-lorenz".
         composition: For these two a `Composition`, or mole fractions by species, {"N2": 0.79, "O2": 0.21} say. For
-            "ciddor" the mole fractions {"H2O": in the moist air, "CO2": in the dry air}, each of which may be omitted.
+            air the mole fractions {"H2O": in the moist air, "CO2": in the dry air}, each of which may be omitted.
 
     Raises:
         TypeError: A composition that is neither a mapping nor a Composition.
         ValueError: An unknown relation, species or fraction, or a constant or composition that the relation does not
             take.
     """
-    relation = relation or default_relation(constant is not None, composition is not None)
-    check_choice(relation, "relation", MODELS)
+    check_choice(relation or "auto", "relation", MODELS)
+    if relation in (None, "auto"):
+        relation = default_relation(constant is not None, composition is not None and not _is_moisture(composition))
     if constant is not None and composition is not None:
         raise ValueError("give either a constant or a composition: a composition has a constant of its own")
     if relation not in RELATIONS and constant is not None:
         raise ValueError(f"relation {relation!r} has its own constant: with one of yours take 'gladstone-dale'")
     if relation == "paper" and composition is not None:
         raise ValueError("relation 'paper' is for air: with a composition take 'gladstone-dale' or 'ciddor'")
-    if relation == "ciddor":
-        return _of_air(relation, **_moist_air(composition))
+    if relation in ("auto", "ciddor", "mathar"):
+        return _of_air(relation, **_moist_air(relation, composition))
     if constant is not None:
         index_contrast(0.0, 0.0, constant, relation)  # raises ValueError for a bad constant
         return RefractivityModel(relation, relation, 0.0, (SHORTEST, LONGEST), "given", given=float(constant))
@@ -293,19 +270,28 @@ def refractivity_model(
 
 
 def _of_air(relation: str, **moisture: Any) -> RefractivityModel:
-    air = AIR.get(relation, AIR["paper"])
+    bands = AIR.get(relation, AIR["paper"])
     form = relation if relation in RELATIONS else "gladstone-dale"
-    return RefractivityModel(relation, form, air.uncertainty, air.range, air.source, **moisture)
+    ends = (bands[0].low, bands[-1].high)
+    source = "; ".join(dict.fromkeys(band.source for band in bands))
+    return RefractivityModel(relation, form, max(band.uncertainty for band in bands), ends, source, **moisture)
 
 
-def _moist_air(composition) -> dict[str, float]:
+def _is_moisture(composition) -> bool:
+    """Return whether a composition gives the vapour and the carbon dioxide in air, and not a gas of these two."""
+    if not isinstance(composition, Mapping) or not set(composition) <= {WATER, "CO2"}:
+        return False
+    return all(np.ndim(share) == 0 for share in composition.values()) and sum(composition.values()) < 0.5
+
+
+def _moist_air(relation: str, composition) -> dict[str, float]:
     """Return the mole fractions of water vapour in moist air and of carbon dioxide in dry air."""
     fractions = {} if composition is None else composition
     if not isinstance(fractions, Mapping) or not set(fractions) <= {WATER, "CO2"}:
         raise ValueError(
-            f"relation 'ciddor' is for air: its composition gives only the mole fractions of 'H2O' and 'CO2', got "
+            f"relation {relation!r} is for air: its composition gives only the mole fractions of 'H2O' and 'CO2', got "
             f"{composition!r}; other gases go with relation 'gladstone-dale'"
         )
     water, co2 = float(fractions.get(WATER, 0.0)), float(fractions.get("CO2", ciddor.STANDARD_CO2))
-    ciddor.ciddor_constant(905e-9, water=water, co2=co2)  # raises ValueError for bad fractions
+    ciddor.check_fractions(water, co2)
     return {"water": water, "co2": co2}

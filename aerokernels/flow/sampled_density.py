@@ -8,10 +8,10 @@ from typing import NoReturn, Self
 import numpy as np
 
 from aerokernels.display.shown import shown
+from aerokernels.flow.composition import Composition
 from aerokernels.flow.density_field import DensityField, local_points
 from aerokernels.flow.gas import FreeStream, check_density, no_gas
 from aerokernels.flow.refractivity import MODELS, RELATIONS, refractivity_model
-from aerokernels.flow.species import Composition
 from aerokernels.inputs.arguments import Numbers, checked
 from aerokernels.inputs.checks import DEFAULT_WAVELENGTH, check_choice, check_positive, check_wavelength
 from aerokernels.inputs.kinds import refuse_half_precision, refuse_masked
@@ -71,7 +71,7 @@ class SampledDensity(DensityField):
 
         Args:
             wavelength: Vacuum wavelength [m], for K; stored with the index field.
-            relation: One of `MODELS`; None is "ciddor", or "gladstone-dale" with a constant or a composition: see
+            relation: One of `MODELS`; None is "auto", air's, or "gladstone-dale" with a constant or a composition: see
                 `refractivity_model`.
             constant: K [m3/kg].
             composition: A `Composition` or fractions of species from which K is computed; fractions may be arrays with
@@ -88,7 +88,7 @@ class SampledDensity(DensityField):
         """
         wavelength = check_wavelength(wavelength)
         if constant is None and composition is None and self.composition is not None:
-            if relation in MODELS and relation not in RELATIONS:
+            if relation in MODELS and relation not in ("auto", *RELATIONS):
                 gas, remedy = ", ".join(self.composition.fractions), "take 'gladstone-dale' or 'lorentz-lorenz'"
                 raise ValueError(f"relation {relation!r} is for air, and the flow is a mixture of {gas}: {remedy}")
             composition = self.composition

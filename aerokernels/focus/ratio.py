@@ -53,7 +53,7 @@ def strehl(
 
     Raises:
         TypeError: The wavelength is not one number.
-        ValueError: A wavelength outside 0.1 to 20 um, numbers that are not finite, an OPD of so many waves that its
+        ValueError: A wavelength outside 0.1 to 24 um, numbers that are not finite, an OPD of so many waves that its
             unit cannot be metres, shapes that disagree, an unknown term.
 
     Examples:

@@ -173,7 +173,7 @@ def warn_caller(message: str, category: type[Warning] = UserWarning) -> None:
 # The source paper's laser; the default if neither the call nor the field has a wavelength.
 DEFAULT_WAVELENGTH = 905e-9
 # Air is opaque below, and no laser rangefinder works above. The limits mostly catch wavelengths in a wrong unit.
-SHORTEST, LONGEST = 0.1e-6, 20e-6
+SHORTEST, LONGEST = 0.1e-6, 24e-6
 # Wavelengths with a smaller relative difference are the same number written in two ways, as 905e-9 and 0.905e-6.
 SAME = 1e-6
 
@@ -181,7 +181,7 @@ SAME = 1e-6
 def check_wavelength(wavelength: SupportsFloat) -> float:
     """Return a vacuum wavelength [m]; the message for a wrong one suggests the unit it may be in.
 
-    Raises a TypeError for no single number, a ValueError outside 0.1 to 20 um.
+    Raises a TypeError for no single number, a ValueError outside 0.1 to 24 um.
     """
     if isinstance(wavelength, (bool, str, bytes)):
         raise TypeError(f"wavelength must be a number of metres, got {wavelength!r}: give 905e-9 for 905 nm")
@@ -194,7 +194,7 @@ def check_wavelength(wavelength: SupportsFloat) -> float:
             f"wavelength must be a positive length in metres, got {wavelength!r}: give metres, 905e-9 for 905 nm"
         )
     if not SHORTEST <= length <= LONGEST:
-        raise ValueError(f"wavelength {length:g} m is outside 0.1 to 20 um: give metres, {_meant(length)}")
+        raise ValueError(f"wavelength {length:g} m is outside 0.1 to 24 um: give metres, {_meant(length)}")
     return length
 
 

@@ -1,9 +1,10 @@
 """Simulate the echo of a scene: eq 9-12 of the paper as a sum over the beam in two dimensions.
 
-    P(t) = sum over the rays i of  w_i P0 f_r cos(phi_i) (pi D^2 / 4) / R_i^2 eta_a^2 eta_s F_i s(t - 2 G_i / c)
+    P(t) = sum over the rays i of  w_i P0 f_r cos(phi_i) (pi D^2 / 4) / R_i^2 eta_a^2 eta_s T_i^2 F_i s(t - 2 G_i / c)
 
 w_i is the ray's fraction of the beam's power, R_i its optical path to the tilted target, G_i the group path (the paper
-has R_i for both), phi_i its incidence, f_r the reflectance, s the pulse's shape and F_i the return factor of the point.
+has R_i for both), phi_i its incidence, f_r the reflectance, s the pulse's shape, F_i the return factor of the point and
+T_i the transmission of the flow's gas.
 """
 
 from dataclasses import replace
@@ -113,7 +114,8 @@ def echo_through(flow: IndexField, vacuum: VacuumEcho, estimate: StrehlEstimate 
     time, fine, stride = vacuum.times(out.group_path)
 
     reference = vacuum.power(fine)
-    peak = np.where(out.arrived, point_power(setup, points.weight, out, back.factor), 0.0)
+    # The light returns through the gas by which it came.
+    peak = np.where(out.arrived, point_power(setup, points.weight, out, back.factor) * outward.transmission**2, 0.0)
     delay = 2.0 * np.where(out.arrived, out.group_path, 0.0) / SPEED_OF_LIGHT
     power = sum_of_pulses(fine, delay, peak, setup.laser.shape)
     fine_voltage = chain.voltage(fine, reference)

@@ -15,6 +15,7 @@ from aerokernels.display.shown import plane_picture, shown
 from aerokernels.inputs.arguments import Numbers, checked
 from aerokernels.inputs.checks import check_choice, check_positive, check_wavelength, field_wavelength
 from aerokernels.inputs.kinds import are_numbers
+from aerokernels.medium.absorption import Absorption, absorption_of
 from aerokernels.medium.averages.kept_averages import conserving_values, cut_and_kept
 from aerokernels.medium.averages.vertex_values import vertex_values
 from aerokernels.medium.bodies.body import Body
@@ -62,12 +63,14 @@ class Upstream:
         refractivity: Relative uncertainty of n - 1 at a density, from the refractivity model.
         model: The model's name, and where its constant comes from.
         group: The group index; None where it is not known, and taken to be the index.
+        absorption: The absorption coefficient; None where nothing absorbs. See `IndexField.with_absorption`.
     """
 
     columns: float = 0.0
     refractivity: float = 0.0
     model: str = ""
     group: GroupIndex | None = None
+    absorption: Absorption | None = None
 
 
 @shown
@@ -368,6 +371,27 @@ class IndexField(Derived):
             ValueError: `asked` is not a wavelength in metres, or differs from the field's.
         """
         return field_wavelength(self.wavelength, asked)
+
+    @checked
+    def with_absorption(self, coefficient: Any, *, ambient: float = 0.0) -> "IndexField":
+        """Return the same field in a gas that absorbs: `TraceResult.transmission`, and with it echoes, follow.
+
+        Args:
+            coefficient: The absorption coefficient [1/m] of power in the field's box: a number, an array with one entry
+                for each sample of the field (on a mesh also for each cell), or a function of points (n, 3) [m] that
+                returns an array of shape (n,).
+            ambient: That outside of the box [1/m].
+
+        Raises:
+            ValueError: An array of another shape, or numbers that are negative or not finite.
+
+        Example:
+            >>> field = IndexField.from_samples(np.zeros((8, 8)), origin=(0, 0), spacing=(1, 1), geometry="planar")
+            >>> field.with_absorption(0.1).upstream.absorption.ambient
+            0.0
+        """
+        made = self.upstream or Upstream()
+        return replace(self, upstream=replace(made, absorption=absorption_of(self, coefficient, ambient)))
 
     @checked
     def with_interpolation(self, interpolation: str) -> "IndexField":

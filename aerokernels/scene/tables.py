@@ -12,9 +12,10 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
-from aerokernels.flow import gladstone_dale_constant, maximum_cone_angle, refractivity_model, shipped_names
+from aerokernels.flow import maximum_cone_angle, refractivity_model, shipped_names
 from aerokernels.flow.gas import check_density
 from aerokernels.flow.refractivity import RELATIONS, default_relation, index_contrast
+from aerokernels.inputs.checks import check_wavelength
 from aerokernels.inputs.units import quantity
 from aerokernels.scene.file_table import FileTable
 from aerokernels.scene.values import (
@@ -90,7 +91,7 @@ _density.dimension = "density"  # type: ignore[attr-defined]  # read by `values.
 
 
 def _wavelength(value: float) -> float:
-    gladstone_dale_constant(value)
+    check_wavelength(value)
     return value
 
 
@@ -138,10 +139,11 @@ class FlowTable(Table):
     wavelength: Annotated[Length, AfterValidator(_wavelength)] = key(
         "905 nm", "Vacuum wavelength of the laser. The paper's."
     )
-    relation: Literal["paper", "ciddor", "gladstone-dale", "lorentz-lorenz"] = key(
-        "ciddor",
-        'Relation of density to index: "ciddor", for standard dry air, 0.3 to 1.69 um; "paper", linear with the '
-        'paper\'s constant, which is 0.46 % higher at 905 nm; "gladstone-dale", linear, or "lorentz-lorenz", the exact '
+    relation: Literal["auto", "paper", "ciddor", "mathar", "gladstone-dale", "lorentz-lorenz"] = key(
+        "auto",
+        'Relation of density to index: "auto", for standard dry air, is "ciddor" from 0.3 to 1.69 um and "mathar" in '
+        'the infrared windows to 24 um; "paper", linear with the paper\'s constant, which is 0.46 % higher at 905 nm; '
+        '"gladstone-dale", linear, or "lorentz-lorenz", the exact '
         "form, both with the constant gladstone_dale or else the paper's; the two forms differ by 1.3e-8 at sea level. "
         'If gladstone_dale is given, the default is "gladstone-dale", which "paper" with that constant is too.',
     )
@@ -169,7 +171,7 @@ class FlowTable(Table):
             return data
         relation, given = data.get("relation"), data.get("gladstone_dale") is not None
         chosen = default_relation(given, data.get("species") not in (None, False))
-        is_open = relation is None or (given and relation == "paper")
+        is_open = relation in (None, "auto") or (given and relation == "paper")
         return {**data, "relation": chosen} if is_open and chosen != cls.model_fields["relation"].default else data
 
     @model_validator(mode="before")

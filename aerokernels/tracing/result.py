@@ -29,6 +29,7 @@ ON_DEVICE = (*RAY_OUTPUTS, "status", "start_position", "start_direction")
 # What is computed when it is first read, as RAY_OUTPUTS.
 COMPUTED = {
     "group_path": ("m", "integral of the group index ds from the start to the stop"),
+    "transmission": ("1", "share of the power that the gas does not absorb"),
     "truncation": ("m", "OPD that the ray lacks because its field was cut from a larger one"),
 }
 
@@ -84,6 +85,7 @@ class TraceResult:
     varied: Any = field(default=None, repr=False)
     lost: Any = field(default=None, repr=False)
     group: Any = field(default=None, repr=False)
+    absorbed: Any = field(default=None, repr=False)
     start_position: np.ndarray | None = None
     start_direction: np.ndarray | None = None
 
@@ -118,6 +120,15 @@ class TraceResult:
         if self.optical_path is None or self.arc_length is None:
             return None
         return self.optical_path if self.group is None else np.asarray(self.group(self))
+
+    @cached_property
+    def transmission(self) -> np.ndarray:
+        """The share of each ray's power that the gas does not absorb, exp(-integral of kappa ds), shape (ray_count,).
+
+        It is 1 in a field without `IndexField.with_absorption`, and NaN for rays that failed. Computed when first read,
+        along the traced path; parts of it are traced again for that.
+        """
+        return np.ones(self.ray_count) if self.absorbed is None else np.asarray(self.absorbed(self))
 
     @cached_property
     def truncation(self) -> np.ndarray:

@@ -13,6 +13,7 @@ from ..inputs.kinds import wrong_kind
 from ..medium import IndexField
 from ..process.clock import clocked, stage
 from ..rays import RayBundle
+from .absorption import absorbs, transmission
 from .cuts import flow_ends, lost, may_lose
 from .launch import report_rejected, run_plan
 from .lines import check_meeting
@@ -133,6 +134,7 @@ def trace(
         varied=partial(_variants, field, rays, until, wavelength),
         lost=partial(_lost, field, rays, until) if may_lose(field, tolerance * wavelength) else None,
         group=partial(_group_path, field, rays, until),
+        absorbed=partial(transmission, field, rays, until) if absorbs(field) else None,
         traced_status=arrays.pop("status"),
         **arrays,
     )

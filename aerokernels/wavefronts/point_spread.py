@@ -128,7 +128,7 @@ def point_spread_function(
 
     Raises:
         TypeError: The wavelength is not a number.
-        ValueError: Shapes disagree, the pupil is empty, the wavelength is outside 0.1 to 20 um, or a number is out of
+        ValueError: Shapes disagree, the pupil is empty, the wavelength is outside 0.1 to 24 um, or a number is out of
             range.
     """
     opd, mask = np.asarray(opd, dtype=np.float64), np.asarray(mask, dtype=np.float64)

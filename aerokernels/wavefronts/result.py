@@ -68,7 +68,7 @@ class Wavefront:
     Raises:
         TypeError: An argument of the wrong type.
         ValueError: Shapes disagree, the pixel is not positive, the pupil is empty, the OPD inside the pupil is not
-            finite, a weight or an error is negative, or the wavelength is outside 0.1 to 20 um.
+            finite, a weight or an error is negative, or the wavelength is outside 0.1 to 24 um.
     """
 
     opd: np.ndarray

@@ -49,7 +49,8 @@ def wavefront(
             off, and more than half of it past the field's box, as in `estimate_strehl`.
 
     Returns:
-        A Wavefront; pixels whose ray did not arrive have weight 0, and `blocked` is their share of the pupil.
+        A Wavefront; pixels whose ray did not arrive have weight 0, and `blocked` is their share of the pupil. In a gas
+        that absorbs, weights and intensities contain the transmission.
 
     Raises:
         TypeError: `field` or `pupil` is of the wrong type.
@@ -89,12 +90,14 @@ def wavefront(
     opd, arrived = np.full(weight.shape, np.nan), np.zeros(weight.shape)
     opd[lit] = traced.opd
     arrived[lit] = np.where(traced.ok, weight[lit], 0.0)
+    passed = np.zeros(weight.shape)
+    passed[lit] = np.where(traced.ok, traced.transmission, 0.0)
     return Wavefront(
         opd,
-        arrived,
+        arrived * np.sqrt(passed),
         pixel,
         wavelength,
-        intensity=np.where(arrived > 0.0, intensity, 0.0),
+        intensity=np.where(arrived > 0.0, intensity * passed, 0.0),
         radius=pupil.reach,
         pupil=pupil,
         direction=look,

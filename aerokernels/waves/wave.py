@@ -69,7 +69,7 @@ def angular_spectrum(
 
     Raises:
         TypeError: An argument is of the wrong type.
-        ValueError: The amplitude is not a two-axis array of finite numbers, the wavelength is outside 0.1 to 20 um, the
+        ValueError: The amplitude is not a two-axis array of finite numbers, the wavelength is outside 0.1 to 24 um, the
             pixel or the index is not positive, or the distance is not finite.
     """
     from scipy.fft import fft2, ifft2
@@ -149,7 +149,7 @@ class Wave:
 
     Raises:
         ValueError: The amplitude is not a two-axis array of finite numbers, or is zero everywhere; the pixel or the
-            index is not positive; or the wavelength is outside 0.1 to 20 um.
+            index is not positive; or the wavelength is outside 0.1 to 24 um.
     """
 
     amplitude: np.ndarray

@@ -25,7 +25,8 @@ typedef float8 real8;
 #endif
 
 // Marks a function that is called, not inlined. On a CPU this halves the compile time, and rays take no longer; on a
-// GPU calls would cost registers, so there it is inlined. INLINED marks one that PoCL would call, where that costs more.
+// GPU calls would cost registers, so there it is inlined. A long kernel only calls such a function, because PoCL
+// compiles the kernel itself three times. INLINED marks a function that PoCL would call, where that costs more.
 #if ON_PROCESSOR
 #define APART static __attribute__((noinline))
 #define INLINED static inline __attribute__((always_inline))

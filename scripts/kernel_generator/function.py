@@ -11,7 +11,7 @@ from .types import BEGINS, GIVEN, POINTERS, base
 # Functions that are called, not inlined, on a CPU, which halves the time to compile.
 APART = set(
     "start_of stop_geometry_of end_of has_clearance behind_wall body_exit body_entry time_beyond_face "
-    "leaves_by_rounding overshoots in_face surface_intersection sample".split()
+    "leaves_by_rounding overshoots in_face surface_intersection sample trace_ray".split()
 )
 PASSES = 3  # until it is known where variables are declared, and which are constant
 

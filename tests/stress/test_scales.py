@@ -37,7 +37,7 @@ def fan(scale: float = 1.0) -> RayBundle:
 def error_asked(power: int) -> tuple[dict[str, float], dict[str, float]]:
     """Wavelength and tolerance whose product, the error asked for in metres, is 2^power times greater in the second.
 
-    All factors are powers of two, so the products are exact. The wavelength takes what its range of 0.1 to 20 um lets
+    All factors are powers of two, so the products are exact. The wavelength takes what its range of 0.1 to 24 um lets
     it, the tolerance the rest, below a quarter of a wave: from a third on a tolerance counts as a third.
     """
     by_wavelength = min(max(power, -3), 4)

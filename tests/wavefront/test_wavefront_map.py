@@ -214,7 +214,7 @@ def test_light_of_several_wavelengths():
         ({"weights": [1.0]}, "give both"),
         ({"wavelengths": [5e-7], "weights": [1.0, 2.0]}, "one for each wavelength"),
         ({"wavelengths": [5e-7], "weights": [-1.0]}, "not negative"),
-        ({"wavelengths": [0.5]}, "outside 0.1 to 20 um"),
+        ({"wavelengths": [0.5]}, "outside 0.1 to 24 um"),
     ):
         with pytest.raises(ValueError, match=message):
             wave.psf(**options)

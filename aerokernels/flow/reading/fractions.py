@@ -4,15 +4,24 @@ The quantities carried from cells to a mesh or a grid are the partial densities,
 refractivities are additive in them, and averages of them remain averages.
 """
 
-from collections.abc import Mapping
+import re
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from aerokernels.flow.reading.arrays import plain_name
+from aerokernels.flow.composition import Composition
 from aerokernels.flow.reading.dataset import Dataset, ReadError
 from aerokernels.flow.reading.density import found_name, scalar_array
-from aerokernels.flow.species import SPECIES_NAMES, Composition, molar_mass
+from aerokernels.flow.species import SPECIES_NAMES, molar_mass
+
+# What precedes a formula in the names of arrays, by the quantity: mass fractions (OpenFOAM, SU2, CFX, Eilmer), partial
+# densities, mole fractions.
+WORDS = {
+    "mass": ("", "y", "mass", "massfraction", "massfractionof", "mf", "massf", "massfrac"),
+    "density": ("rho", "density", "partialdensity", "rhos"),
+    "mole": ("x", "mole", "molefraction", "molef", "molefrac"),
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +65,8 @@ def choose_fractions(path, dataset: Dataset, densities, given) -> Fractions | No
 def mixture_in_words(basis: str, arrays: Mapping[str, str]) -> str:
     """Describe the arrays used for the fractions of each species."""
     sources = ", ".join(name if name == array else f"{name} from {array!r}" for name, array in arrays.items())
-    return f"a mixture by {basis} fractions of {sources}"
+    kind = "partial densities" if basis == "density" else f"{basis} fractions"
+    return f"a mixture by {kind} of {sources}"
 
 
 def species_arrays(path, names: list[str], given, grouped: bool = False) -> tuple[str, dict[str, str]]:
@@ -65,38 +75,62 @@ def species_arrays(path, names: list[str], given, grouped: bool = False) -> tupl
     listed = ", ".join(names) or "none"
     if isinstance(given, Mapping):
         basis = given.get("basis", basis)
-        if basis not in ("mass", "mole"):
-            raise ValueError(f"species: the basis of fractions is 'mass' or 'mole', got {basis!r}")
+        if basis not in WORDS:
+            raise ValueError(f"species: the basis of fractions is 'density', 'mass' or 'mole', got {basis!r}")
         stated = {name: array for name, array in given.items() if name != "basis"}
         for name, array in stated.items():
             molar_mass(name)
             if not isinstance(array, str):
                 raise TypeError(f"species: {name} must name an array of the file, got {array!r}")
-        found = {name: found_name(path, array, names, listed, grouped) for name, array in stated.items()}
+        arrays = {name: found_name(path, array, names, listed, grouped) for name, array in stated.items()}
     elif given is True or (isinstance(given, (list, tuple)) and all(isinstance(name, str) for name in given)):
-        plain = {plain_name(name, grouped): name for name in reversed(names)}
-        found = {}
-        for name in SPECIES_NAMES if given is True else given:
+        for name in given if given is not True else ():
             molar_mass(name)
-            own = next(
-                (
-                    plain[key]
-                    for word in ("", "y", "mass", "massfraction", "massfractionof", "mf")
-                    if (key := word + name.lower()) in plain
-                ),
-                None,
-            )
-            if own is not None:
-                found[name] = own
-            elif given is not True:
-                raise ReadError(path, f"no array is known for the mass fraction of {name} (there are: {listed})",
-                                f'name it: species = {{{name} = "NAME", ...}}')  # fmt: skip
+        wanted = SPECIES_NAMES if given is True else tuple(given)
+        basis, chosen = _by_usual_names(names, wanted, grouped)
+        if given is not True and (lacking := [name for name in wanted if name not in chosen]):
+            raise ReadError(path, f"no array is known for the mass fraction of {lacking[0]} (there are: {listed})",
+                            f'name it: species = {{{lacking[0]} = "NAME", ...}}')  # fmt: skip
+        arrays = {name: chosen[name] for name in wanted if name in chosen}
     else:
         raise TypeError(f"species must be True, formulas, or a mapping of formulas to arrays, got {given!r}")
-    if not found:
+    if not arrays:
         raise ReadError(path, f"no array is called by a species of {', '.join(SPECIES_NAMES)} (there are: {listed})",
                         'name them: species = {N2 = "NAME", ...}')  # fmt: skip
-    return basis, found
+    return basis, arrays
+
+
+def _by_usual_names(names: list[str], wanted: Sequence[str], grouped: bool) -> tuple[str, dict[str, str]]:
+    """Return the basis and the array of each species that a file calls by its formula, as mass fractions if it has any.
+
+    A lone letter is an atom or the electron only where there is a molecule too: "E" is mostly an energy.
+    """
+    keys = {_key(name, grouped): name for name in reversed(names)}
+    for basis, words in WORDS.items():
+        spelled = {formula: [word + own for word in words for own in _spellings(formula)] for formula in wanted}
+        chosen = {
+            formula: keys[next(filter(keys.__contains__, spellings))]
+            for formula, spellings in spelled.items()
+            if any(map(keys.__contains__, spellings))
+        }
+        if any(len(formula.rstrip("+-")) > 1 for formula in chosen):
+            return basis, chosen
+    return "mass", {}
+
+
+def _key(name: str, grouped: bool) -> str:
+    """Return an array's name in lower case, without brackets, units and punctuation, its charge as a word."""
+    last = name.rsplit("/", 1)[-1] if grouped else name
+    last = re.sub(r"\[[^\]]*\]|\([^)]*\)", "", last).strip().lower()
+    sign = {"+": "plus", "-": "minus"}.get(last[-1:], "")
+    return re.sub(r"[^a-z0-9]", "", last) + sign
+
+
+def _spellings(formula: str) -> tuple[str, ...]:
+    if formula == "e-":
+        return "eminus", "em", "electron", "electrons", "e"
+    plain = formula.rstrip("+").lower()
+    return (plain + "plus", plain + "p") if formula.endswith("+") else (plain,)
 
 
 def mass_fractions(
@@ -113,7 +147,10 @@ def mass_fractions(
     total = shares.sum(axis=0)
     with np.errstate(invalid="ignore"):
         # Solvers' fractions deviate by a thousandth from a sum of 1, and below 0.
-        bad = ~((shares >= -1e-3).all(axis=0) & (np.abs(total - 1.0) <= 1e-3)) & ~blank
+        if basis == "density":
+            bad = ~((shares >= -1e-3 * total).all(axis=0) & (total > 0.0)) & ~blank
+        else:
+            bad = ~((shares >= -1e-3).all(axis=0) & (np.abs(total - 1.0) <= 1e-3)) & ~blank
     if bad.any():
         first = int(np.argmax(bad))
         own = ", ".join(f"{name} {float(share):.6g}" for name, share in zip(names, shares[:, first], strict=True))

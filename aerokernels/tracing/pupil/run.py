@@ -30,6 +30,7 @@ from ...display.progress import tracked
 from ...process.clock import stage
 from ...pupils import Pupil, across_look
 from ...rays import RayBundle
+from ..absorption import absorbs, amplitudes
 from ..engines import OUTPUT_TYPES, Engine, engine_of
 from ..engines.info import memory_of
 from ..launch import RAY_BYTES, retrace_rejected
@@ -95,7 +96,8 @@ class PupilRun:
             if engine.is_gpu:  # on a CPU the buffer is the array
                 engine.clear(self.prepared.rejected)
         # A single batch, whose rays are made on the device, repeats the same launches for each seed.
-        self.repeat = engine.recorded() if len(self.batches) == 1 and not task.is_radial else None
+        repeats = len(self.batches) == 1 and not task.is_radial and not absorbs(task.field)
+        self.repeat = engine.recorded() if repeats else None
         self.buffers: list[dict[str, Any]] = []  # of each batch whose rays are still needed
         self.made: list[Batch] = []  # the batches whose rays are made on the device
 
@@ -183,9 +185,23 @@ class PupilRun:
             self.seeds.send()
             rays = [batch.position, batch.direction, batch.place, batch.weight]
             self.engine.launch(self.kernels["launch_pupil"], self.starts, rays, batch.count)
+        if absorbs(self.task.field):
+            self._weaken(batch)
         self.prepared.launch([batch.position, batch.direction], batch.results, batch.count)
         self._start_sums(batch, self.no_surface)
         self.reading.start()
+
+    def _weaken(self, batch: Batch) -> None:
+        """Weight the rays of a batch by the amplitude that the gas does not absorb."""
+        task, count = self.task, batch.count
+        weight = np.ones(count)
+        if task.generator or task.is_radial:
+            self.engine.get(batch.weight, weight)
+        position, direction = np.empty((count, 3)), np.empty((count, 3))
+        self.engine.get(batch.position, position)
+        self.engine.get(batch.direction, direction)
+        passed = amplitudes(task.field, RayBundle(position, direction), task.plan, task.until, task.wavelength)
+        batch.weight, batch.weight_count = self.engine.put(weight * passed), count
 
     def _phasor_numbers(self, surface: np.ndarray) -> list:
         """First arguments of the kernel sum_rays; arguments that are the same objects need not be set again."""

@@ -31,6 +31,8 @@ def asymmetry(field: IndexField, pupil: Pupil, look: np.ndarray) -> str | None:
     """What breaks the symmetry about the z axis, in words; None where nothing does."""
     if field.geometry != "axisymmetric":
         return f"the field is {'a volume' if field.geometry == 'volume' else field.geometry}, not axisymmetric"
+    if field.upstream is not None and field.upstream.absorption is not None and not field.upstream.absorption.symmetric:
+        return "the absorption is a function of its own"
     if pupil.inner_ratio is None:
         return f"the pupil is a {type(pupil).__name__}, not round"
     aside = float(np.hypot(*pupil.center[:2]))

@@ -10,13 +10,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from aerokernels.flow.composition import Composition
 from aerokernels.flow.reading.dataset import SOLID, Block, ReadError
 from aerokernels.flow.reading.volumes.node_fill import EmptyNodes, SmallCells, foremost
 from aerokernels.flow.reading.volumes.reconstruction import CellNodes, MeasuringLines, Reconstruction, VolumeResampling
 from aerokernels.flow.reading.volumes.solid_walls import solid_body
 from aerokernels.flow.reading.volumes.solids import CellFacts, NodeGrid, rasterise
 from aerokernels.flow.sampled_density import GridDensity
-from aerokernels.flow.species import Composition
 
 OUTSIDE = "are in a body or beyond the mesh: the density is extrapolated there"
 

@@ -15,6 +15,7 @@ from aerokernels.tracing.tasks.sums import (
 
 from ....pupils import across_look
 from ....rays import RayBundle
+from ...absorption import absorbs, amplitudes
 from ...launch import run_plan
 from ...stop import reached
 
@@ -33,6 +34,9 @@ class PupilRun:
         kept = []
         for replicate in range(task.replicates):
             position, direction, place, weight = self._rays(replicate, seed)
+            if absorbs(task.field):
+                rays = RayBundle(position, direction)
+                weight = weight * amplitudes(task.field, rays, task.plan, task.until, task.wavelength)
             place = place @ across_look(task.pupil, task.look).T
             arrays = run_plan(
                 task.field, RayBundle(position, direction), task.plan, task.until, task.wavelength, PUPIL_OUTPUTS

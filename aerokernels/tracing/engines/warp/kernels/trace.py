@@ -63,21 +63,17 @@ def build_kernel(scene: Scene):
     ends_of = RayStatus.OK, RayStatus.HIT_BODY, RayStatus.MAX_STEPS, RayStatus.NOT_FINITE
     ok, hit_body, max_steps, not_finite = map(int, ends_of)
 
-    @wp.kernel(module="unique", enable_backward=False)
-    def trace_kernel(
+    @wp.func
+    def trace_ray(
         field: t.Field,
         bounds: t.Bounds,
         control: t.Control,
-        first_ray: int,
-        position_in: wp.array(dtype=wp.vec3d),
-        direction_in: wp.array(dtype=wp.vec3d),
+        ray: int,
+        p0: wp.vec3d,
+        d0: wp.vec3d,
         outputs: t.RayOutputs,
     ):
-        # The second index is always 0. With one index Warp compiles the kernel twice for a CPU, for arrays without gaps
-        # and for others, which takes half as long again.
-        thread, _ = wp.tid()
-        ray = thread + first_ray
-        p0, d0 = position_in[ray], direction_in[ray]
+        """Traces one ray and writes its outputs."""
         status, interval = ends.start_of(field, bounds, p0, d0)
         d = vec3(real(d0[0]), real(d0[1]), real(d0[2]))
         ambient = real(bounds.ambient)
@@ -401,5 +397,21 @@ def build_kernel(scene: Scene):
         if wp.static(measured):
             step_error_out = wp.float64(used)
         write_outputs(outputs, control.outputs, ray, arrival, step_error_out, steps, evaluations)
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def trace_kernel(
+        field: t.Field,
+        bounds: t.Bounds,
+        control: t.Control,
+        first_ray: int,
+        position_in: wp.array(dtype=wp.vec3d),
+        direction_in: wp.array(dtype=wp.vec3d),
+        outputs: t.RayOutputs,
+    ):
+        # The second index is always 0. With one index Warp compiles the kernel twice for a CPU, for arrays without gaps
+        # and for others, which takes half as long again.
+        thread, _ = wp.tid()
+        ray = thread + first_ray
+        trace_ray(field, bounds, control, ray, position_in[ray], direction_in[ray], outputs)
 
     return trace_kernel
