@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .canvas import BELOW, COLORS, DASHES, INK, ORANGE, color_bar, color_map, data_url, figure_of
+from .canvas import BELOW, COLORS, DASHES, INK, ORANGE, color_bar, color_map, data_url, figure_of, make_room
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -151,8 +151,9 @@ class Lines:
 
     def static(self) -> str:
         """Return the picture for paper, as a data URL."""
-        with figure_of(2.7) as (figure, axes):
+        with figure_of(2.05) as (figure, axes):
             self.draw(axes)
+            make_room(figure, axes)
             return data_url(figure, "svg")
 
     def draw(self, axes: "Axes") -> None:
@@ -261,7 +262,7 @@ class Raster:
         low, high = self.z.around(self.frames)
         left, right = self.x.around(())
         bottom, top = self.y.around(())
-        with figure_of(min(3.1, 0.75 + 2.6 * self.shape), bar=True) as (figure, axes):
+        with figure_of(min(2.45, 0.65 + 1.95 * self.shape), bar=True) as (figure, axes):
             values = self.frames[frame]
             shown = np.log10(np.maximum(values, 10.0**low)) if self.z.log else values
             options: dict[str, Any] = {"origin": "lower", "interpolation": "nearest"}
