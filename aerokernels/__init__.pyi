@@ -1,5 +1,8 @@
 """Public names with their modules: for type checkers, and for `__getattr__` of the package, which imports them."""
 
+from collections.abc import Callable, Mapping
+from typing import Any
+
 from . import flow as flow
 from . import zernike as zernike
 from .benches import interferogram as interferogram
@@ -67,3 +70,5 @@ from .waves import split_step as split_step
 from .waves import validity as validity
 
 __version__: str
+
+def attributes_of(package: str, module_of: Mapping[str, str]) -> Callable[[str], Any]: ...

@@ -242,7 +242,6 @@ def export(
 
     A recording into the store may go on meanwhile.
     """
-    from aerokernels.commands.hardware import parse_labels
     from aerokernels.hardware.export import export as write_echoes
     from aerokernels.hardware.store import EchoStore
 

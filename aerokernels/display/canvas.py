@@ -88,6 +88,15 @@ def figure_of(height: float, bar: bool = False) -> "Iterator[tuple[Figure, Axes]
         yield figure, figure.add_axes((left / WIDTH, bottom / height, *size))
 
 
+def make_room(figure: "Figure", axes: "Axes") -> None:
+    """Move the left side of axes so far that their longest labels are inside the figure."""
+    whole = axes.get_tightbbox()
+    assert whole is not None  # the axes are visible
+    lacking = max(0.04 - float(whole.x0) / figure.dpi, 0.0) / WIDTH
+    box = axes.get_position()
+    axes.set_position((box.x0 + lacking, box.y0, box.width - lacking, box.height))
+
+
 def color_bar(figure: "Figure", image: Any, label: str) -> Any:
     """Draw a color bar right of a figure's only axes."""
     axes = image.axes

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .canvas import BELOW, COLORS, DASHES, INK, ORANGE, color_bar, color_map, data_url, figure_of
+from .canvas import BELOW, COLORS, DASHES, INK, ORANGE, color_bar, color_map, data_url, figure_of, make_room
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -151,8 +151,9 @@ class Lines:
 
     def static(self) -> str:
         """Return the picture for paper, as a data URL."""
-        with figure_of(2.7) as (figure, axes):
+        with figure_of(2.05) as (figure, axes):
             self.draw(axes)
+            make_room(figure, axes)
             return data_url(figure, "svg")
 
     def draw(self, axes: "Axes") -> None:
@@ -198,10 +199,9 @@ def _dress(axes: "Axes", x: Axis, y: Axis, x_values: Any, y_values: Any) -> None
 
     for axis, one, values in (("x", x, x_values), ("y", y, y_values)):
         low, high = one.around(values)
-        axes.set(
-            **{f"{axis}scale": "log" if one.log else "linear", f"{axis}lim": (low, high), f"{axis}label": one.label}
-        )
+        axes.set(**{f"{axis}scale": "log" if one.log else "linear", f"{axis}lim": (low, high)})
         scale = getattr(axes, f"{axis}axis")
+        scale.set_label_text(one.label)
         if one.log:  # Matplotlib's own labels are formulas, which take as long as the figure
             scale.set_major_formatter(lambda value, _: _power_of_ten(value))
             scale.set_minor_locator(NullLocator())
@@ -262,12 +262,11 @@ class Raster:
         low, high = self.z.around(self.frames)
         left, right = self.x.around(())
         bottom, top = self.y.around(())
-        with figure_of(min(3.1, 0.75 + 2.6 * self.shape), bar=True) as (figure, axes):
+        with figure_of(min(2.45, 0.65 + 1.95 * self.shape), bar=True) as (figure, axes):
             values = self.frames[frame]
-            extent = (left, right, bottom, top)
             shown = np.log10(np.maximum(values, 10.0**low)) if self.z.log else values
-            options: dict[str, Any] = {"origin": "lower", "extent": extent, "interpolation": "nearest"}
-            options["aspect"] = "equal" if self.even else "auto"
+            options: dict[str, Any] = {"origin": "lower", "interpolation": "nearest"}
+            options |= {"extent": (left, right, bottom, top), "aspect": "equal" if self.even else "auto"}
             image = axes.imshow(shown, cmap=color_map(self.colors), vmin=low, vmax=high, **options)
             if self.error:
                 from matplotlib.colors import ListedColormap

@@ -268,11 +268,11 @@ def _judged(number: Quantity) -> tuple[str, str]:
         return WARNING, "'s error is not known"
     if number.allows_any_ratio:
         return WORTHLESS, "'s error allows any ratio from 0 to 1: the number is not meaningful"
-    told = f"'s error, {error:.2g}, is greater than"
+    greater = f"'s error, {error:.2g}, is greater than"
     if not number.is_ratio:
-        return (WORTHLESS, f"{told} the number itself, {value:.3g}") if error > abs(value) else (FINE, "")
+        return (WORTHLESS, f"{greater} the number itself, {value:.3g}") if error > abs(value) else (FINE, "")
     if error > value:
-        return WARNING, f"{told} the ratio itself, {value:.3g}"
+        return WARNING, f"{greater} the ratio itself, {value:.3g}"
     if error > max(1.0 - value, 1e-6):
-        return WARNING, f"{told} the effect of the flow, which reduces the ratio by {1.0 - value:.2g}"
-    return (WARNING, f"{told} a tenth of 1") if error > 0.1 else (FINE, "")
+        return WARNING, f"{greater} the effect of the flow, which reduces the ratio by {1.0 - value:.2g}"
+    return (WARNING, f"{greater} a tenth of 1") if error > 0.1 else (FINE, "")

@@ -131,7 +131,7 @@ def is_flat(values: Any, unit: str | None = None, error: float = float("nan")) -
     return float(np.ptp(finite)) <= max(least, SHARE_OF_ERROR * (error if np.isfinite(error) else 0.0))
 
 
-def told(number: Quantity, factor: float, unit: str, signed: bool = False) -> str:
+def quantity_text(number: Quantity, factor: float, unit: str, signed: bool = False) -> str:
     """Return a quantity in another unit as text, NOTHING where it is 0 but for rounding and its error is small too."""
     least = ROUNDING.get(SI.get(unit, unit) if unit else "", -1.0)
     if abs(number.value) <= least and not (number.error or 0.0) > least / SHARE_OF_ERROR:

@@ -241,12 +241,12 @@ def compare_recording(
     if options.align not in (NO_ALIGNMENT, EACH):
         reference = _reference(options.align, matched)
         with _naming_label(source, reference):
-            offset = _measured_offset(averages[reference], matched[reference])
+            offset = measured_offset(averages[reference], matched[reference])
     compared = []
     for number, (label, run) in enumerate(matched.items()):
         progress(f"comparing {label_text(label)}", 0.5 + 0.5 * number / len(matched))
         with _naming_label(source, label):
-            own = _measured_offset(averages[label], run) if options.align == EACH else offset
+            own = measured_offset(averages[label], run) if options.align == EACH else offset
             echoes = random_subset(_echoes(source, label, options), options.ranged_count, options.seed)
             compared.append(_compare_label(label, run, averages[label], unfit[label], echoes, *own, options.threshold))
     return BenchComparison(source, options, tuple(compared), tuple(label for label in labels if label not in matched))
@@ -282,13 +282,6 @@ def _compare_label(
         faults=record_faults(part, simulated),
         errors=mean_errors(part, simulated, waveform.edge_level, offset_error),
     )
-
-
-def _measured_offset(recorded: AverageEcho, run: RunFolder) -> tuple[float, float]:
-    """Return the measured trigger offset and its error [s]."""
-    offset = measured_offset(recorded, run)
-    part, simulated = overlap(recorded, run, offset)
-    return offset, mean_errors(part, simulated, 0.5 * float(simulated.max())).lag
 
 
 def _echoes(

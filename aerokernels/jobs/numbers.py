@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from aerokernels.display.quantities import WORTHLESS, Quantity, listed
-from aerokernels.display.shown import NOTHING, told
+from aerokernels.display.shown import NOTHING, quantity_text
 from aerokernels.jobs.store import number_or_nan, to_json
 
 FACTORS = {"": 1.0, "V": 1.0, "m": 1.0, "mm": 1e3, "nm": 1e9, "µrad": 1e6, "µW": 1e6}  # from SI to units shown
@@ -36,7 +36,7 @@ class Number:
 
     def text(self, number: Quantity) -> str:
         """Return a number with its error as it is shown, in words where it is below rounding."""
-        return told(number, self.factor, self.shown, self.signed)
+        return quantity_text(number, self.factor, self.shown, self.signed)
 
 
 # In the order of summary.json's main numbers.
@@ -117,7 +117,7 @@ def headline_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
     if not any(math.isnan(angle.value) for angle in angles):
         look = (summary.get("scene_values") or {}).get("pupil") or {}
         ahead = not (look.get("azimuth") or look.get("elevation"))
-        nothing = all(told(angle, 1e6, "µrad") == NOTHING for angle in angles)
+        nothing = all(quantity_text(angle, 1e6, "µrad") == NOTHING for angle in angles)
         text = NOTHING if nothing else listed([angle.scaled(1e6, "µrad") for angle in angles], signed=True)
         rows.append((f"Boresight error {'x, y' if ahead else 'along the pupil’s axes 1, 2'}", text))
     return rows

@@ -10,23 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from pydantic import ValidationError
 
-from aerokernels import __version__
-from aerokernels.benches import (
-    HalfComparison,
-    Interferogram,
-    LineOfSight,
-    Picture,
-    SchlierenImage,
-    Shadowgraph,
-    ShockAngle,
-    compare_halves,
-    interferogram,
-    line_of_sight,
-    measure_shock_angle,
-    schlieren,
-    shadowgraph,
-    write_picture,
-)
+from aerokernels import __version__, benches
 from aerokernels.benches.fringes import Fringes
 from aerokernels.benches.knife_edge import KnifeEdge
 from aerokernels.benches.line_of_sight import check_exposure
@@ -102,11 +86,11 @@ class BenchPictures:
 
     scene: Scene
     density: DensityField
-    line_of_sight: LineOfSight  # the rays that were traced
-    pictures: Mapping[str, SchlierenImage | Shadowgraph | Interferogram]  # by kind
-    shock: ShockAngle | None  # the outermost shock, if requested
-    comparison: HalfComparison | None  # with a photograph, if one was given
-    measured_shock: ShockAngle | None  # the photograph's shock
+    line_of_sight: benches.LineOfSight  # the rays that were traced
+    pictures: Mapping[str, benches.SchlierenImage | benches.Shadowgraph | benches.Interferogram]  # by kind
+    shock: benches.ShockAngle | None  # the outermost shock, if requested
+    comparison: benches.HalfComparison | None  # with a photograph, if one was given
+    measured_shock: benches.ShockAngle | None  # the photograph's shock
     errors: Mapping[str, np.ndarray]  # error of each pixel's brightness by kind, shape (ny, nx); NaN if not known
 
     @property
@@ -210,7 +194,7 @@ def make_pictures(
     scene: Scene,
     options: PictureOptions,
     *,
-    measured: Picture | None = None,
+    measured: benches.Picture | None = None,
     progress: Callable[[str, float], None] = lambda stage, fraction: None,
 ) -> BenchPictures:
     """Make the pictures of a scene, of which [flow], [grid] interpolation and [trace] are used.
@@ -225,7 +209,7 @@ def make_pictures(
     density = scene.density_field()
     field = picture_field(density, scene, options)
     progress("tracing the light", 0.3)
-    traced = line_of_sight(
+    traced = benches.line_of_sight(
         field,
         view=options.view,
         extent=options.extent,
@@ -239,28 +223,28 @@ def make_pictures(
         precision=scene.trace.precision,
     )
     progress("making the pictures", 0.8)
-    pictures: dict[str, SchlierenImage | Shadowgraph | Interferogram] = {}
+    pictures: dict[str, benches.SchlierenImage | benches.Shadowgraph | benches.Interferogram] = {}
     if "schlieren" in options.kinds:
         edge = {name: getattr(options, name) for name in ("knife_edge", "cut_off", "sensitivity", "exposure")}
-        pictures["schlieren"] = schlieren(traced, **edge)
+        pictures["schlieren"] = benches.schlieren(traced, **edge)
     if "shadowgraph" in options.kinds:
-        pictures["shadowgraph"] = shadowgraph(
+        pictures["shadowgraph"] = benches.shadowgraph(
             traced, distance=options.screen_distance, source_angle=options.source_angle
         )
     if "interferogram" in options.kinds:
-        pictures["interferogram"] = interferogram(
+        pictures["interferogram"] = benches.interferogram(
             traced, fringe_spacing=options.fringe_spacing, fringe_angle=options.fringe_angle
         )
     shock = measured_shock = None
     if options.shock_window is not None:
-        shock = measure_shock_angle(pictures["schlieren"], options.shock_window, half="both", degree=2)
+        shock = benches.measure_shock_angle(pictures["schlieren"], options.shock_window, half="both", degree=2)
         if measured is not None:
-            measured_shock = measure_shock_angle(measured, options.shock_window, half="lower", degree=2)
+            measured_shock = benches.measure_shock_angle(measured, options.shock_window, half="lower", degree=2)
     errors = {}
     for kind, picture in pictures.items() if options.errors else ():
         progress(f"measuring the error of the {kind}", 0.85)
         errors[kind] = picture.error
-    comparison = None if measured is None else compare_halves(pictures["schlieren"], measured)
+    comparison = None if measured is None else benches.compare_halves(pictures["schlieren"], measured)
     return BenchPictures(scene, density, traced, pictures, shock, comparison, measured_shock, errors)
 
 
@@ -268,7 +252,7 @@ def write_pictures(bench: BenchPictures, out: Path) -> list[str]:
     """Write pictures.nc, figure.png, a grey PNG of each kind and summary.json: all or none; return their names."""
     with staged_folder(out) as folder:
         for kind, picture in bench.pictures.items():
-            write_picture(folder / f"{kind}.png", picture)
+            benches.write_picture(folder / f"{kind}.png", picture)
         with house_style():
             (folder / FIGURE_FILE).write_bytes(png(pictures_figure(bench.pictures, bench.shock)))
             if bench.comparison is not None:
@@ -303,7 +287,7 @@ def _axis_label(direction: np.ndarray | None, default: str) -> str:
     return f"{'-' if direction[axis] < 0.0 else ''}{'xyz'[axis]} [mm]"
 
 
-def pictures_figure(pictures: Mapping[str, Any], shock: ShockAngle | None = None) -> "Figure":
+def pictures_figure(pictures: Mapping[str, Any], shock: benches.ShockAngle | None = None) -> "Figure":
     """Draw pictures side by side by kind, and into the schlieren picture the shock that was measured on it."""
     figure, panels = _axes(next(iter(pictures.values())), len(pictures))
     for axes, (kind, picture) in zip(panels, pictures.items(), strict=True):
@@ -315,7 +299,7 @@ def pictures_figure(pictures: Mapping[str, Any], shock: ShockAngle | None = None
     return figure
 
 
-def _draw_shock(axes: "Axes", shock: ShockAngle) -> None:
+def _draw_shock(axes: "Axes", shock: benches.ShockAngle) -> None:
     along = np.unique(shock.points[:, 0])
     height = np.polynomial.polynomial.polyval(along - shock.place, shock.curve)
     angle, error = np.degrees(shock.angle), 2.0 * np.degrees(shock.standard_error)
@@ -326,7 +310,7 @@ def _draw_shock(axes: "Axes", shock: ShockAngle) -> None:
     axes.legend(loc="lower right", fontsize=8, labelcolor="white", frameon=True, facecolor="#1d2630", framealpha=0.8)
 
 
-def comparison_figure(comparison: HalfComparison) -> "Figure":
+def comparison_figure(comparison: benches.HalfComparison) -> "Figure":
     """Draw the simulated picture above and the measured picture below."""
     figure, (axes,) = _axes(comparison, 1)
     _draw(axes, comparison)

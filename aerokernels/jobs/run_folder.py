@@ -14,7 +14,7 @@ import numpy as np
 from aerokernels.compare import compare_waveforms
 from aerokernels.files.netcdf_reading import open_netcdf
 from aerokernels.inputs.checks import as_waveform
-from aerokernels.jobs.echo_statistics import LEAST_PULSE, AverageEcho, mean_factor, spread_factor
+from aerokernels.jobs.echo_statistics import LEAST_PULSE, AverageEcho, mean_errors, mean_factor, spread_factor
 from aerokernels.jobs.recorded import Label, label_text
 from aerokernels.jobs.store import RESULT_FILE, SUMMARY_FILE
 from aerokernels.lidar import RANGING_METHODS
@@ -176,16 +176,18 @@ def overlap(recorded: AverageEcho, run: RunFolder, offset: float) -> tuple[Avera
     return replace(recorded, time=time[there], **parts), simulated[there]
 
 
-def measured_offset(recorded: AverageEcho, run: RunFolder) -> float:
-    """Measure by how much [s] the recorded mean is later than the simulation: the lag of the greatest correlation.
+def measured_offset(recorded: AverageEcho, run: RunFolder) -> tuple[float, float]:
+    """Measure by how much [s] the recorded mean is later than the simulation, and the error of that [s].
 
-    The peaks are aligned first, so that the records need not overlap; then the lag is found to a fraction of a sample.
+    It is the lag of the greatest correlation. The peaks are aligned first, so that the records need not overlap; then
+    the lag is found to a fraction of a sample.
     """
     offset = float(recorded.time[np.argmax(recorded.mean)] - run.time[np.argmax(run.voltage)])
     for _ in range(2):  # the second time near lag 0, where the parabola through three lags is most accurate
         part, simulated = overlap(recorded, run, offset)
         offset += compare_waveforms(part.time, part.mean, simulated).lag
-    return offset
+    part, simulated = overlap(recorded, run, offset)
+    return offset, mean_errors(part, simulated, 0.5 * float(simulated.max())).lag
 
 
 def range_errors(

@@ -163,9 +163,10 @@ class Rangefinder:
     @cached_property
     def _readings(self) -> dict[str, Reading]:
         """How each method reads a record."""
-        kinds, threshold, fraction = RANGING_METHODS, self.detector.threshold, self.detector.fraction
+        kinds: Sequence[str] = RANGING_METHODS
         templates = {method: self.shape if method == "matched-filter" else None for method in kinds}
-        return {method: Reading(method, threshold, templates[method], fraction, self.shape) for method in kinds}
+        given = self.detector.threshold, self.detector.fraction
+        return {method: Reading(method, given[0], templates[method], given[1], self.shape) for method in kinds}
 
     def ranges(
         self, time: np.ndarray, voltage: np.ndarray, methods: Sequence[str] = RANGING_METHODS

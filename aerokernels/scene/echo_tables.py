@@ -7,34 +7,8 @@ import numpy as np
 from pydantic import BeforeValidator, Field, StrictBool, model_validator
 
 from aerokernels.pupils import Annulus, Disc, Pupil, Rectangle
-from aerokernels.scene.values import (
-    Coordinate,
-    Count,
-    Current,
-    DiodeResponsivity,
-    Fraction,
-    Frequency,
-    Gain,
-    Length,
-    Level,
-    LightLevel,
-    NoiseCurrent,
-    Number,
-    OpenShare,
-    PointCount,
-    Power,
-    Resistance,
-    Responsivity,
-    Share,
-    Table,
-    Temperature,
-    Tilt,
-    Time,
-    Voltage,
-    Whole,
-    absent,
-    key,
-)
+from aerokernels.scene import values as si
+from aerokernels.scene.values import Table, absent, key
 
 LEAST_PULSE_SAMPLES = 4
 
@@ -100,13 +74,13 @@ class TiltedRectangle:
 class BeamTable(Table):
     """[beam]: the laser pulse."""
 
-    peak_power: Power = key("75 W", "Peak power of the pulse. The paper's laser diode.")
-    exit_radius: Length = key(
+    peak_power: si.Power = key("75 W", "Peak power of the pulse. The paper's laser diode.")
+    exit_radius: si.Length = key(
         "2 mm",
         "1/e^2 radius of the beam at the aperture. Not in the paper: a laser diode's collimating lens is a "
         "few millimeters wide.",
     )
-    radius: Length = key(
+    radius: si.Length = key(
         "30 mm",
         "1/e^2 radius at the target, on a plane normal to the axis. Not in the paper, which cut the reflector"
         " to the spot: at 30 mm the 120 mm x 90 mm reflector holds 99.7 % of the light.",
@@ -116,7 +90,7 @@ class BeamTable(Table):
         'Shape in time: "gaussian", exp(-t^2 / tau^2), as in the paper; "helios", (t / tau)^2 exp(-t / tau), a steep '
         'rise with a long tail; "sampled", the curve through pulse_samples.',
     )
-    pulse_tau: Time = key(
+    pulse_tau: si.Time = key(
         "6 ns",
         "tau of the pulse; the width at half height is 1.665 tau for a Gaussian, 10 ns, and 3.395 tau for "
         '"helios". Not in the paper.',
@@ -124,8 +98,8 @@ class BeamTable(Table):
     pulse_samples: Annotated[tuple[float, ...], BeforeValidator(_pulse_samples)] = key(
         (), 'Relative power at equal time steps, for pulse "sampled"; the peak is at t = 0 and has peak_power.'
     )
-    pulse_sample_period: Time = key("1 ns", "Time between two of pulse_samples.")
-    ray_count: PointCount = key(
+    pulse_sample_period: si.Time = key("1 ns", "Time between two of pulse_samples.")
+    ray_count: si.PointCount = key(
         512, "Number of target points in the sum of the echo (eq 10), one emitted ray each; more where rays are lost."
     )
 
@@ -152,10 +126,10 @@ class BeamTable(Table):
 class TargetTable(Table, TiltedRectangle):
     """[target]: a flat rectangular reflector."""
 
-    distance: Length = key(
+    distance: si.Length = key(
         "1.5 m", "Distance from the plane of the receiver's pupil to the target's centre, along the axis. The paper's."
     )
-    tilt: Tilt = key(
+    tilt: si.Tilt = key(
         "0 deg",
         "Rotation of the target about tilt_axis through its centre, below 90 deg. Not in the paper: it faces the "
         "laser.",
@@ -170,17 +144,17 @@ class TargetTable(Table, TiltedRectangle):
         '"lambertian": diffuse, f_r = reflectivity / pi, as in the paper; "phong": a share of the light goes into a '
         "lobe around the mirror direction.",
     )
-    reflectivity: Share = key(0.3, "Share of the light that is reflected, at normal incidence. The paper's.")
-    specular_share: Fraction = key(
+    reflectivity: si.Share = key(0.3, "Share of the light that is reflected, at normal incidence. The paper's.")
+    specular_share: si.Fraction = key(
         0.5, 'Share of the reflected light that goes into the lobe, for reflector "phong". Half: a semi-gloss paint.'
     )
-    specular_exponent: Number = key(
+    specular_exponent: si.Number = key(
         20.0,
         'Exponent n of the lobe cos(angle to the mirror direction)^n, for reflector "phong"; 20: 15 deg to half '
         "its height.",
     )
-    width: Length = key("120 mm", "Extent in x, before the tilt. The paper's.")
-    height: Length = key("90 mm", "Extent in y, before the tilt: along the tilted surface. The paper's.")
+    width: si.Length = key("120 mm", "Extent in x, before the tilt. The paper's.")
+    height: si.Length = key("90 mm", "Extent in y, before the tilt: along the tilted surface. The paper's.")
     limits: Literal["beam", "paper"] = key(
         "beam",
         'Area of the sum of eq 10. "beam": the part of the beam that hits the reflector; "paper": eq 11, the beam '
@@ -191,7 +165,7 @@ class TargetTable(Table, TiltedRectangle):
 class ReceiverTable(Table):
     """[receiver]: the pupil that collects the echo."""
 
-    diameter: Length = key(
+    diameter: si.Length = key(
         "12 mm", "Diameter of the pupil. Not in the paper: the widest that fits behind a dome of 16 mm."
     )
     shape: Literal["disc", "annulus", "rectangle"] = key(
@@ -199,9 +173,9 @@ class ReceiverTable(Table):
         'Shape of the pupil. "disc"; "annulus", with a central obstruction of receiver.inner_diameter; "rectangle", '
         "receiver.diameter wide and receiver.height high.",
     )
-    inner_diameter: Length | None = key(None, 'Diameter of the central obstruction, for shape "annulus".')
-    height: Length | None = key(None, 'Extent of the pupil in y, for shape "rectangle"; absent: a square.')
-    ray_count: PointCount = key(256, "Rays over the pupil for each target point, for its Strehl ratio.")
+    inner_diameter: si.Length | None = key(None, 'Diameter of the central obstruction, for shape "annulus".')
+    height: si.Length | None = key(None, 'Extent of the pupil in y, for shape "rectangle"; absent: a square.')
+    ray_count: si.PointCount = key(256, "Rays over the pupil for each target point, for its Strehl ratio.")
     return_factor: Literal["strehl", "bucket", "none"] = key(
         "strehl",
         'Factor by which the flow reduces the returning light. "strehl": the Strehl ratio, the relative peak intensity '
@@ -213,12 +187,12 @@ class ReceiverTable(Table):
         "Odd number of points along a side of the target at which return_factor is computed; it is interpolated "
         'between them. "every": at each of the beam.ray_count target points.',
     )
-    efficiency: Share = key(
+    efficiency: si.Share = key(
         1.0,
         "Share of the light at the pupil that reaches the detector; 1 by default, since the detector's calibration "
         "already contains it.",
     )
-    aperture_z: Coordinate = key(
+    aperture_z: si.Coordinate = key(
         "-8 mm",
         "Place of the pupil's plane on the axis. The nose tip is at 0 and the dome's radius is 8 mm, so the default is "
         "the dome's centre, behind its surface: the flow begins where the rays cross that surface.",
@@ -255,7 +229,7 @@ class ReceiverTable(Table):
 class AtmosphereTable(Table):
     """[atmosphere]: the air between model and target, apart from its index."""
 
-    transmission: Share = key(1.0, "One-way transmission. Over 1.5 m of clear air nothing is lost.")
+    transmission: si.Share = key(1.0, "One-way transmission. Over 1.5 m of clear air nothing is lost.")
 
 
 # Detector voltage per watt at the pupil [V/W]. Chosen once, so that the simulated echo of the static scene peaks near
@@ -267,12 +241,12 @@ STATIC_CALIBRATION = 5558.7
 class DetectorTable(Table):
     """[detector]: light to volts to range."""
 
-    volts_per_watt: Responsivity = key(
+    volts_per_watt: si.Responsivity = key(
         STATIC_CALIBRATION,
         "Detector voltage per watt at the pupil, 'V/W'. Not in the paper: chosen once so that the static scene's echo "
         "peaks near 1.994 V, the peak that the paper's tables imply for its simulation without flow.",
     )
-    bandwidth: Annotated[Frequency | None, absent("unlimited")] = key(
+    bandwidth: Annotated[si.Frequency | None, absent("unlimited")] = key(
         None,
         '-3 dB bandwidth of the detector and amplifier, or "unlimited" (default): beam.pulse_tau is then that of the '
         "recorded pulse, already broadened by detector and amplifier.",
@@ -282,31 +256,31 @@ class DetectorTable(Table):
         "Low-pass filter of that bandwidth: Bessel (flat delay), Butterworth (flat gain), a single pole, or a Gaussian "
         "without delay.",
     )
-    order: Annotated[Count, Field(le=10)] = key(4, "Poles of the Bessel or Butterworth low-pass, 1 to 10.")
-    responsivity: DiodeResponsivity = key(
+    order: Annotated[si.Count, Field(le=10)] = key(4, "Poles of the Bessel or Butterworth low-pass, 1 to 10.")
+    responsivity: si.DiodeResponsivity = key(
         "0.5 A/W",
         "Primary photocurrent per watt, before multiplication: silicon at 905 nm. Responsivity and gain affect only "
         "the noise; volts_per_watt already contains both and the transimpedance.",
     )
-    gain: Gain = key(
+    gain: si.Gain = key(
         10.0,
         "Multiplication M of the avalanche photodiode, 1 for a PIN diode. The default is low because the echo at 1.5 m "
         "is strong, 0.4 mW.",
     )
-    ionisation_ratio: Fraction = key(
+    ionisation_ratio: si.Fraction = key(
         0.02, "k of the excess noise factor F = k M + (1 - k)(2 - 1 / M): electrons in silicon."
     )
-    background_power: LightLevel = key(
+    background_power: si.LightLevel = key(
         "10 nW", "Steady background light on the detector: a lit room through a narrow filter."
     )
-    dark_current: Current = key(
+    dark_current: si.Current = key(
         "0.1 nA", "Dark current before multiplication: a small silicon diode at room temperature."
     )
-    temperature: Temperature = key("293 K", "Temperature of the transimpedance resistor, for its thermal noise.")
-    load_resistance: Resistance | None = key(
+    temperature: si.Temperature = key("293 K", "Temperature of the transimpedance resistor, for its thermal noise.")
+    load_resistance: si.Resistance | None = key(
         None, "Resistor of the thermal noise; absent: the transimpedance, volts_per_watt / (responsivity x gain)."
     )
-    amplifier_noise: NoiseCurrent = key(
+    amplifier_noise: si.NoiseCurrent = key(
         "2 pA/rtHz", "Input noise current density of the amplifier: a typical 100 MHz transimpedance amplifier."
     )
     noise: StrictBool = key(
@@ -314,31 +288,31 @@ class DetectorTable(Table):
         "Whether the recorded voltage has noise. If the bandwidth is unlimited, the noise has a bandwidth of half the "
         "sample rate.",
     )
-    seed: Annotated[Whole, Field(ge=0, le=2**63 - 1)] = key(
+    seed: Annotated[si.Whole, Field(ge=0, le=2**63 - 1)] = key(
         0, "Seed of the noise: the same seed gives the same record."
     )
-    saturation: Annotated[Voltage | None, absent("unlimited")] = key(
+    saturation: Annotated[si.Voltage | None, absent("unlimited")] = key(
         None, 'Greatest voltage of the amplifier, or "unlimited" (default).'
     )
-    sample_rate: Frequency = key(
+    sample_rate: si.Frequency = key(
         "10 GHz", "Sample rate: 100 ps, 60 samples per tau; a threshold crossing between two samples is interpolated."
     )
-    bit_count: Annotated[Annotated[Count, Field(le=24)] | None, absent("unlimited")] = key(
+    bit_count: Annotated[Annotated[si.Count, Field(le=24)] | None, absent("unlimited")] = key(
         None, 'Bits of the digitiser, 1 to 24, or "unlimited" (default): neither quantised nor clipped.'
     )
-    adc_low: Level = key("-0.5 V", "Voltage of the digitiser's lowest code; lower voltages are clipped.")
-    adc_high: Level = key("4.5 V", "Voltage of the digitiser's highest code: about twice the static peak.")
+    adc_low: si.Level = key("-0.5 V", "Voltage of the digitiser's lowest code; lower voltages are clipped.")
+    adc_high: si.Level = key("4.5 V", "Voltage of the digitiser's highest code: about twice the static peak.")
     ranging: Literal["leading-edge", "constant-fraction", "centroid", "matched-filter"] = key(
         "leading-edge",
         'How the arrival time is read. "leading-edge": at a fixed level, so that it shifts with the amplitude, as in '
         'the paper\'s results; "constant-fraction": at a fraction of the peak; "centroid": at the centroid; '
         '"matched-filter": at the best fit of the echo without flow. The last three do not shift with the amplitude.',
     )
-    threshold: Voltage = key(
+    threshold: si.Voltage = key(
         "1 V", "Level of the leading-edge discriminator. Not in the paper: half of the paper's static peak."
     )
-    fraction: OpenShare = key(0.5, "Fraction of the peak for constant-fraction ranging.")
-    trial_count: Annotated[Whole, Field(ge=0, le=10**6)] = key(
+    fraction: si.OpenShare = key(0.5, "Fraction of the peak for constant-fraction ranging.")
+    trial_count: Annotated[si.Whole, Field(ge=0, le=10**6)] = key(
         0, "Number of noisy records that are ranged to find the random error, at least 2; 0: none."
     )
 

@@ -45,11 +45,11 @@ def _vertices(value: Any) -> tuple[tuple[float, ...], ...]:
 
 
 def _lengths(convert: Callable[[Any], Any]) -> BeforeValidator:
-    def given(value: Any) -> Any:
+    def converted(value: Any) -> Any:
         return None if value is None else convert(value)
 
-    given.dimension = "length"  # type: ignore[attr-defined]  # read by `values.dimension_of`
-    return BeforeValidator(given)
+    converted.dimension = "length"  # type: ignore[attr-defined]  # read by `values.dimension_of`
+    return BeforeValidator(converted)
 
 
 class PupilTable(Table):

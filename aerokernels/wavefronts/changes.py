@@ -33,14 +33,14 @@ class Changes:
     """Some places of a wavefront's pupil, and how the OPD there changes by cause."""
 
     points: np.ndarray  # the places [m], shape (k, 2)
-    found: Variants  # their changes and their shares, which sum to 1
+    variants: Variants  # their changes and their shares, which sum to 1
     nearest: np.ndarray  # the place nearest to each pixel inside the pupil, shape (lit count,)
     counting: Variants  # the changes without those by causes that do not count in a sum of squares
 
     def applied(self, wave: Any, rays: Rays) -> Any:
         """Return the wavefront with the OPD changed as that of the places, without the terms removed from it."""
         opd = np.array(wave.opd)
-        opd[wave.lit] += (rays.opd - self.found.base.opd)[self.nearest]
+        opd[wave.lit] += (rays.opd - self.variants.base.opd)[self.nearest]
         return without_named(replace(wave, opd=opd), wave.removed)
 
 
@@ -119,7 +119,7 @@ def of_map(wave: Any, number: Number) -> np.ndarray:
 def _total(number: Callable[[Rays], np.ndarray], changes: Changes) -> np.ndarray:
     """Return the error of a number of rays, or of each in an array, by all causes."""
     causes = errors(number, changes.counting).values()
-    return np.asarray(np.linalg.norm([np.zeros(np.shape(number(changes.found.base))), *causes], axis=0))
+    return np.asarray(np.linalg.norm([np.zeros(np.shape(number(changes.variants.base))), *causes], axis=0))
 
 
 def of_samples(wave: Any) -> np.ndarray:
@@ -127,10 +127,10 @@ def of_samples(wave: Any) -> np.ndarray:
     changes = wave.changes
     if changes is None:
         return np.full(4, np.nan)
-    numbers = PupilNumbers(changes.points, changes.found.weight, wave.wavelength)
+    numbers = PupilNumbers(changes.points, changes.variants.weight, wave.wavelength)
 
     def number(rays: Rays) -> np.ndarray:
-        flat = remove_named(rays.opd, changes.found.weight, changes.points, wave.removed, wave.radius)
+        flat = remove_named(rays.opd, changes.variants.weight, changes.points, wave.removed, wave.radius)
         return numbers(replace(rays, opd=flat))[[0, 2, 3, 4]]
 
     pixels = of_pixels(wave, lambda one: np.array([one.strehl(), one.rms, *one.tilt]))
@@ -141,7 +141,7 @@ def of_samples(wave: Any) -> np.ndarray:
 
 def of_opd(wave: Any):
     """Return the error budget of the OPD of a pixel [m], about the mean and without the removed terms."""
-    return of_a_ray(partial(_of_opd, wave), wave.changes.found, "m")
+    return of_a_ray(partial(_of_opd, wave), wave.changes.variants, "m")
 
 
 def of_each_pixel(wave: Any) -> np.ndarray:
@@ -155,13 +155,13 @@ def of_each_pixel(wave: Any) -> np.ndarray:
     elif wave.changes is not None:
         points = wave.changes.points
         near = cKDTree(points).query(wave.points, min(NEAR, len(points)))[1].reshape(len(wave.points), -1)
-        found[wave.lit] = STUDENT * total(of_each(partial(_of_opd, wave), wave.changes.found, near))
+        found[wave.lit] = STUDENT * total(of_each(partial(_of_opd, wave), wave.changes.variants, near))
     return found
 
 
 def _of_opd(wave: Any, change: Rays) -> np.ndarray:
     """Return what a change of the places makes of the OPD there, about the mean and without the removed terms."""
-    points, weight = wave.changes.points, wave.changes.found.weight
+    points, weight = wave.changes.points, wave.changes.variants.weight
     left = remove_named(change.opd, weight, points, wave.removed, wave.radius)
     return np.asarray(left - weighted_mean(weight, left))
 

@@ -62,6 +62,20 @@ class Source:
         self.own = {node.id for node in nodes if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store)}
         self.own |= {each.arg for each in self.tree.args.args}
         self._codes: dict[int, tuple[CodeType | None, ast.AST]] = {}  # by the node's id, which the node keeps
+        self._parts: dict[int, tuple[list[Any], ast.AST]] = {}  # the same
+
+    def branches_and_calls(self, node: ast.AST) -> list[Any]:
+        """Return the `if` statements of a node and its calls but wp.static, in order; an `if` is not looked into."""
+        if id(node) not in self._parts:
+            found, waiting = [], [node]
+            while waiting:
+                each = waiting.pop()
+                if isinstance(each, ast.If) or (isinstance(each, ast.Call) and not is_static(each)):
+                    found.append(each)
+                if not isinstance(each, ast.If):
+                    waiting.extend(reversed(list(ast.iter_child_nodes(each))))
+            self._parts[id(node)] = found, node
+        return self._parts[id(node)][0]
 
     def is_known(self, node: ast.AST) -> bool:
         """Whether an expression has no local names."""
@@ -95,7 +109,9 @@ class _Plain(ast.NodeTransformer):
 
 def is_static(node: ast.AST) -> bool:
     """Whether a node is a call of wp.static."""
-    return isinstance(node, ast.Call) and ast.unparse(node.func) == "wp.static"
+    if not (isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr == "static"):
+        return False
+    return isinstance(node.func.value, ast.Name) and node.func.value.id == "wp"
 
 
 def last_name(node: ast.AST) -> str:

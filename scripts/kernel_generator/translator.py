@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from .function import Function, Written
 from .scenes import Scenes
-from .source import Names, Source, is_device_function, is_static, module_of
+from .source import Names, Source, is_device_function, module_of
 from .types import Types
 
 
@@ -79,18 +79,16 @@ class Translator:
                 self._walk(names, names.source.body, names.full)
 
     def _walk(self, names: Names, nodes: list, mask: int) -> None:
-        for node in nodes:
+        for node in (part for each in nodes for part in names.source.branches_and_calls(each)):
             if isinstance(node, ast.If):
                 yes, _ = names.split(node.test, mask)
                 no = mask & ~names.surely(node.test, mask)
                 self._walk(names, [node.test, *node.body] if yes else [], yes)
                 self._walk(names, node.orelse if no else [], no)
                 continue
-            if isinstance(node, ast.Call) and not is_static(node):
-                for value, where in names.values(node.func, mask):
-                    if is_device_function(value) and value.func is not None and not _is_by_hand(value):
-                        self._reach([(value.func, where)])
-            self._walk(names, list(ast.iter_child_nodes(node)), mask)
+            for value, where in names.values(node.func, mask):
+                if is_device_function(value) and value.func is not None and not _is_by_hand(value):
+                    self._reach([(value.func, where)])
 
     def emit(
         self,

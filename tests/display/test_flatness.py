@@ -7,7 +7,7 @@ import pytest
 
 import aerokernels as ak
 from aerokernels.display.quantities import Quantity
-from aerokernels.display.shown import NOTHING, is_flat, told
+from aerokernels.display.shown import NOTHING, is_flat, quantity_text
 
 
 @pytest.mark.parametrize(
@@ -29,9 +29,9 @@ def test_differences_below_rounding_are_flat(values, unit, error, flat):
 
 
 def test_a_number_below_rounding_is_said_in_words():
-    assert told(Quantity(1e-13, 2e-13), 1e9, "nm") == told(Quantity(0.0, 0.0), 1e6, "µrad") == NOTHING
-    assert told(Quantity(0.0, 7e-7), 1e6, "µrad") == "0.00 +- 0.70 µrad"
-    assert told(Quantity(0.0, 1e-13, is_ratio=True), 1.0, "") != NOTHING
+    assert quantity_text(Quantity(1e-13, 2e-13), 1e9, "nm") == quantity_text(Quantity(0.0, 0.0), 1e6, "µrad") == NOTHING
+    assert quantity_text(Quantity(0.0, 7e-7), 1e6, "µrad") == "0.00 +- 0.70 µrad"
+    assert quantity_text(Quantity(0.0, 1e-13, is_ratio=True), 1.0, "") != NOTHING
 
 
 @pytest.mark.parametrize(("size", "pictures"), [(1e-14, 0), (1e-7, 1)])

@@ -23,8 +23,9 @@ def test_the_echo_of_a_cut_beam_has_the_error_that_is_told(hole: float, ray_coun
     """Expected: 1 - exp(-2 (a / w)^2) of the power without the ring, for a hole of radius a.
 
     w is the beam's radius where its rays pass the ring's edge that they meet first: the near one, at the aperture's
-    exit, by their spread on the way to the target. 512 rays were 8.8 % off with a told error of 1e-7. The error asked
-    for is 0.2 % of the beam's power, and 130,000 points at most are made for it: a few times that for some radii.
+    exit, by their spread on the way to the target. 512 rays were 8.8 % off with a told error of 1e-7, and ranges by
+    52 mm. The error asked for is 0.2 % of the beam's power, and 130,000 points at most are made for it: a few times
+    that for some radii.
     """
     scene = Scene.load(
         "wind-tunnel-static",
@@ -45,14 +46,9 @@ def test_the_echo_of_a_cut_beam_has_the_error_that_is_told(hole: float, ray_coun
     lost = cut.information["lost_share"]
     assert abs(lost - (1.0 - share)) <= cut.information["lost_share_error"] < 0.02
     assert whole.information["lost_share_error"] == 0.0 and whole.error["peak_power"]["total"] < 1e-6 * whole.peak_power
-
-
-def test_ranges_of_a_cut_beam_agree_within_their_errors():
-    """They were 52 mm apart between 512 and 100,000 points; the power's error moves a fixed threshold's range."""
-    ranges = []
-    for ray_count in (512, 3000):
-        scene = Scene.load("wind-tunnel-static", {"receiver.return_factor": "none", "beam.ray_count": ray_count})
-        found = echo(scene, field=still_air(2e-3))
-        ranges.append((found.ranges["leading-edge"], found.error["leading-edge"]["total"]))
-    (first, error), (second, other) = ranges
-    assert abs(first - second) <= math.hypot(error, other) < 0.02
+    # The leading edge of a lower pulse crosses the threshold later.
+    peaks = np.array([1.0, share]) * whole.peak_voltage
+    edge = np.sqrt(np.log(peaks / scene.detector.threshold))
+    walk = 0.5 * 299_792_458.0 * scene.beam.pulse_tau * (edge[0] - edge[1])
+    later = cut.ranges["leading-edge"] - whole.ranges["leading-edge"]
+    assert abs(later - walk) <= cut.error["leading-edge"]["total"] < 0.3 * walk

@@ -51,6 +51,7 @@ def test_the_error_told_holds_the_rounding_of_rays():
     assert seen.error.max() < 1e-4 * np.abs(exact.displacement).max()
 
 
+@pytest.mark.slow
 def test_the_error_of_a_blur_holds_the_rounding_of_rays_in_every_pixel():
     """A weaker lump seen by 16 points: rounding changes some rays' distances from their mean and hardly the blur.
 

@@ -24,6 +24,7 @@ from aerokernels.benches import read_picture
 from aerokernels.benchmark.scenes import CONE_HALF, cone_field, cone_truth
 from aerokernels.rays import RayBundle
 from tests.imaging.cone_rays import rays_past_cone
+from tests.slow import first_of
 
 GRADIENT, FRONT, LENGTH = 3e-3, 0.2, 0.1
 
@@ -308,7 +309,7 @@ def test_what_is_refused():
         Sensor(bits=17)
 
 
-@pytest.mark.parametrize("seed", [0, 9, 11])
+@pytest.mark.parametrize("seed", first_of([0, 9, 11]))
 def test_the_errors_told_hold_displacement_and_blur(seed: int):
     """Drawn cameras before air of closed form, whose rays are followed by Runge-Kutta steps of their own."""
     from tests.draws.camera_draws import check_camera, draw_camera

@@ -9,9 +9,10 @@ import pytest
 
 from aerokernels import Camera, Disc, IndexField, Plane, RayBundle, image_through, trace
 from aerokernels.imaging.spreads import defocus_paths, node_paths
+from tests.slow import first_of
 
 OPTIONS = {"precision": "float64", "tolerance": 1e-5, "backend": "reference"}
-TANGENT, Q = np.array([[0.1, 0.3], [-0.2, 0.05]]), np.array([[0.0, 0.0], [4e-3, -3e-3], [-2e-3, 5e-3]])
+TANGENT, Q = np.array([[0.1, 0.3], [-0.2, 0.05]]), np.array([[4e-3, -3e-3], [-2e-3, 5e-3]])
 
 
 def prism() -> IndexField:
@@ -46,7 +47,7 @@ def from_near_points() -> np.ndarray:
         for j, q in enumerate(Q):
             start = np.array([*q, -0.01])
             aim = point.copy()
-            for _ in range(5):
+            for _ in range(3):
                 way = (aim - start) / np.linalg.norm(aim - start)
                 end, _, path = traced(field, start, way, plane)
                 aim = aim + point - end
@@ -56,7 +57,7 @@ def from_near_points() -> np.ndarray:
     return found
 
 
-@pytest.mark.parametrize("focus", [None, 2.0])
+@pytest.mark.parametrize("focus", first_of([2.0, None]))
 def test_paths_from_a_near_point(focus: float | None):
     """What light from the point takes to a place of the pupil, less what it takes without air, to third order."""
     camera = Camera(Disc(6e-3, (0.0, 0.0, -0.01)), 0.1, 1e-5, 8, distance=0.6, focus=focus)

@@ -6,10 +6,12 @@ import os
 
 import matplotlib.image
 import numpy as np
+import pytest
 import xarray
 
+from aerokernels import DensityField
 from aerokernels.jobs.numbers import headline_rows
-from aerokernels.jobs.pages.air import Air, AirView
+from aerokernels.jobs.pages.air import Air, AirView, density_variables
 from aerokernels.jobs.pages.front import Front
 
 SUMMARY = {
@@ -90,3 +92,12 @@ def test_a_turned_pupil_is_not_labelled_with_the_frames_axes(dataset: xarray.Dat
     for azimuth, words in (0.0, "Boresight error x, y"), (0.3, "Boresight error along the pupil’s axes 1, 2"):
         rows = headline_rows({**SUMMARY, "scene_values": {"pupil": {"azimuth": azimuth, "elevation": 0.0}}})
         assert rows[-1][0] == words
+
+
+def test_a_volume_beside_the_axis_is_shown_in_its_middle():
+    """A dense core in the middle of a box from x = 0.5 m on; the plane x = 0 would show the ambient air."""
+    samples = np.ones((6, 8, 9))
+    samples[:, 3:5, 4:6] = 2.0
+    grid = {"origin": (0.5, -0.1, 0.0), "spacing": (0.1, 0.03, 0.02), "geometry": "volume"}
+    shown = density_variables(DensityField.from_samples(samples, **grid, ambient_density=1.0))
+    assert shown["density"][1].max() == pytest.approx(2.0) and "x = 0.75 m" in shown["density"][2]["long_name"]

@@ -30,7 +30,7 @@ def test_tilts_share_flow_index_and_strehl_ratio():
     ]
     stages = Stages()
     found = [stages.run(case).summary for case in make_cases(scenes)]
-    assert stages.made == {"flow": 1, "index": 1, "strehl": 2, "echo": 4}
+    assert stages.counts == {"flow": 1, "index": 1, "strehl": 2, "echo": 4}
     assert found[0]["strehl"] == found[1]["strehl"]
     assert found[0]["range_m"] != found[1]["range_m"]
     alone = simulate(scenes[3]).summary
@@ -42,7 +42,7 @@ def test_another_wavelength_takes_the_flow_and_another_density_does_not():
     stages = Stages()
     scenes = [scene(), scene(flow__wavelength="532 nm"), scene(flow__density="sea-level")]
     found = {case.number: stages.run(case) for case in make_cases(scenes)}
-    assert stages.made == {"flow": 2, "index": 3, "strehl": 3, "echo": 3}
+    assert stages.counts == {"flow": 2, "index": 3, "strehl": 3, "echo": 3}
     flows = [found[number].prepared.density for number in (0, 2)]
     assert flows[0] is not flows[1] and flows[0].mesh is flows[1].mesh and flows[0].body is flows[1].body
     (case,) = make_cases(scenes[2:])

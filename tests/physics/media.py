@@ -221,11 +221,11 @@ def spherical(geometry: str, power: float) -> Case:
 
 
 CASES = {
-    "parabolic planar": functools.partial(parabolic, "planar", 10.0),
-    "parabolic axisymmetric": functools.partial(parabolic, "axisymmetric", 10.0),
-    "parabolic volume": functools.partial(parabolic, "volume", 10.0),
-    "sech planar": functools.partial(sech, "planar", 10.0),
-    "sech axisymmetric": functools.partial(sech, "axisymmetric", 10.0),
+    "parabolic planar": functools.partial(parabolic, "planar", 2.0),
+    "parabolic axisymmetric": functools.partial(parabolic, "axisymmetric", 2.0),
+    "parabolic volume": functools.partial(parabolic, "volume", 2.0),
+    "sech planar": functools.partial(sech, "planar", 2.0),
+    "sech axisymmetric": functools.partial(sech, "axisymmetric", 2.0),
     "Luneburg planar": functools.partial(luneburg, "planar"),
     "Luneburg axisymmetric": functools.partial(luneburg, "axisymmetric"),
     "Luneburg volume": functools.partial(luneburg, "volume", (0.2, -0.1, 1.0)),

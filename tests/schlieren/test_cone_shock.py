@@ -18,10 +18,11 @@ import pytest
 from aerokernels import flow
 from aerokernels.benches import Picture, line_of_sight, measure_shock_angle, schlieren, shadowgraph
 from aerokernels.medium import IndexField
+from tests.slow import first_of
 
 LENGTH, PIXELS = 0.05, 120
 WINDOW = (-0.045, -0.015)
-FLOWS = [(1.5, 5.0), (2.0, 10.0), (2.0, 20.0), (3.0, 10.0), (3.0, 20.0), (4.0, 15.0), (5.0, 30.0)]
+FLOWS = [(2.0, 10.0), (3.0, 20.0), (5.0, 30.0), (1.5, 5.0), (2.0, 20.0), (3.0, 10.0), (4.0, 15.0)]
 
 
 def sight(mach: float, degrees: float, both_halves: bool = False):
@@ -34,7 +35,7 @@ def sight(mach: float, degrees: float, both_halves: bool = False):
     return gas, line_of_sight(field, extent=(-LENGTH, 0.004, low, reach), pixel_count=(PIXELS, rows))
 
 
-@pytest.mark.parametrize(("mach", "degrees"), FLOWS)
+@pytest.mark.parametrize(("mach", "degrees"), first_of(FLOWS, 2))
 def test_shock_angle_is_taylor_maccoll(mach: float, degrees: float):
     gas, light = sight(mach, degrees)
     exact = flow.cone_shock(mach, math.radians(degrees)).shock_angle

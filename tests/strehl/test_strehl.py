@@ -253,9 +253,10 @@ def opencl_device(gpu: bool) -> str:
     pytest.skip(f"no OpenCL {'GPU' if gpu else 'CPU'} here" + (f": {missing}" if missing else ""))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("gpu", [False, pytest.param(True, marks=pytest.mark.gpu)], ids=["cpu", "gpu"])
-@pytest.mark.parametrize("remove", ["piston", ("piston", "tilt")], ids=["piston", "tilt"])
-@pytest.mark.parametrize(("precision", "allowed"), [("float32", 1e-5), ("float64", 1e-9)])
+@pytest.mark.parametrize("remove", ["tilt", "piston"])
+@pytest.mark.parametrize(("precision", "allowed"), [("float64", 1e-9), ("float32", 1e-5)])
 def test_warp_and_opencl_agree(precision, allowed, remove, gpu):
     """The same seed gives the same rays on both; a pupil aside of the rod's axis, so that there is tilt to remove.
 
@@ -275,6 +276,7 @@ def test_warp_and_opencl_agree(precision, allowed, remove, gpu):
     assert np.abs(ours.boresight - theirs.boresight).max() < allowed * WAVELENGTH / 3e-3
 
 
+@pytest.mark.slow
 def test_the_reference_backend_agrees():
     """A few rays through the same field in SciPy, another sample of the pupil: equal within twice both errors."""
     field, pupil = gaussian_rod(node_count=21), Disc(PUPIL)

@@ -224,7 +224,7 @@ def test_the_reference_backend_traces_the_same_radial_quadrature():
     """Its sums are those of the kernels, for the same few rays."""
     pupil, field, stop = Disc(PUPIL), lens(node_count=11), Plane((0.0, 0.0, 0.03), (0.0, 0.0, 1.0))
     sums = []
-    for backend, runner in (("reference", reference_pupil), ("warp", pupil_run)):
+    for backend, runner in (("reference", reference_pupil), ("opencl", pupil_run)):
         options = {"backend": backend, "device": "cpu", "precision": "float64", "method": "adaptive"}
         plan = trace(field, RayBundle((0.0, 0.0, 0.0), pupil.normal), until=stop, **options).plan
         task = PupilTask(field, pupil, pupil.normal, stop, plan, WAVELENGTH, 4, 2, is_radial=True)

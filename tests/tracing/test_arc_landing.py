@@ -1,6 +1,6 @@
 """Rays that end at an arc length in strong air, where the index changes along the last step.
 
-Set-up: 2,000 rays through a planar field of contrasts up to 0.05, smooth over two cells, in fixed steps of 1.5 cells.
+Set-up: 200 rays through a planar field of contrasts up to 0.05, smooth over two cells, in fixed steps of 1.5 cells.
 The parabola at the start of the last step may miss the arc length by more than a share of the step: such a ray came to
 a halt behind it and had the status MAX_STEPS (a quarter of these rays).
 
@@ -31,8 +31,8 @@ def strong_field() -> IndexField:
 
 def rays() -> RayBundle:
     rng = np.random.default_rng(1)
-    position = np.c_[np.zeros(2000), rng.uniform(-8 * CELL, 8 * CELL, 2000), np.full(2000, 1e-4)]
-    return RayBundle(position, np.c_[rng.uniform(-0.1, 0.1, (2000, 2)), np.ones(2000)])
+    position = np.c_[np.zeros(200), rng.uniform(-8 * CELL, 8 * CELL, 200), np.full(200, 1e-4)]
+    return RayBundle(position, np.c_[rng.uniform(-0.1, 0.1, (200, 2)), np.ones(200)])
 
 
 @functools.cache

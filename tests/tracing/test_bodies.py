@@ -15,6 +15,7 @@ from aerokernels.focus.estimate import estimate_strehl
 from aerokernels.medium import Body, IndexField
 from aerokernels.rays import Disc, RayBundle
 from aerokernels.tracing import Plane, RayStatus, trace
+from tests.slow import first_of
 
 from .backends import ENGINES, OPENCL, on
 
@@ -88,7 +89,7 @@ def spread(rng: np.random.Generator, count: int, geometry: str, along_z: bool) -
     return RayBundle(position, direction)
 
 
-@pytest.mark.parametrize("ray_count", [300, 5000])
+@pytest.mark.parametrize("ray_count", first_of([5000, 300]))
 @pytest.mark.parametrize("engine", ENGINES)
 def test_plates_thinner_than_anything_else(engine, ray_count):
     """Set-up: |y| < 3 mm, 20 nm to 1 cell of 0.5 mm thick, in a box of 40 mm. Every ray that meets one ends on it."""

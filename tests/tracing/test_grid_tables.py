@@ -80,17 +80,16 @@ def test_tables_of_two_axes_are_numpys(engine, monkeypatch):
         _check_equal(there, here)
 
 
-def test_a_processor_prepares_grids_of_many_nodes_at_their_first_trace(monkeypatch):
+@pytest.mark.parametrize("backend", ["opencl", "warp"])
+def test_a_processor_prepares_grids_of_many_nodes_at_their_first_trace(backend, monkeypatch):
     """The answer is that of NumPy's tables, except for rounding; fewer nodes are left to NumPy, as is Warp there."""
     monkeypatch.setattr(grid_tables, "LEAST_NODES", 0)
     rays = RayBundle([[3e-4, 8e-4, -1e-4]], [[0.0, 0.05, 1.0]])
-    traced = {}
-    for backend in ("opencl", "warp"):
-        choices = on(f"{backend}-cpu")
-        for many in (487, 486):
-            monkeypatch.setattr(grid_tables, "MANY_NODES", many)
-            field = volume((6, 9, 9), 3)
-            traced[backend, many] = trace(field, rays, method="fixed", step=1e-4, **choices).opd
-            engine = engine_of(choices["backend"], choices["device"])
-            assert (field.samples.held(engine.grid_key) is not None) == (backend == "opencl" and many <= 6 * 9 * 9)
-        np.testing.assert_allclose(traced[backend, 487], traced[backend, 486], rtol=1e-6)
+    traced, choices = [], on(f"{backend}-cpu")
+    for many in (487, 486):
+        monkeypatch.setattr(grid_tables, "MANY_NODES", many)
+        field = volume((6, 9, 9), 3)
+        traced.append(trace(field, rays, method="adaptive", **choices).opd)
+        engine = engine_of(choices["backend"], choices["device"])
+        assert (field.samples.held(engine.grid_key) is not None) == (backend == "opencl" and many <= 6 * 9 * 9)
+    np.testing.assert_allclose(*traced, rtol=1e-6)

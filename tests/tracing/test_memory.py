@@ -35,6 +35,7 @@ print((peak() - before) / size)
 """
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no getrusage")
 @pytest.mark.parametrize(("backend", "direction"), [("opencl", "tilted"), ("warp", "straight")])
 def test_an_estimate_takes_at_most_five_times_the_samples(backend: str, direction: str):

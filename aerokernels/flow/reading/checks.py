@@ -89,7 +89,7 @@ def said_of_units(path: Any, dataset: Dataset, choice: DensityChoice, densities:
     """
     first = choice.density or choice.temperature
     assert first is not None
-    if choice.reference.given - {"operating_pressure", "length"}:
+    if choice.reference.stated - {"operating_pressure", "length"}:
         return ""
     if dataset.scaled:  # which is in the provenance already
         warn_caller(f"{path}: {dataset.scaled}; where they are in SI, say so by a reference of 1")

@@ -28,7 +28,7 @@ class Reference:
     """Values in SI of 1 in a non-dimensional file: density [kg/m3], pressure [Pa], temperature [K], length [m].
 
     `operating_pressure` [Pa] is that to which the pressures of a file are relative (gauge pressures): it is added.
-    `given` names those that a caller states. The others are 1, and the units in the file apply to them.
+    `stated` names those that a caller states. The others are 1, and the units in the file apply to them.
     """
 
     density: float = 1.0
@@ -36,28 +36,28 @@ class Reference:
     temperature: float = 1.0
     length: float = 1.0
     operating_pressure: float = 0.0
-    given: frozenset[str] = frozenset()
+    stated: frozenset[str] = frozenset()
 
     @classmethod
-    def of(cls, given) -> "Reference":
+    def of(cls, reference) -> "Reference":
         """Return references from None, the density's alone, or a mapping by name; numbers in SI or texts with a unit.
 
         Raises:
             TypeError: A value of another kind.
             ValueError: An unknown name, or a value that is not positive.
         """
-        if given is None or isinstance(given, cls):
-            return given or cls()
-        if not isinstance(given, Mapping):
-            given = {"density": given}
-        known = [name for name in cls.__annotations__ if name != "given"]
-        if unknown := set(given) - set(known):
+        if reference is None or isinstance(reference, cls):
+            return reference or cls()
+        if not isinstance(reference, Mapping):
+            reference = {"density": reference}
+        known = [name for name in cls.__annotations__ if name != "stated"]
+        if unknown := set(reference) - set(known):
             raise ValueError(f"reference: {sorted(unknown)[0]!r} is not known: choose of {', '.join(known)}")
         values = {
             name: check_positive(quantity(value, name.removeprefix("operating_")), f"reference {name}")
-            for name, value in given.items()
+            for name, value in reference.items()
         }
-        return cls(**values, given=frozenset(values))
+        return cls(**values, stated=frozenset(values))
 
 
 @dataclass(frozen=True)
@@ -100,7 +100,7 @@ class DensityChoice:
         """Return values in SI; densities that need no change keep the file's float32, which takes half the memory."""
         name = self.names[dimension]
         unit = unit_of_array(self.path, name, self.units.get(name, ""), dimension)
-        if dimension in self.reference.given:
+        if dimension in self.reference.stated:
             return np.asarray(values, np.float64) * getattr(self.reference, dimension)
         if (unit.factor, unit.offset) == (1.0, 0.0):
             return values if dimension == "density" else np.asarray(values, np.float64)
@@ -188,15 +188,14 @@ def usual_name(path, dataset: Dataset, known: Sequence[str]) -> str | None:
     Means over time count after all others. A "T" counts before a "t", which may be the time: it is not taken where it
     is the same everywhere.
     """
-    result = known_names(
-        (name for name in dataset.array_names() if not _is_time(dataset, name)), known, dataset.grouped
-    )
+    usual = (name for name in dataset.array_names() if not _is_time(dataset, name))
+    named = known_names(usual, known, dataset.grouped)
     if dataset.grouped:
-        level = min((name.count("/") for name in result), default=0)
-        result = [name for name in result if name.count("/") == level]
-        if level and len(result) > 1:
-            raise ReadError(path, f"several groups have such an array: {', '.join(result)}", "name one of them")
-    return min(result, key=lambda name: name[-1:] == "t", default=None)
+        level = min((name.count("/") for name in named), default=0)
+        named = [name for name in named if name.count("/") == level]
+        if level and len(named) > 1:
+            raise ReadError(path, f"several groups have such an array: {', '.join(named)}", "name one of them")
+    return min(named, key=lambda name: name[-1:] == "t", default=None)
 
 
 def _is_time(dataset: Dataset, name: str) -> bool:

@@ -56,7 +56,7 @@ def checked_options(options: ReadOptions, taker: str, *, without: Sequence[str] 
         raise TypeError(f"{taker} has no argument {unknown[0]!r}: it takes {', '.join(known)}")
     values: dict[str, Any] = {name: options.get(name) for name in ReadOptions.__annotations__}
     values["frame"], values["reference"] = Frame.of(values["frame"]), Reference.of(values["reference"])
-    if values["length_unit"] is not None or "length" in values["reference"].given:
+    if values["length_unit"] is not None or "length" in values["reference"].stated:
         values["length_unit"] = unit_of_length(values["length_unit"]) * values["reference"].length
     if values["geometry"] is not None:
         check_choice(values["geometry"], "geometry", ("planar", "axisymmetric", "volume"))
@@ -261,7 +261,7 @@ def _without_units(dataset: Dataset, choice: DensityChoice, has_length: bool) ->
     taken = [
         f"{name!r} in {units[dimension]}"
         for dimension, name in choice.names.items()
-        if not (dimension in choice.reference.given or unit_in_name(name)) and is_no_unit(dataset.units.get(name, ""))
+        if not (dimension in choice.reference.stated or unit_in_name(name)) and is_no_unit(dataset.units.get(name, ""))
     ]
     if not has_length and dataset.length is None:
         taken.append("coordinates in m")

@@ -206,7 +206,7 @@ class AirView:
         density = data["density"].values
         low, high = density_limits(density)
         colors = color_map("density")
-        with figure_of(min(3.2, 0.75 + 2.5 * view.shape), bar=True) as (figure, axes):
+        with figure_of(min(2.5, 0.65 + 2.0 * view.shape), bar=True) as (figure, axes):
             ambient = (float(data.attrs.get("ambient_density", density.flat[-1])) - low) / (high - low)
             axes.set_facecolor(colors(min(max(ambient, 0.0), 1.0)))  # the free stream goes on beyond the mesh
             mesh = None
@@ -238,7 +238,7 @@ def _length(nanometres: float) -> str:
 
 
 def density_cells(field: DensityField) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the density of cells (i, j) [kg/m3] in the plane x = 0, and y and z of their corners (i+1, j+1) [m]."""
+    """Return the density of cells (i, j) [kg/m3] in the plane of `plane_of`, and y and z of their corners [m]."""
     if isinstance(field, CellDensity) and field.mesh.shape is not None:
         shape = field.mesh.shape
         corners = field.mesh.vertices.reshape(*shape, 2)
@@ -247,18 +247,26 @@ def density_cells(field: DensityField) -> tuple[np.ndarray, np.ndarray, np.ndarr
     axes = [np.linspace(low[k], high[k], RASTER_CELLS + 1) for k in range(2)]
     middle = np.meshgrid(*(0.5 * (axis[1:] + axis[:-1]) for axis in axes), indexing="ij")
     y, z = (axis.ravel() for axis in middle)
-    density = field.density_at(np.stack([np.zeros(y.size), y, z], axis=1))
+    density = field.density_at(np.stack([np.full(y.size, plane_of(field)), y, z], axis=1))
     density = np.where(np.isnan(density), field.ambient_density, density)  # inside the body, which is drawn on top
     corner_y, corner_z = np.meshgrid(*axes, indexing="ij")
     return density.reshape(RASTER_CELLS, RASTER_CELLS), corner_y, corner_z
 
 
+def plane_of(field: DensityField) -> float:
+    """Return the x of the plane in which a flow is shown [m]: 0, or the middle of a volume that is beside it."""
+    low, high = (float(corner[0]) if len(corner) == 3 else 0.0 for corner in field.box)
+    return 0.0 if low <= 0.0 <= high else 0.5 * (low + high)
+
+
 def density_variables(flow: DensityField) -> dict[str, Any]:
-    """Return a flow's density in the plane x = 0 as variables of a dataset."""
+    """Return a flow's density in the plane of `plane_of` as variables of a dataset."""
     density, y, z = density_cells(flow)
     corners = ("corner_i", "corner_j")
     return {
-        "density": variable(("cell_i", "cell_j"), density, "kg m-3", "density, cell averages"),
+        "density": variable(
+            ("cell_i", "cell_j"), density, "kg m-3", f"density, cell averages, at x = {plane_of(flow):g} m"
+        ),
         "density_y": variable(corners, y, "m", "y of the cells' corners"),
         "density_z": variable(corners, z, "m", "z of the cells' corners"),
     }

@@ -147,10 +147,10 @@ def _peaks(labels: "Sequence[LabelComparison]") -> Panel:
     recorded = [one.waveform.recorded_peak for one in labels]
     simulated = [one.waveform.simulated_peak for one in labels]
     errors = [one.covering * one.errors.peak for one in labels]
-    told = [abs(one.run.error_of("echo_peak_v")) for one in labels]
+    errors_of_runs = [abs(one.run.error_of("echo_peak_v")) for one in labels]
     lines = [
         Line(place - 0.06, recorded, "recorded", "one", errors, dots=True),
-        Line(place + 0.06, simulated, "simulated", "twosolid", told, dots=True),
+        Line(place + 0.06, simulated, "simulated", "twosolid", errors_of_runs, dots=True),
     ]
     says = "Peak voltages of the mean echo and of the simulated one, with their errors."
     return Panel(

@@ -148,15 +148,12 @@ class Front:
     def _kinds(self) -> Panel:
         most = max(*(one.value for one in self.sizes.values()), 1e-15)
         names = {"else": "All else", **{name: name.capitalize() for name in GROUPS}}
-        rows = [
-            Bar(
-                names[name],
-                shown(size, 1e9, "nm"),
-                100.0 * size.value / most,
-                kind="below" if size.value < (size.error or 0.0) else "",
-            )
-            for name, size in self.sizes.items()
-        ]
+        rows = []
+        for name, size in self.sizes.items():
+            error = size.error or 0.0
+            text = shown(size, 1e9, "nm") if size.value >= error else f"≤ {1e9 * (size.value + error):.2g} nm"
+            kind = "below" if size.value < error else ""
+            rows.append(Bar(names[name], text, 100.0 * size.value / most, kind=kind))
         says, grey = "Rms of each kind of aberration, by Zernike polynomials.", "Grey rows are below their error."
         return Panel("parts", "What the wavefront is made of", says, rows=rows, caption=grey)
 

@@ -14,7 +14,7 @@ from aerokernels import __version__
 from aerokernels.display.canvas import color_tables
 from aerokernels.display.plain_text import plain
 from aerokernels.display.quantities import Quantity
-from aerokernels.display.shown import told
+from aerokernels.display.shown import quantity_text
 from aerokernels.jobs.store import to_json
 from aerokernels.process.foreign_files import fault_text
 from aerokernels.process.opened import OPENED
@@ -224,7 +224,7 @@ def _drawn(panel: Panel) -> tuple[dict[str, Any], list[str], str]:
 
 def shown(number: Quantity, factor: float = 1.0, unit: str = "", signed: bool = False) -> str:
     """Return a quantity with its error as pages write it: "21.53 ± 0.53 nm"."""
-    return _typeset(told(number, factor, unit, signed))
+    return _typeset(quantity_text(number, factor, unit, signed))
 
 
 def _typeset(text: str) -> str:

@@ -245,9 +245,10 @@ def _numbers(dataset: "xarray.Dataset", summary: Mapping[str, Any], echo: Echo |
     rays = f"{summary['traced_ray_count']:,} traced"
     seconds = f"{summary['trace_seconds']:.2f} s in kernels, {summary['compile_seconds']:.2f} s compiling"
     if "ray_optics" in dataset.attrs:
-        change = Quantity(*(float(dataset.attrs[f"ray_optics_strehl_change{name}"]) for name in ("", "_error")))
+        size, error = (float(dataset.attrs[f"ray_optics_strehl_change{name}"]) for name in ("", "_error"))
         verdict, _, why = str(dataset.attrs["ray_optics"]).partition(": ")
-        quality.append(("Strehl ratio, wave less rays", shown(change, 1.0, "", True), f"{verdict}: {why}", "strehl"))
+        remark = verdict if verdict == "rays are good" else why.replace("+-", "±")
+        quality.append(("Strehl ratio, wave less rays", shown(Quantity(size, error), signed=True), remark, "strehl"))
     work = [
         ("Rays for the Strehl ratio", f"{summary['ray_count']:,}", rays, "rays"),
         ("Time", f"{summary['total_seconds']:.1f} s", seconds, ""),

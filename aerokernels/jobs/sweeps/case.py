@@ -14,7 +14,6 @@ from functools import partial
 from typing import Any
 
 from aerokernels import __version__
-from aerokernels.flow import DensityField
 from aerokernels.flow.series import on_known_geometry
 from aerokernels.focus import StrehlEstimate
 from aerokernels.jobs.run import run_stages, scene_strehl
@@ -74,10 +73,6 @@ def _field_key(scene: Scene) -> str:
     return _key(tables["flow"], tables["grid"], view)
 
 
-def _flow_key(scene: Scene) -> str:
-    return _key({name: value for name, value in scene.as_dict()["flow"].items() if name not in _INDEX_KEYS})
-
-
 def _strehl_key(scene: Scene, group: str) -> str:
     tables = scene.as_dict()
     shape = [tables["receiver"][name] for name in ("diameter", "shape", "inner_diameter", "height")]
@@ -88,12 +83,12 @@ class Stages:
     """The stages that a worker process caches during its life.
 
     Attributes:
-        made: How often each stage was computed: "flow", "index", "strehl", "echo".
+        counts: How often each stage was computed: "flow", "index", "strehl", "echo".
     """
 
     def __init__(self) -> None:
         """Start with an empty cache."""
-        self.made = dict.fromkeys(("flow", "index", "strehl", "echo"), 0)
+        self.counts = dict.fromkeys(("flow", "index", "strehl", "echo"), 0)
         self._caches: dict[str, dict[str, Any]] = {}
 
     def _cached(self, kind: str, key: str, make: Callable[[], Any]) -> Any:
@@ -104,27 +99,28 @@ class Stages:
         while len(cache) >= CACHED:
             del cache[next(iter(cache))]  # free memory before the next stage: fields can be large
         result = cache[key] = make()
-        self.made[kind] += 1
+        self.counts[kind] += 1
         return result
 
     def run(self, case: Case) -> RunResult:
         """Compute a case."""
         result = run_stages(case.scene, partial(self._prepared, case), partial(self._strehl, case), with_views=False)
-        self.made["echo"] += 1
+        self.counts["echo"] += 1
         return result
 
     def _prepared(self, case: Case) -> Prepared:
         def make() -> Prepared:
-            density = self._cached("flow", _flow_key(case.scene), lambda: self._flow(case.scene))
+            table, cached = case.scene.as_dict()["flow"], self._caches.get("flow", {})
+            key = _key({name: value for name, value in table.items() if name not in _INDEX_KEYS})
+            # Flows of one geometry share the mesh, with what is cached on it.
+            density = self._cached(
+                "flow", key, lambda: on_known_geometry(case.scene.density_field(), list(cached.values()))
+            )
             front = float(density.box[1][-1])
             widest = max(case.widest, key=lambda scene: view_radius(scene, front))
             return prepare_field(widest, density)
 
         return self._cached("index", case.group, make)
-
-    def _flow(self, scene: Scene) -> DensityField:
-        """Return a scene's flow, sharing the mesh of a cached flow with the same geometry."""
-        return on_known_geometry(scene.density_field(), list(self._caches.get("flow", {}).values()))
 
     def _strehl(self, case: Case, field: IndexField) -> StrehlEstimate:
         return self._cached("strehl", _strehl_key(case.scene, case.group), lambda: scene_strehl(case.scene, field))

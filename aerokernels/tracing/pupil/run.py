@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from aerokernels.tracing.tasks.quadrature import lattice_order, smoothed_axes
+from aerokernels.tracing.tasks.quadrature import lattice_order, radial_points, smoothed_axes
 from aerokernels.tracing.tasks.sums import (
     MOMENT_COUNT,
     PUPIL_OUTPUTS,
@@ -28,13 +28,16 @@ from aerokernels.tracing.tasks.sums import (
 from ...derived import cached_on
 from ...display.progress import tracked
 from ...process.clock import stage
-from ...pupils import across_look
+from ...pupils import Pupil, across_look
 from ...rays import RayBundle
 from ..absorption import absorbs, amplitudes
 from ..engines import OUTPUT_TYPES, Engine, engine_of
 from ..engines.info import memory_of
 from ..launch import RAY_BYTES, retrace_rejected
 from ..stop import RayStatus
+
+# Rays along a radius that are kept on the device for other fields, at most.
+FEW = 1 << 16  # speed only
 
 
 @dataclass(eq=False)
@@ -117,9 +120,9 @@ class PupilRun:
     def _run(self, seed: int | None) -> PupilSums:
         task = self.task
         kept, parts, rejected = [], [], 0
-        points = task.points(seed)
+        points = None if task.is_radial else task.points(seed)
         for number, rows in enumerate(tracked("rays", self.batches)):
-            batch = self._place(number, rows, points)
+            batch = self._place(number, rows, seed, points)
             if self.repeat is None:
                 self._trace(batch)
             else:
@@ -155,7 +158,7 @@ class PupilRun:
             self.buffers.append({**(self.buffers[0] if number else {}), **fresh})
         return self.buffers[number]
 
-    def _place(self, number: int, rows: slice, points: Any) -> Batch:
+    def _place(self, number: int, rows: slice, seed: int | None, points: Any) -> Batch:
         """Make a batch: upload the rays along a radius, or the seeds from which other rays are made on the device."""
         task = self.task
         if self.seeds is not None:
@@ -166,7 +169,9 @@ class PupilRun:
         buffers = self._buffers(number if task.terms else 0)
         results = {name: buffers[name] for name in OUTPUT_TYPES}
         if self.seeds is None:
-            position, place, weight = (self.engine.put(array) for array in radial_rays(task.pupil, points, rows))
+            radial = _radial if seed is not None and count <= FEW else _radial.function
+            given = self.engine, task.pupil, task.per_replicate, task.replicates, seed, rows
+            position, place, weight = radial(task.field.samples.places, *given)
             return Batch(rows, count, position, self.headings, place, weight, count, results)
         position, direction, place = (buffers[name] for name in ("start", "heading", "place"))
         weight, weights = (buffers["weight"], count) if task.generator else (self.one, 1)
@@ -235,6 +240,14 @@ class PupilRun:
         for name, array in arrays.items():
             engine.put_into(batch.results[name], array)
         return int(np.count_nonzero(arrays["status"] == RayStatus.TOLERANCE_NOT_MET))
+
+
+@cached_on("places", 8)
+def _radial(
+    places: Any, engine: Engine, pupil: Pupil, per_replicate: int, replicates: int, seed: int | None, rows: slice
+) -> list[Any]:
+    """Positions, pupil coordinates and weights of rays along a radius on a device, shared with fields on the nodes."""
+    return [engine.put(array) for array in radial_rays(pupil, radial_points(per_replicate, replicates, seed), rows)]
 
 
 @cached_on("places", 8)

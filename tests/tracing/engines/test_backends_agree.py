@@ -8,6 +8,7 @@ import pytest
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import Plane, RayStatus, trace
 from tests.random_fields import uniform_field
+from tests.slow import first_of
 from tests.small_fields import oblique_rays
 
 from ..backends import (
@@ -16,7 +17,6 @@ from ..backends import (
     FAR,
     FIXED_STEPS,
     OPD_LIMIT,
-    OPENCL,
     STOPS,
     WAVE,
     exact,
@@ -28,9 +28,21 @@ from ..backends import (
     stepped,
 )
 
+# Every interpolation and every geometry, in precisions by turns: no kernel has a part for one pair of them alone.
+PAIRS = (
+    ("volume", "cubic"),
+    ("planar", "linear"),
+    ("axisymmetric", "monotone"),
+    ("axisymmetric", "bilinear"),
+    ("planar", "bilinear-barron"),
+    ("planar", "idw"),
+)
+
 
 @pytest.mark.parametrize("engine", ENGINES)
-@pytest.mark.parametrize(("geometry", "interpolation", "precision"), FIXED_STEPS)
+@pytest.mark.parametrize(
+    ("geometry", "interpolation", "precision"), first_of(sorted(FIXED_STEPS, key=lambda kind: kind[:2] not in PAIRS), 4)
+)
 def test_fixed_steps_agree_step_by_step(geometry, interpolation, precision, engine):
     """The same scheme with the same steps in both: what differs is rounding.
 
@@ -124,28 +136,9 @@ def test_straight_is_right_to_second_order(engine):
     assert 32.0 < off[0] / off[1] < 128.0
 
 
-# Every interpolation and every geometry, in precisions by turns; the rule of eq 5 has no part for one pair of them
-# alone, and `test_fixed_steps_agree_step_by_step` samples every pair. To build a kernel for OpenCL takes two seconds.
-PAPER = (
-    ("volume", "cubic"),
-    ("planar", "linear"),
-    ("axisymmetric", "monotone"),
-    ("axisymmetric", "bilinear"),
-    ("planar", "bilinear-barron"),
-    ("planar", "idw"),
-)
-# Kinds for which Warp's kernels of eq 5 are built too: OpenCL's are built in a fraction of the time.
-PAPER_ON_WARP = (("volume", "cubic"), ("planar", "bilinear-barron"))
-
-
+@pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize(
-    ("geometry", "interpolation", "precision", "engine"),
-    [
-        pytest.param(*kind, *engine.values, marks=engine.marks)
-        for kind in FIXED_STEPS
-        if kind[:2] in PAPER
-        for engine in (ENGINES if kind[:2] in PAPER_ON_WARP else OPENCL)
-    ],
+    ("geometry", "interpolation", "precision"), first_of([kind for kind in FIXED_STEPS if kind[:2] in PAIRS], 2)
 )
 def test_paper_steps_follow_eq_5(geometry, interpolation, precision, engine):
     """The step rule of eq 5 is the same table in both: equal step counts, equal paths.

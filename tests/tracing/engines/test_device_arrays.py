@@ -1,5 +1,7 @@
 """Numbers of Warp's CPU device behave as those of a GPU do: read, written and picked out as NumPy would; limits."""
 
+import pickle
+
 import numpy as np
 import pytest
 
@@ -8,6 +10,8 @@ from aerokernels.device_arrays import pinned
 from aerokernels.device_arrays.array import DeviceArray, extremes_of, host_array, is_one_row, rows_where
 from aerokernels.device_arrays.rays import checked_rays
 from aerokernels.tracing.engines import available_backends, engine_of
+
+from ..backends import WARP, on
 
 wp = pytest.importorskip("warp")
 RANDOM = np.random.default_rng(5)
@@ -18,31 +22,6 @@ def there(values) -> DeviceArray:
     values = np.asarray(values)
     kind = wp.vec3d if values.ndim == 2 else {"f": wp.float64, "i": wp.int32}[values.dtype.kind]
     return DeviceArray(wp.array(values, dtype=kind, device="cpu"))
-
-
-@pytest.mark.parametrize(
-    "rows",
-    [
-        slice(3, 9),
-        slice(9, 3),
-        slice(1, 40, 7),
-        slice(None),
-        [4, -1, 4],
-        np.arange(50) % 3 == 0,
-        np.zeros(50, bool),
-        [],
-    ],
-    ids=lambda rows: str(rows).partition("\n")[0],
-)
-@pytest.mark.parametrize("read", [False, True])
-def test_rows_are_those_of_numpy(rows, read):
-    """Expected: what NumPy gives of the same rows, whether all were read before or these alone."""
-    array = there(PLACES)
-    if read:
-        assert array.host.shape == (50, 3)
-    rows = np.array(rows, int) if isinstance(rows, list) else rows
-    assert np.array_equal(array[rows], PLACES[rows]) and array[rows].dtype == np.float64
-    assert len(array) == 50 and array.device == "cpu" and np.array_equal(np.asarray(array), PLACES)
 
 
 @pytest.mark.parametrize("rows", [[50], [0, -51], np.ones(3, bool)], ids=["beyond", "before", "short mask"])
@@ -56,24 +35,44 @@ def test_rows_that_are_not_there_are_refused(rows, read):
         array[np.asarray(rows)]
 
 
+@pytest.mark.parametrize("engine", WARP)
+def test_rows_are_read_and_written_without_the_others(engine):
+    device, values = on(engine)["device"], np.random.default_rng(1).normal(size=(5000, 3))
+    array = DeviceArray(wp.array(values, dtype=wp.vec3d, device=device))
+    rows = np.array([4999, 0, 17, 17])
+    assert np.array_equal(array[rows], values[rows])
+    assert np.array_equal(array[100:103], values[100:103])
+    assert np.array_equal(array[values[:, 0] > 2.0], values[values[:, 0] > 2.0])
+    ends = extremes_of(array)
+    assert np.array_equal(ends.low, values.min(axis=0)) and np.array_equal(ends.high, values.max(axis=0))
+    assert np.array_equal(ends.rows, extremes_of(values).rows)
+    array[np.array([3, 1])] = np.array([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]])
+    values[[3, 1]] = [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]
+    assert np.array_equal(array.host, values)
+    assert np.array_equal(pickle.loads(pickle.dumps(array)), values)
+
+    status = np.where(np.arange(5000) % 3 == 1, 7, 0).astype(np.int32)  # more than there is room for at once
+    error = np.where(np.arange(5000) == 9, np.nan, np.where(np.arange(5000) == 2, 2.0, 1.0))
+    for codes in (7, 5):
+        held = [DeviceArray(wp.array(each, device=device)) for each in (np.repeat(status, 3), np.repeat(error, 3))]
+        host = np.repeat(status, 3), np.repeat(error, 3)
+        expected = np.flatnonzero((host[0] == codes) | ~(host[1] <= 1.0))
+        assert len(expected) > (4096 if codes == 7 else 0)
+        assert np.array_equal(rows_where(held[0], codes, held[1], 1.0), expected)
+        assert np.array_equal(rows_where(*held[:1], codes), np.flatnonzero(host[0] == codes))
+
+    # The same by numbers of rows that lie on the device, and values that do.
+    there = wp.array(np.flatnonzero(status == 7), dtype=wp.int32, device=device)
+    assert np.array_equal(array.part(there).host, values[status == 7])
+    array[there] = DeviceArray(wp.array(-values[status == 7], dtype=wp.vec3d, device=device))
+    assert np.array_equal(array.host, np.where((status == 7)[:, None], -values, values))
+
+
 def test_ends_are_those_of_what_was_written():
     array = there(PLACES.copy())
     before = extremes_of(array).high[0]
     array[np.array([3], np.int32)] = np.full((1, 3), 2.0 * before)
     assert extremes_of(array).high[0] == 2.0 * before
-
-
-@pytest.mark.parametrize("given", ["host", "device"])
-@pytest.mark.parametrize("numbers", ["host", "device"])
-def test_rows_are_written_where_they_belong(given, numbers):
-    rows, values = np.array([7, 2, 30], np.int32), RANDOM.normal(size=(3, 3))
-    array, expected = there(PLACES.copy()), PLACES.copy()
-    expected[rows] = values
-    at = wp.array(rows, dtype=wp.int32, device="cpu") if numbers == "device" else rows
-    array[at] = there(values) if given == "device" else values
-    array[rows[:0]] = values[:0]
-    assert np.array_equal(np.asarray(array), expected)
-    assert np.array_equal(np.asarray(array.part(at)), values)
 
 
 def test_the_ends_of_places_and_the_rays_that_have_them():
@@ -83,20 +82,6 @@ def test_the_ends_of_places_and_the_rays_that_have_them():
     array = there(PLACES)
     assert extremes_of(array) is extremes_of(array)
     assert is_one_row(np.broadcast_to(PLACES[0], (9, 3))) and not is_one_row(PLACES) and not is_one_row(array)
-
-
-@pytest.mark.parametrize("count", [0, 1, 9000])
-def test_rays_of_a_status(count):
-    """More than there is room for at once; expected are the same numbers, ascending."""
-    status, error = np.zeros(10000, np.int32), np.full(10000, 0.5)
-    chosen = np.sort(RANDOM.permutation(10000)[:count])
-    status[chosen] = 3
-    assert np.array_equal(np.asarray(there(status)[:]), status)
-    assert np.array_equal(rows_where(there(status), 3), chosen) and np.array_equal(rows_where(status, 3), chosen)
-    error[[11, 12]] = 2.0, np.nan
-    expected = np.union1d(chosen, [11, 12])
-    for kinds in ((there(status), there(error)), (status, error)):
-        assert np.array_equal(rows_where(kinds[0], 3, kinds[1], 1.0), expected)
 
 
 def test_rays_that_another_library_made_are_checked_where_they_lie():

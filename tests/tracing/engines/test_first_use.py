@@ -96,6 +96,7 @@ print("as alone")
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("device", ["cpu", "cuda:0"])
 def test_rays_traced_by_threads_of_a_new_process(device: str):
     """Eight threads are the first to use a device: the bits are those of the same calls afterwards, one by one."""

@@ -120,7 +120,7 @@ def device() -> Iterator[str]:
 
 @pytest.mark.parametrize(
     "scene",
-    [pytest.param(scene, marks=[pytest.mark.slow] if number % 3 else []) for number, scene in enumerate(SCENES)],
+    [pytest.param(scene, marks=[pytest.mark.slow] if number % 15 else []) for number, scene in enumerate(SCENES)],
     ids=["-".join(map(str, scene)) for scene in SCENES],
 )
 def test_the_tracer_gives_warps_bits(scene: Scene, device: str):

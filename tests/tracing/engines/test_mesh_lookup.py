@@ -10,8 +10,9 @@ from aerokernels.medium import IndexField, QuadMesh
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import Plane, trace
 from tests.random_fields import mesh_field
+from tests.slow import first_of
 
-from ..backends import ENGINES, OPENCL, WAVE, on
+from ..backends import ENGINES, WAVE, on
 from ..stepped_reference import trace_in_steps
 
 # --- neighbours ------------------------------------------------------------------------------------------------------
@@ -131,7 +132,7 @@ SCENES = {
 
 
 @pytest.mark.parametrize("engine", ENGINES)
-@pytest.mark.parametrize("scene", SCENES)
+@pytest.mark.parametrize("scene", first_of(SCENES, 4))
 def test_the_walk_finds_what_the_reference_finds(scene, engine):
     """float64, the same fixed steps as the reference, which asks the bins anew for every point.
 
@@ -165,16 +166,9 @@ def without_neighbours(field: IndexField) -> IndexField:
     )
 
 
-@pytest.mark.parametrize(
-    ("scene", "precision", "engine"),
-    [
-        pytest.param(scene, precision, *engine.values, marks=engine.marks)
-        for scene in SCENES
-        for precision in ("float32", "float64")
-        # With a body Warp would build a kernel for this alone.
-        for engine in (OPENCL if (scene, precision) == ("mach3", "float32") else ENGINES)
-    ],
-)
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("precision", ["float32", "float64"])
+@pytest.mark.parametrize("scene", first_of(SCENES, 4))
 def test_the_walk_and_the_bins_find_the_same(scene, precision, engine):
     """300 rays with neighbours and without. A point within rounding of an edge may fall to either cell.
 
@@ -197,14 +191,8 @@ def test_the_walk_and_the_bins_find_the_same(scene, precision, engine):
 # --- meshes far from 0 -----------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("geometry", "engine"),  # as in test_cross_backend.py, where Warp's float32 kernel for bilinear meshes is this one
-    [
-        pytest.param(geometry, *engine.values, marks=engine.marks)
-        for geometry, engines in (("planar", OPENCL), ("axisymmetric", ENGINES))
-        for engine in engines
-    ],
-)
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("geometry", first_of(["axisymmetric", "planar"]))
 def test_float32_is_as_accurate_on_a_mesh_far_from_zero(geometry, engine):
     """A mesh of cells of 0.1 mm, and the same at z = 1 km: equal OPDs within 1e-3 wave and within the reported errors.
 

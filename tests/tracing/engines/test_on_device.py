@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from aerokernels import Annulus, Disc, IndexField, Mask, Plane, RayBundle, Rectangle, trace
-from aerokernels.device_arrays import DeviceArray, extremes_of, plain_array, rows_where
+from aerokernels.device_arrays import DeviceArray, plain_array
 from aerokernels.device_arrays.rays import checked_rays
 from aerokernels.tracing import RayStatus
 
@@ -91,59 +91,6 @@ def test_rays_made_on_a_device_are_those_made_on_the_host(engine, kind):
 def test_a_device_that_is_not_there_is_refused_by_name():
     with pytest.raises(ValueError, match=r"device 'cuda:17' does not exist: rays can be made on .*cpu"):
         RayBundle.collimated(PUPIL, 16, device="cuda:17")
-
-
-@pytest.mark.parametrize("engine", WARP)
-def test_rays_of_another_library_are_checked_where_they_lie(engine):
-    device = device_of(engine)
-    place = np.random.default_rng(3).normal(size=(40, 3))
-    way = np.array([[3.0, 0.0, 4.0]])
-    found = taken(as_warp(place, device), as_warp(way, device))
-    assert np.array_equal(found.position, place)
-    assert np.array_equal(found.direction, np.repeat([[0.6, 0.0, 0.8]], 40, axis=0))
-    for wrong, words in (
-        ((place[:, :2], way), r"ray positions must have shape \(ray_count, 3\), got \(40, 2\)"),
-        ((place, np.ones((7, 3))), "40 ray positions but 7 directions"),
-        ((np.where(np.arange(40)[:, None] == 6, np.nan, place), way), "1 ray positions are not finite.* ray 6"),
-        ((place, np.where(np.arange(40)[:, None] > 30, 0.0, place)), "9 ray directions are zero, the first is ray 31"),
-    ):
-        with pytest.raises(ValueError, match=words):
-            checked_rays(*(as_warp(each, device) for each in wrong))
-
-
-@pytest.mark.parametrize("engine", WARP)
-def test_rows_are_read_and_written_without_the_others(engine):
-    import warp as wp
-
-    device, values = device_of(engine), np.random.default_rng(1).normal(size=(5000, 3))
-    array = DeviceArray(wp.array(values, dtype=wp.vec3d, device=device))
-    rows = np.array([4999, 0, 17, 17])
-    assert np.array_equal(array[rows], values[rows])
-    assert np.array_equal(array[100:103], values[100:103])
-    assert np.array_equal(array[values[:, 0] > 2.0], values[values[:, 0] > 2.0])
-    ends = extremes_of(array)
-    assert np.array_equal(ends.low, values.min(axis=0)) and np.array_equal(ends.high, values.max(axis=0))
-    assert np.array_equal(ends.rows, extremes_of(values).rows)
-    array[np.array([3, 1])] = np.array([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]])
-    values[[3, 1]] = [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]
-    assert np.array_equal(array.host, values)
-    assert np.array_equal(pickle.loads(pickle.dumps(array)), values)
-
-    status = np.where(np.arange(5000) % 3 == 1, 7, 0).astype(np.int32)  # more than there is room for at once
-    error = np.where(np.arange(5000) == 9, np.nan, np.where(np.arange(5000) == 2, 2.0, 1.0))
-    for codes in (7, 5):
-        held = [DeviceArray(wp.array(each, device=device)) for each in (np.repeat(status, 3), np.repeat(error, 3))]
-        host = np.repeat(status, 3), np.repeat(error, 3)
-        expected = np.flatnonzero((host[0] == codes) | ~(host[1] <= 1.0))
-        assert len(expected) > (4096 if codes == 7 else 0)
-        assert np.array_equal(rows_where(held[0], codes, held[1], 1.0), expected)
-        assert np.array_equal(rows_where(*held[:1], codes), np.flatnonzero(host[0] == codes))
-
-    # The same by numbers of rows that lie on the device, and values that do.
-    there = wp.array(np.flatnonzero(status == 7), dtype=wp.int32, device=device)
-    assert np.array_equal(array.part(there).host, values[status == 7])
-    array[there] = DeviceArray(wp.array(-values[status == 7], dtype=wp.vec3d, device=device))
-    assert np.array_equal(array.host, np.where((status == 7)[:, None], -values, values))
 
 
 @pytest.mark.parametrize("engine", WARP)

@@ -25,6 +25,7 @@ from aerokernels.tracing.engines.opencl.devices import (
     list_devices,
     session,
 )
+from tests.slow import first_of
 
 from ..opencl_stands import bare_pyopencl, before_path, driver, need_opencl, run_python, vendors
 
@@ -140,7 +141,7 @@ def test_pyopencl_is_not_installed(tmp_path):
     assert done.stdout.count("pip install 'aerokernels[opencl]'") == 3 and "found" not in done.stdout
 
 
-@pytest.mark.parametrize("error", ["ImportError('libfoo.so.1: cannot open')", "OSError('bad magic')", "KeyError('x')"])
+@pytest.mark.parametrize("error", first_of(["OSError('bad magic')", "ImportError('libfoo.so.1')", "KeyError('x')"]))
 def test_pyopencl_does_not_import(tmp_path, error):
     (tmp_path / "shadow" / "pyopencl").mkdir(parents=True)
     (tmp_path / "shadow" / "pyopencl" / "__init__.py").write_text(f"raise {error}\n")
@@ -154,7 +155,9 @@ def test_no_platform_names_the_remedies(tmp_path):
     assert "pip install 'pyopencl[pocl]'" in text and "OCL_ICD_VENDORS" in text and "found" not in text
 
 
-@pytest.mark.parametrize(("code", "words"), [(-1, "'Stand Platform' has no devices"), (-6, "'Stand Platform' fails")])
+@pytest.mark.parametrize(
+    ("code", "words"), first_of([(-1, "'Stand Platform' has no devices"), (-6, "'Stand Platform' fails")])
+)
 def test_a_platform_without_devices_or_that_fails(tmp_path, code, words):
     folder = vendors(tmp_path, stand=driver(tmp_path, code))
     text = listed(tmp_path, PYTHONPATH=bare_pyopencl(tmp_path), OCL_ICD_VENDORS=folder)

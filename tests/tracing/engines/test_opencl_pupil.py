@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from aerokernels import Annulus, Disc, Mask, Polygon, estimate_strehl
-from aerokernels.medium import IndexField
+from aerokernels import Annulus, Mask, Polygon
 from aerokernels.pupils.square_map import RING, SquareMap
 from aerokernels.tracing.pupil.run import check_memory
 from aerokernels.tracing.scheme import GROUP, REDUCTION_WIDTH
@@ -186,28 +185,6 @@ def test_rows_are_joined_by_replicate(device: Device, rows: int):
         expected[:, 10] = np.maximum(chosen[:, :, 10].max(axis=1), 0.0)
         assert np.abs(found[:3, part] - expected).max() < 1e-12
     assert (found[3] == 7.0).all()
-
-
-def test_strehl_estimate_is_that_of_warp():
-    """A lens with coma in float64: same points, same steps, so the estimates differ by rounding only.
-
-    At the faces of its box it is a two-hundredth of its middle, which is allowed here.
-    """
-    need_opencl()
-    pytest.importorskip("warp")
-    axis = np.linspace(-1.0, 1.0, 25)
-    x, y, z = np.meshgrid(axis, axis, axis, indexing="ij")
-    contrast = 1e-6 * np.exp(-5.0 * (x**2 + 1.3 * y**2 + z**2)) * (1.0 + 0.3 * x)
-    field = IndexField.from_samples(contrast, origin=(-1.0,) * 3, spacing=(axis[1] - axis[0],) * 3, geometry="volume")
-    pupil = Disc(0.5, center=(0.0, 0.0, -1.5))
-    asked = {"ray_count": 16 * 1500, "precision": "float64", "remove": ("piston", "tilt"), "allow_truncation": True}
-    warp, opencl = (estimate_strehl(field, pupil, backend=name, **asked) for name in ("warp", "opencl"))
-    assert 0.05 < warp.value < 0.95
-    assert opencl.plan.backend == "opencl" and opencl.evaluation_count == warp.evaluation_count
-    for name in ("value", "marechal", "opd_rms", "standard_error", "blocked"):
-        assert abs(getattr(opencl, name) - getattr(warp, name)) < 1e-10 * max(abs(getattr(warp, name)), 1e-6), name
-    assert np.abs(opencl.boresight - warp.boresight).max() < 1e-16
-    assert opencl.seconds["kernel"] > 0.0
 
 
 def test_more_rays_than_the_device_holds_are_refused():

@@ -21,7 +21,7 @@ from ..backends import WAVE, on
 RAYS, ROUNDING = 60, 3e-5 * WAVE
 
 
-@pytest.mark.parametrize(("backend", "seeds"), [("opencl-cpu", (2, 4, 9, 18, 22, 24, 33)), ("warp-cpu", (4, 18))])
+@pytest.mark.parametrize(("backend", "seeds"), [("opencl-cpu", (4, 18, 33)), ("warp-cpu", (4, 18))])
 def test_step_errors_through_meshes_cover_the_truth(backend: str, seeds):
     for seed in seeds:
         case = draw(seed, RAYS)

@@ -15,6 +15,7 @@ import pytest
 from aerokernels import IndexField, QuadMesh, trace
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import Plane
+from tests.slow import first_of
 
 WAVE = 905e-9
 JUMP, THICK, ANGLE = 2e-5, 1.5e-3, np.radians(60.0)
@@ -88,7 +89,7 @@ def test_an_unstructured_mesh_has_an_interpolation_error_unless_it_is_linear():
     assert error < result.error["interpolation"] < 10.0 * error
 
 
-@pytest.mark.parametrize("geometry", ["planar", "axisymmetric"])
+@pytest.mark.parametrize("geometry", first_of(["planar", "axisymmetric"]))
 def test_without_a_stop_both_fields_are_compared_on_the_faces(geometry):
     """Rays out of the side and of the end of a region, cut from a larger field: the resampling error of a coarse grid.
 

@@ -99,6 +99,7 @@ def test_a_needle_is_not_missed():
     assert np.abs(traced(made, "opencl").opd - exact.opd).max() < TOLERANCE * WAVE
 
 
+@pytest.mark.slow
 def test_a_few_more_samples_are_tried_where_bounds_add_up_to_too_much(monkeypatch):
     """Slanted rays of the cone scene: with the fewest samples one ray in twenty is just above its limit."""
     pytest.importorskip("pyopencl")

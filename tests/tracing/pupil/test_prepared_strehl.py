@@ -57,7 +57,7 @@ def test_a_fan_is_prepared_too():
     r, z = np.meshgrid(axis, axis, indexing="ij")
     contrast = 2e-6 * np.exp(-12.0 * (r**2 + 4.0 * (z - 0.5) ** 2))
     field = IndexField.from_samples(contrast, origin=(0.0, 0.0), spacing=(axis[1],) * 2, geometry="axisymmetric")
-    options = {"ray_count": 16 * 400, "backend": "warp", "device": "cpu", "allow_truncation": True}
+    options = {"ray_count": 16 * 400, "allow_truncation": True}
     seen = prepare_strehl(field, Disc(0.3, center=(0.0, 0.0, -0.5)), **options)
     assert any("radial quadrature by" in reason for reason in seen.plan.reasons)
     for seed in (4, 5, 4):
@@ -80,7 +80,7 @@ def test_new_values_of_a_symmetric_field_begin_with_fewer_rays():
     Whatever was traced in between, and by whichever way the pupil was made ready for the values.
     """
     pupil = Disc(1.2, center=(0.0, 0.0, -0.5))
-    options = {"ray_count": 16 * 1000, "backend": "warp", "device": "cpu", "allow_truncation": True}
+    options = {"ray_count": 16 * 1000, "allow_truncation": True}
     seen = prepare_strehl(blob(2e-6), pupil, **options)
     assert seen(seed=1).traced_ray_count == 16 * 512
     other = seen.with_field(blob(1.7e-6))

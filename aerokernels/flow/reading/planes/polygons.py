@@ -230,10 +230,8 @@ def oriented(polygons: Polygons) -> tuple[Polygons, str]:
         raise ValueError(
             f"{len(wrong)} of {len(fewer)} cells are folded over their neighbours, {result.shown(wrong[0])}"
         )
-    return (
-        result,
-        f"{fewer.sum()} of {len(fewer)} cells were listed the other way round than the rest: they were turned",
-    )
+    said = f"{fewer.sum()} of {len(fewer)} cells were listed the other way round than the rest: they were turned"
+    return result, said
 
 
 def turned(polygons: Polygons, which: np.ndarray) -> Polygons:

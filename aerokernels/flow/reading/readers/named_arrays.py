@@ -183,10 +183,8 @@ def _block(path, axes, coordinates, arrays, either: bool) -> tuple[Block, list[s
         turned = own
         if either and own.shape not in (counts, cells) and own.shape[::-1] in (counts, cells):
             turned = own.T  # as C programs and NetCDF write (z, y, x)
-        if turned.dtype not in (
-            np.float16,
-            np.float32,
-        ):  # half precision stays visible, and is rejected where it is used
+        # Half precision stays visible, and is rejected where it is used.
+        if turned.dtype not in (np.float16, np.float32):
             turned = np.asarray(turned, dtype=np.float64)
         if turned.shape == counts:
             point_data[name] = turned.ravel(order="F")

@@ -165,10 +165,8 @@ def fortran_numbers(text: str) -> np.ndarray:
     text = text.replace("D", "E").replace("d", "e")
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        for written in (
-            lambda: text,
-            lambda: re.sub(r"(?<=[\d.])(?=[+-]\d{3}(?![\d.]))", "E", text),
-        ):  # the second takes longer
+        exponent = r"(?<=[\d.])(?=[+-]\d{3}(?![\d.]))"
+        for written in (lambda: text, lambda: re.sub(exponent, "E", text)):  # the second takes longer
             try:
                 return np.fromstring(written(), sep=" ")
             except (DeprecationWarning, ValueError) as fault:
