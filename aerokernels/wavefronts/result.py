@@ -3,7 +3,7 @@
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -299,9 +299,9 @@ class Wavefront:
             f"ratio {found['strehl']}\n  OPD rms {rms}, peak to valley {valley}; removed: {removed}"
         )
 
-    from_xarray = classmethod(from_xarray)
-    from_samples = classmethod(from_samples)
-    read = classmethod(read)
+    from_xarray: ClassVar[Callable[..., "Wavefront"]] = classmethod(from_xarray)  # type: ignore[assignment]
+    from_samples: ClassVar[Callable[..., "Wavefront"]] = classmethod(from_samples)  # type: ignore[assignment]
+    read: ClassVar[Callable[..., "Wavefront"]] = classmethod(read)  # type: ignore[assignment]
     to_xarray = to_xarray
     to_poppy = to_poppy
     to_hcipy = to_hcipy
