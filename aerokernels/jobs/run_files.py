@@ -341,12 +341,8 @@ def scene_toml(scene: Scene) -> str:
     """Return all keys of a scene, defaults included, as a TOML text that loads to an equal scene."""
     tables = {key: value for key, value in scene.as_dict().items() if isinstance(value, Mapping)}
     single = {key: value for key, value in scene.as_dict().items() if not isinstance(value, Mapping)}
-    parts = [_lines(single), *(f"[{name}]\n{_lines(table)}" for name, table in tables.items())]
-    return "\n\n".join(part for part in parts if part) + "\n"
-
-
-def _lines(values: Mapping[str, Any]) -> str:
-    return "\n".join(_assignments(values))
+    parts = [_assignments(single), *([f"[{name}]", *_assignments(table)] for name, table in tables.items())]
+    return "\n\n".join("\n".join(part) for part in parts if part) + "\n"
 
 
 def _assignments(values: Mapping[str, Any]) -> list[str]:

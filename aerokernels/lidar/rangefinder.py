@@ -181,10 +181,8 @@ class Rangefinder:
                 reasons[method] = self.unreadable[method]
                 continue
             try:
-                reading = self._readings[method]
-                ranges[method] = (
-                    reading.range_of(waveform or as_waveform(time, voltage), curve) - self.calibration[method]
-                )
+                found = self._readings[method].range_of(waveform or as_waveform(time, voltage), curve)
+                ranges[method] = found - self.calibration[method]
             except ValueError as fault:
                 reasons[method] = f"{self.name} cannot be ranged: {fault}"
         return ranges, reasons

@@ -36,9 +36,6 @@ from ..engines.info import memory_of
 from ..launch import RAY_BYTES, retrace_rejected
 from ..stop import RayStatus
 
-# Rays along a radius that are kept on the device for other fields, at most.
-FEW = 1 << 16  # speed only
-
 
 @dataclass(eq=False)
 class Batch:
@@ -169,7 +166,7 @@ class PupilRun:
         buffers = self._buffers(number if task.terms else 0)
         results = {name: buffers[name] for name in OUTPUT_TYPES}
         if self.seeds is None:
-            radial = _radial if seed is not None and count <= FEW else _radial.function
+            radial = _radial if seed is not None else _radial.function
             given = self.engine, task.pupil, task.per_replicate, task.replicates, seed, rows
             position, place, weight = radial(task.field.samples.places, *given)
             return Batch(rows, count, position, self.headings, place, weight, count, results)

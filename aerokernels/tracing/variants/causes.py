@@ -280,7 +280,7 @@ def spread(number: Number, base: Rays, cause: Cause, plain: np.ndarray) -> np.nd
             continue
         total += np.square(number(base + change) - plain)
         centred = change.lifted(-change.opd.mean())
-        samples = np.array([BLOCKS * (number(centred.part(block == k, base)) - plain) for k in range(BLOCKS)])
+        samples = np.array([BLOCKS * (number(base + centred * (block == k)) - plain) for k in range(BLOCKS)])
         total += samples.var(axis=0) / (BLOCKS - 1 if change in cause.known else 1)
     for draw in cause.draws:
         total += np.square(number(base + draw) - plain) / len(cause.draws)

@@ -41,11 +41,6 @@ class Rays:
         """Return the sum of both."""
         return Rays(self.opd + other.opd, self.direction + other.direction, self.position + other.position)
 
-    def part(self, share: np.ndarray, base: "Rays") -> "Rays":
-        """Return a base plus everything times each ray's share, shape (n,)."""
-        way, place = base.direction + (self.direction.T * share).T, base.position + (self.position.T * share).T
-        return Rays(base.opd + self.opd * share, way, place)
-
     def __sub__(self, other: "Rays") -> "Rays":
         """Return the difference of both."""
         return Rays(self.opd - other.opd, self.direction - other.direction, self.position - other.position)
