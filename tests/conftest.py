@@ -26,10 +26,6 @@ os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, [str(ROOT), os.environ.g
 # Most of the tests' time goes into compiling kernels: see quiet_warp.py. Compilers need not search for loops and
 # statements that fit vectors: the tests' few rays are traced as quickly. The bits are those of the usual flags.
 os.environ.setdefault("AEROKERNELS_WARP_FLAGS", "-march=native -fno-vectorize -fno-slp-vectorize")
-# PoCL builds in half of its time without optimizations, to the same bits: a thousand rays need no more. Before a
-# release kernels are as users have them.
-if "AEROKERNELS_SLOW" not in os.environ:
-    os.environ.setdefault("POCL_EXTRA_BUILD_FLAGS", "-cl-opt-disable")
 # On a machine that other work shares, an example of half a millisecond took 277: time says nothing about the answer.
 settings.register_profile("at any load", settings(), deadline=None)
 settings.load_profile("at any load")

@@ -196,7 +196,10 @@ def test_nothing_but_one_object_outlives_calls():
     """
     found = {".".join(dotted(path)): outliving_calls(tree(path)) for path in MODULES}
     assert {name: kept for name, kept in found.items() if kept} == {
+        "aerokernels.inputs.kinds": ["@cache kinds_of"],
         "aerokernels.process.opened": ["OPENED = Opened()"],
+        "aerokernels.tracing.engines.choice": ["@lru_cache _best"],
+        "aerokernels.tracing.engines.layout": ["@cache parts_of", "@cache number_type"],
         "aerokernels.tracing.engines.opencl.program": ["@cache _made_header", "@lru_cache build_options"],
     }
 

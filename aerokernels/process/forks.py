@@ -13,9 +13,11 @@ import os
 import sys
 import threading
 import time
-from functools import cache, cached_property
+from functools import cached_property
 from pathlib import Path
 from types import FrameType
+
+from aerokernels.process.opened import OPENED
 
 PATIENCE, PAUSE = 60.0, 0.01  # [s]; a thread that takes longer may itself wait for the one that forks
 
@@ -27,13 +29,17 @@ _LOADS = ("load", "get_kernel_hooks")  # functions of Warp that hold locks: its 
 _ONCE = tuple(f"{_PACKAGE}.{name}" for name in ("process.opened", "tracing.engines.warp.library"))
 
 
-@cache
 def make_forks_safe() -> None:
     """Do so for this process, from the first call on: a program that only imports the package is left alone."""
+    OPENED.once("safe forks", _register)
+
+
+def _register() -> bool:
     import logging  # noqa: F401
 
     if hasattr(os, "register_at_fork"):  # not on Windows, which has no fork
         os.register_at_fork(before=_wait, after_in_child=_renew_properties)
+    return True
 
 
 def _wait() -> None:

@@ -5,9 +5,10 @@ import os
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from functools import cache
 from pathlib import Path
 from typing import Any
+
+from aerokernels.process.opened import OPENED
 
 GROUPS = Path("/sys/fs/cgroup")
 MEMBERSHIP = Path("/proc/self/cgroup")
@@ -16,13 +17,8 @@ MEMBERSHIP = Path("/proc/self/cgroup")
 def core_count() -> int:
     """Number of cores that this process may use: those it is bound to, or its control group's share of time."""
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else (os.cpu_count() or 1)
-    quota = _core_quota()
+    quota = OPENED.once("quota of cores", lambda: min(_core_quotas(), default=math.inf))
     return cores if quota >= cores else max(1, math.ceil(quota))
-
-
-@cache
-def _core_quota() -> float:
-    return min(_core_quotas(), default=math.inf)
 
 
 @contextmanager

@@ -51,13 +51,15 @@ def _check_equal(there: UniformGrid, here: UniformGrid) -> None:
 @pytest.mark.parametrize("engine", ENGINES)
 def test_tables_of_a_device_are_numpys(engine, monkeypatch):
     """Axes of five nodes (a spline of four has no fourth difference), of whole blocks and others; strong contrast."""
-    monkeypatch.setattr(grid_tables, "LEAST_NODES", 0)
     choices = on(engine)
     for shape, has_own_memory in (((5, 9, 11), False), ((13, 6, 8), True), ((7, 5, 17), False)):
         here, there = (volume(shape, 1, ambient_index=1.3).samples for _ in range(2))
+        monkeypatch.undo()
+        monkeypatch.setattr(grid_tables, "LEAST_NODES", 0)
         device = engine_of(choices["backend"], choices["device"])
-        device.is_gpu |= has_own_memory  # where nothing is shared with the host
-        device.grid_tables = GRID_TABLES  # on a processor only here
+        own = device.is_gpu or has_own_memory  # where nothing is shared with the host
+        monkeypatch.setattr(device, "is_gpu", own)
+        monkeypatch.setattr(device, "grid_tables", GRID_TABLES)  # on a processor only here
         grid_tables.prepare_grid(device, there)
         assert {each.function for each in MADE} <= set(there.__dict__["_derived"])
         assert there.coefficient_shape == here.coefficients.shape
@@ -74,7 +76,7 @@ def test_tables_of_two_axes_are_numpys(engine, monkeypatch):
         device = engine_of(choices["backend"], choices["device"])
         if device.is_gpu:
             pytest.skip("left to NumPy there")
-        device.grid_tables = GRID_TABLES
+        monkeypatch.setattr(device, "grid_tables", GRID_TABLES)
         grid_tables.prepare_grid(device, there)
         assert {each.function for each in MADE} <= set(there.__dict__["_derived"])
         _check_equal(there, here)

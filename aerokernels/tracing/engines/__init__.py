@@ -5,9 +5,9 @@ implement the interface.
 """
 
 import os
-from functools import cache
 from importlib import import_module
 
+from ...process.opened import OPENED
 from .choice import available_backends, choose_backend
 from .info import BackendInfo
 from .interface import OUTPUT_TYPES, Engine, Prepared
@@ -21,10 +21,6 @@ def engine_of(backend: str, device: str) -> Engine:
     Raises:
         ValueError: The device does not exist, or does not open.
     """
-    return _engine_of(backend, device, os.getpid())  # no device survives a fork
-
-
-@cache
-def _engine_of(backend: str, device: str, process: int) -> Engine:
-    engine: Engine = import_module(f".{backend}.engine", __package__).Engine(device)
+    key = "engine", backend, device, os.getpid()  # no device survives a fork
+    engine: Engine = OPENED.once(key, lambda: import_module(f".{backend}.engine", __package__).Engine(device))
     return engine
