@@ -3,7 +3,7 @@
 Adjacent blocks share the nodes between them; along an axis the last node is repeated until the last block is whole.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 
 import numpy as np
 
@@ -82,9 +82,7 @@ def greatest_of_neighbors(values: np.ndarray, count: int, axis: int) -> np.ndarr
     return _along(greatest_around(values, 0 * high, high), axis, slice(values.shape[axis] - further))
 
 
-def greatest_around(
-    values: np.ndarray, low: np.ndarray | Sequence[int], high: np.ndarray | Sequence[int]
-) -> np.ndarray:
+def greatest_around(values: np.ndarray, low: Iterable[int], high: Iterable[int]) -> np.ndarray:
     """For each entry the greatest at offsets from `low` to `high` along each axis; beyond the ends there are zeros."""
     for axis, (first, last) in enumerate(zip(low, high, strict=True)):
         if first == last == 0:
