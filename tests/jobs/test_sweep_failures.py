@@ -2,6 +2,7 @@
 
 import json
 from concurrent.futures import Executor, Future
+from multiprocessing import resource_tracker
 
 import numpy as np
 import pytest
@@ -56,6 +57,7 @@ def test_cases_that_failed_are_tried_again_where_that_is_asked_for(tmp_path):
 # Python's tracker of semaphores dies with them, which its finalizer reports.
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning", "ignore:resource_tracker")
 def test_workers_that_die_as_they_start(monkeypatch):
+    resource_tracker.ensure_running()  # it is started once, with the environment of that time
     monkeypatch.setenv("PYTHONHASHSEED", "none")
     with pytest.raises(RuntimeError, match="worker processes die as they start"):
         aerokernels.sweep(SCENE, {"target.tilt": [0.0]})
