@@ -23,7 +23,7 @@ from aerokernels.tracing import Plane
 
 LIMITS = ("beam", "paper")
 RETURN_FACTORS = ("strehl", "bucket", "none")
-RANGING_METHODS = ("leading-edge", "constant-fraction", "centroid", "matched-filter")
+RANGING_METHODS: tuple[str, ...] = ("leading-edge", "constant-fraction", "centroid", "matched-filter")
 EVERY = "every"
 
 

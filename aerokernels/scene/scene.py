@@ -12,12 +12,11 @@ from aerokernels.flow import (
     SEA_LEVEL_DENSITY,
     DensityField,
     cone,
-    shipped,
-    shipped_names,
     standard_atmosphere,
     uniform_air,
 )
 from aerokernels.flow.sampled_density import SampledDensity
+from aerokernels.flow.shipped import shipped, shipped_names
 from aerokernels.inputs.arguments import checked
 from aerokernels.inputs.checks import warn_caller
 from aerokernels.inputs.units import quantity, si_unit
