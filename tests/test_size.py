@@ -82,7 +82,7 @@ def test_no_folder_grows():
 @pytest.mark.parametrize(
     ("body", "limits"),
     [
-        pytest.param(COLD_STREHL, (84, 3_300, 1_100), id="estimate_strehl"),
+        pytest.param(COLD_STREHL, (84, 3_700, 1_200), id="estimate_strehl"),
         pytest.param(COLD_RUN, (196, 24_900, 11_800), id="simulate", marks=pytest.mark.slow),
     ],
 )
