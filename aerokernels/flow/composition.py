@@ -40,7 +40,7 @@ class Composition:
     def __post_init__(self):
         """Check the fractions and turn them into mass fractions."""
         if self.basis not in ("mole", "mass", "density"):
-            raise ValueError(f"the basis of fractions is 'mole' or 'mass', or 'density', got {self.basis!r}")
+            raise ValueError(f"the basis of fractions is 'density', 'mole' or 'mass', got {self.basis!r}")
         inside = self._mass_fractions(self.fractions)
         if self.ambient is None and any(share.ndim for share in inside.values()):
             raise ValueError(
@@ -54,13 +54,13 @@ class Composition:
             self._check_temperature()
 
     def _check_temperature(self) -> None:
-        hottest = np.asarray(self.temperature, dtype=np.float64)
-        if not (np.isfinite(hottest).all() and (hottest > 0.0).all()):
+        own = np.asarray(self.temperature, dtype=np.float64)
+        if not (np.isfinite(own).all() and (own > 0.0).all()):
             raise ValueError("the temperatures of a composition must be finite and positive [K]")
         inside = [np.shape(share) for share in self._mass[0].values() if np.ndim(share)]
-        if hottest.ndim and inside and hottest.shape != inside[0]:
-            raise ValueError(f"temperatures have the shape {hottest.shape}, fractions {inside[0]}: give one each")
-        hot = float(hottest.max())
+        if own.ndim and inside and own.shape != inside[0]:
+            raise ValueError(f"temperatures have the shape {own.shape}, fractions {inside[0]}: give one each")
+        hot = float(own.max())
         if hot > HOTTEST and any(any(SPECIES[name].thermal) for name in self._names):
             size = max(
                 abs((1.0 + hot * (b + c * hot)) / (1.0 + HOTTEST * (b + c * HOTTEST)) - 1.0)

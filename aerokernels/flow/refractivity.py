@@ -181,7 +181,7 @@ class RefractivityModel:
             uncertainty = max(of_phase, band.group_length / wavelength)
             source = f"{band.relation if self.name == 'auto' else self.name}: {band.source}"
         constant, of_group = (self.constant(wavelength, ambient=True, group=one) for one in (False, True))
-        columns = float(np.max(self.constant(wavelength))) * column
+        columns = float(np.max(np.abs(self.constant(wavelength)))) * column
         upstream = Upstream(columns, of_phase, source)
         if group:
             upstream = replace(upstream, refractivity=uncertainty)

@@ -35,7 +35,7 @@ class Species:
     Attributes:
         name: Chemical formula.
         molar_mass: [kg/mol].
-        form: "sum", "sellmeier" or "ciddor".
+        form: One of these names.
         coefficients: (c0, a, b, a, b, ...) for "sum", (a, b, a, b, ...) for "sellmeier", (alpha,) [1e-30 m3] for
             "polarisability".
         wavelength_range: Vacuum wavelengths for which the formula was fitted [m].

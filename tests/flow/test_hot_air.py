@@ -158,7 +158,6 @@ def test_air_in_equilibrium(row):
     fractions = flow.equilibrium_air(**state).fractions
     assert sum(fractions.values()) == pytest.approx(1.0, abs=1e-12)
     assert {name: fractions[name] for name in expected} == pytest.approx(expected, abs=2e-5)
-    assert fractions["e-"] * 3e4 < 1.0
 
 
 def test_cold_air_is_ciddors_and_hot_air_refracts_more():
