@@ -79,5 +79,5 @@ AIR: dict[str, tuple[Band, ...]] = {
         for band in mathar.BANDS
     ),
 }  # fmt: skip
-# Ciddor's relation wherever it holds; where Mathar's takes over, at 1.69 um, dry air's constant rises by 2.5e-4.
+# Ciddor's relation wherever it holds; where Mathar's takes over, at 1.69 um, dry air's constant rises by 2.6e-4.
 AIR["auto"] = AIR["ciddor"] + AIR["mathar"]

@@ -166,7 +166,8 @@ def mathar_constant(wavelength: float, *, water: float = 0.0, co2: float = STAND
     ciddor.check_fractions(water, co2)
     dry, vapour = _constants(wavelength, group)
     dry_share = (1.0 - water) * ciddor.molar_mass(co2) / _mean_mass(water, co2)
-    return dry_share * dry * (1.0 + _of_co2(co2)) + (1.0 - dry_share) * vapour
+    dry *= (1.0 + _of_co2(co2)) * ciddor.molar_mass(CO2) / ciddor.molar_mass(co2)  # for the same number of molecules
+    return dry_share * dry + (1.0 - dry_share) * vapour
 
 
 def _band(wavelength: float) -> _Band:

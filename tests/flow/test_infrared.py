@@ -28,6 +28,12 @@ def test_the_two_relations_agree_where_both_hold(wavelength, water):
         assert abs(ratio - 1.0) < allowed * (1 + group)
 
 
+def test_carbon_dioxide_counts_as_in_ciddors_air():
+    """From 370 to 1000 ppm n - 1 per molecule rises, and so does the mass: both relations change alike, to 5e-8."""
+    changes = [own(1.5e-6, co2=1e-3) / own(1.5e-6, co2=370e-6) for own in (flow.ciddor_constant, flow.mathar_constant)]
+    assert changes[1] == pytest.approx(changes[0], abs=5e-8) and abs(changes[0] - 1.0) > 5e-5
+
+
 @pytest.mark.parametrize("wavelength", [1.5e-6, 2e-6, 4e-6, 4.8e-6, 10.6e-6, 18e-6])
 def test_the_group_constant_is_the_phase_constant_s_derivative(wavelength):
     """K_g = K - lambda dK/dlambda, by central differences: to 1e-8 of K."""
